@@ -1,0 +1,49 @@
+"""strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
+
+from strand import synthetic
+from strand._core import (
+    IcpResult,
+    NotEnoughDataError,
+    StrandError,
+    __version__,
+    centerline,
+    count_neighbors,
+    estimate_normals,
+    icp,
+    num_threads,
+    radius_outlier_mask,
+    set_num_threads,
+    trace_chains,
+)
+from strand.config import Config
+from strand.io import FileFormatError, load_scene
+from strand.model import Chain, Model, load
+from strand.pipeline import reconstruct
+from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
+
+__all__ = [
+    "Chain",
+    "Config",
+    "FileFormatError",
+    "IcpResult",
+    "Model",
+    "NotEnoughDataError",
+    "StrandError",
+    "View",
+    "__version__",
+    "centerline",
+    "count_neighbors",
+    "estimate_normals",
+    "icp",
+    "load",
+    "load_scene",
+    "num_threads",
+    "pose_from_angles",
+    "radius_outlier_mask",
+    "reconstruct",
+    "rotation_xyz",
+    "set_num_threads",
+    "synthetic",
+    "trace_chains",
+    "turntable_pose",
+]

@@ -1,0 +1,211 @@
+"""The command line: `strand demo` and `strand reconstruct`. Arguments and lines of text only."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+import strand
+from strand import config, figures, io, report, scene, synthetic
+
+EXIT_CODES = """\
+exit codes:
+  0    done
+  1    the data do not support an answer, or a file is damaged or not what it should be
+  2    wrong arguments, or values that are not accepted
+  3    a file is missing, or cannot be read or written; or an optional package is not installed
+  130  interrupted
+  141  nobody reads the output any more
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The words after the program's name; those of this process if not given.
+
+    Returns
+    -------
+    int
+        The exit code, see `EXIT_CODES`.
+
+    Raises
+    ------
+    SystemExit
+        From argparse: with 2 for wrong usage, with 0 after `--help` and `--version`.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # what is left in the buffer would fail once more when Python exits
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    except strand.StrandError as error:
+        return _fail(error, 1)
+    except (ValueError, TypeError) as error:
+        return _fail(error, 2)
+    except OSError as error:
+        return _fail(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
+    except ImportError as error:
+        return _fail(error, 3)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="strand",
+        description="Ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera data.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"strand {strand.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demo = commands.add_parser(
+        "demo",
+        help="the published experiment on a simulated copy of its string",
+        description="Simulate the published experiment (a knotted string seen by seven depth views), "
+        "reconstruct the string, and compare it with the truth.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    demo.add_argument(
+        "--out",
+        type=Path,
+        default=Path("strand-demo"),
+        metavar="DIR",
+        help="where model.json and the figures go (default: %(default)s)",
+    )
+    demo.add_argument(
+        "--seed", type=int, default=0, help="seed of the simulated noise (default: %(default)s)"
+    )
+    demo.set_defaults(run=_demo)
+
+    reconstruct = commands.add_parser(
+        "reconstruct",
+        help="strings of a recorded scene",
+        description="Reconstruct the strings of a scene.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    reconstruct.add_argument(
+        "scene", type=Path, metavar="SCENE", help="a folder with a scene.toml, or an .npz file"
+    )
+    reconstruct.add_argument(
+        "-o", "--out", type=Path, required=True, metavar="MODEL", help="the JSON file to write"
+    )
+    reconstruct.add_argument(
+        "--radius",
+        type=_length,
+        metavar="LENGTH",
+        help="the strings' radius, such as 4.2mm, if the scene has none",
+    )
+    reconstruct.add_argument(
+        "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
+    )
+    reconstruct.add_argument(
+        "--bounds",
+        type=_length,
+        nargs=6,
+        metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
+        help="extraction range in the world frame, low and high corner, metres (default: the scene's)",
+    )
+    reconstruct.add_argument(
+        "--config", type=Path, metavar="FILE", help="a TOML file with the method's numbers"
+    )
+    reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
+    reconstruct.set_defaults(run=_reconstruct)
+    return parser
+
+
+def _demo(options: argparse.Namespace) -> None:
+    made = synthetic.scene("paper", seed=options.seed)
+    with _progress() as progress:
+        model = strand.reconstruct(
+            made.views,
+            radius=made.radius,
+            bounds=made.bounds,
+            ropes=1,
+            config=strand.Config.published(),
+            keep_stages=True,
+            progress=progress,
+        )
+    _warn(model)
+    print(report.describe_stages(made.views, model), end="\n\n")
+    print(report.describe_counts(model), end="\n\n")
+    print(report.describe_accuracy(model, made.truth), end="\n\n")
+    options.out.mkdir(parents=True, exist_ok=True)
+    model.save(options.out / "model.json")
+    print(options.out / "model.json")
+    for path in figures.write_figures(model, options.out, made.truth):
+        print(path)
+
+
+def _reconstruct(options: argparse.Namespace) -> None:
+    recorded = io.load_scene(options.scene)
+    bounds = recorded.bounds
+    if options.bounds is not None:
+        bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
+    with _progress() as progress:
+        model = strand.reconstruct(
+            recorded.views,
+            radius=recorded.radius if options.radius is None else options.radius,
+            bounds=bounds,
+            ropes=options.ropes,
+            config=None if options.config is None else config.load(options.config),
+            keep_stages=options.figures is not None,
+            progress=progress,
+        )
+    _warn(model)
+    print(report.describe_chains(model), end="\n\n")
+    print(report.describe_timings(model), end="\n\n")
+    model.save(options.out)
+    print(options.out)
+    if options.figures is not None:
+        for path in figures.write_figures(model, options.figures, recorded.truth):
+            print(path)
+
+
+def _length(text: str) -> float:
+    try:
+        return scene.parse_length(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Show the stages on stderr as they start: a bar on a terminal, plain lines elsewhere or without rich."""
+    if not sys.stderr.isatty() or find_spec("rich") is None:
+        yield lambda stage: print(f"strand: {stage}", file=sys.stderr, flush=True)
+        return
+    console = io.extra("rich.console").Console(stderr=True)
+    rich = io.extra("rich.progress")
+    columns = (rich.SpinnerColumn(), rich.TextColumn("{task.description:<10}"), rich.BarColumn())
+    with rich.Progress(*columns, console=console, transient=True) as display:
+        task = display.add_task("", total=len(report.STAGE_ARRAYS), completed=-1)
+        yield lambda stage: display.update(task, description=stage, advance=1)
+
+
+def _warn(model: strand.Model) -> None:
+    for warning in model.warnings:
+        print(f"strand: warning: {warning}", file=sys.stderr)
+
+
+def _fail(error: object, code: int) -> int:
+    print("strand: error:", " ".join(str(error).split()), file=sys.stderr)
+    return code

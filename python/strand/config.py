@@ -1,0 +1,299 @@
+"""The numbers of the method, in string radii where that makes them carry over to other strings."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from dataclasses import dataclass, field
+from typing import Any
+
+from strand import io
+
+
+def _check(section: object) -> None:
+    """Refuse fields of the wrong type, not finite, or negative; only floats may be fractions.
+
+    Raises
+    ------
+    TypeError
+        If a value is not a number of its field's kind.
+    ValueError
+        If a value is not finite or not above 0 (whole numbers: below 0).
+    """
+    where = type(section).__name__
+    for entry in dataclasses.fields(section):  # type: ignore[arg-type]
+        value = getattr(section, entry.name)
+        whole = entry.type == "int"
+        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
+            kind = "a whole number" if whole else "a number"
+            raise TypeError(f"{where}.{entry.name}: expected {kind}, got {value!r}")
+        if not math.isfinite(value) or value < 0 or (value == 0 and not whole):
+            bound = "at least 0" if whole else "above 0"
+            raise ValueError(f"{where}.{entry.name}: expected a number {bound}, got {value!r}")
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Outlier filter (section IV-A).
+
+    Parameters
+    ----------
+    radius : float
+        The searching radius, in string radii.
+    min_fraction : float
+        Points with fewer neighbours than this share of their view's median are dropped: density, and with
+        it the paper's count, varies from camera to camera.
+    min_neighbors : int
+        The count below which a point is dropped in any case.
+    """
+
+    radius: float = 1.0
+    min_fraction: float = 0.25
+    min_neighbors: int = 4
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Normals:
+    """Plane normals (section IV-B, eq. 10-14).
+
+    Parameters
+    ----------
+    radius : float
+        The neighbourhood that a plane is fitted to, in string radii.
+    """
+
+    radius: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """ICP of the views (section IV-C, eq. 15).
+
+    Parameters
+    ----------
+    max_correspondence_distance : float
+        Pairs farther apart do not count, in string radii. Short, so that a view stays near the pose that
+        the stage reports where the data let it slide.
+    max_iterations : int
+        Most updates of a view's pose.
+    tolerance : float
+        Change of fitness, and of inlier RMSE over the correspondence distance, that ends the iterations.
+    """
+
+    max_correspondence_distance: float = 0.5
+    max_iterations: int = 30
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Centerline:
+    """Axis points (section IV-D, eq. 16-18); the paper averages within two string radii.
+
+    Parameters
+    ----------
+    min_neighbors : int
+        N_lim: how many points must lie within two string radii of a surface point, itself included.
+    """
+
+    min_neighbors: int = 20
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """Chains through the axis points (section V-A, fig. 9-10).
+
+    Parameters
+    ----------
+    near : float
+        r_n, the least distance between nodes, in string radii.
+    far : float
+        r_f > r_n, the reach to the next node, in string radii.
+    min_length : float
+        Chains shorter than this are left out, in string radii.
+
+    Raises
+    ------
+    ValueError
+        If `far` is not above `near`.
+    """
+
+    near: float = 1.0
+    far: float = 2.5
+    min_length: float = 2.0
+
+    def __post_init__(self) -> None:
+        _check(self)
+        if self.far <= self.near:
+            raise ValueError(f"Tracing.far: expected more than near = {self.near}, got {self.far}")
+
+
+@dataclass(frozen=True)
+class Splitting:
+    """Cuts at local minima of d*, a node's distance from the rest of the string (eq. 19-20, fig. 11-12).
+
+    Parameters
+    ----------
+    neighborhood : float
+        Nodes this near along a chain do not count for d*, in string radii of arc length.
+    threshold : float
+        Minima above this are no crossings, in string radii. Strands in contact are 2 apart.
+    closure : float
+        A chain whose ends are this near to each other goes round and has no ends, in string radii.
+    prominence : float
+        How much d* must rise on both sides of a minimum, in string radii, so that noise is not cut at.
+
+    Raises
+    ------
+    ValueError
+        If `neighborhood` is not above `threshold`: every node would seem to cross.
+    """
+
+    neighborhood: float = 6.0
+    threshold: float = 3.2
+    prominence: float = 0.75
+    closure: float = 2.5
+
+    def __post_init__(self) -> None:
+        _check(self)
+        if self.neighborhood <= self.threshold:
+            raise ValueError(
+                f"Splitting.neighborhood: expected more than threshold = {self.threshold}, "
+                f"got {self.neighborhood}"
+            )
+
+
+@dataclass(frozen=True)
+class Reconnection:
+    """Ends grouped by four per crossing and paired by direction (section V-B, fig. 13).
+
+    Parameters
+    ----------
+    reach : float
+        Ends farther apart than this do not meet at one crossing, in string radii.
+    loop : float
+        Both ends of one segment meet at a crossing only if it is longer than this, in string radii.
+    skip : float
+        Nodes this near to an end do not count for its direction, in string radii of arc length: where
+        strands cross, eq. 17-18 mixes them.
+    span : float
+        The stretch over which the direction is taken, in string radii of arc length.
+    min_agreement : float
+        Cosine between the directions of two ends below which a group of fewer than four is not joined.
+    trim : float
+        The stretch left out at ends that meet others, in string radii of arc length, before a cubic
+        bridges the gap.
+    gap : float
+        With the number of ropes given: the longest gap that is bridged away from crossings, in string
+        radii.
+    """
+
+    reach: float = 5.0
+    loop: float = 10.0
+    skip: float = 1.5
+    span: float = 3.0
+    min_agreement: float = 0.25
+    trim: float = 2.0
+    gap: float = 12.0
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Config:
+    """All numbers of a reconstruction, one section for each stage.
+
+    Parameters
+    ----------
+    filter : Filter
+    normals : Normals
+    registration : Registration
+    centerline : Centerline
+    tracing : Tracing
+    splitting : Splitting
+    reconnection : Reconnection
+    """
+
+    filter: Filter = field(default_factory=Filter)
+    normals: Normals = field(default_factory=Normals)
+    registration: Registration = field(default_factory=Registration)
+    centerline: Centerline = field(default_factory=Centerline)
+    tracing: Tracing = field(default_factory=Tracing)
+    splitting: Splitting = field(default_factory=Splitting)
+    reconnection: Reconnection = field(default_factory=Reconnection)
+
+    def __post_init__(self) -> None:
+        for name, section in _SECTIONS.items():
+            if not isinstance(getattr(self, name), section):
+                raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
+
+    @classmethod
+    def published(cls) -> Config:
+        """Return the published method: its stages, with these numbers.
+
+        Returns
+        -------
+        Config
+        """
+        return cls()
+
+
+_SECTIONS: dict[str, type[Any]] = {
+    "filter": Filter,
+    "normals": Normals,
+    "registration": Registration,
+    "centerline": Centerline,
+    "tracing": Tracing,
+    "splitting": Splitting,
+    "reconnection": Reconnection,
+}
+
+
+def load(path: str | os.PathLike[str]) -> Config:
+    """Read a configuration from a TOML file: one table for each section, fields that are not named keep their value.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file, for example ``[tracing]`` followed by ``near = 0.8``.
+
+    Returns
+    -------
+    Config
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    strand.FileFormatError
+        If it is not TOML, names an unknown section or field, or holds a value that is not accepted.
+    """
+    sections = {}
+    for name, values in io.read_toml(path).items():
+        if name not in _SECTIONS:
+            raise io.FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(_SECTIONS)}")
+        section = _SECTIONS[name]
+        known = [entry.name for entry in dataclasses.fields(section)]
+        if not isinstance(values, dict):
+            raise io.FileFormatError(f"{path}: {name} is not a section; write [{name}]")
+        for key in values:
+            if key not in known:
+                raise io.FileFormatError(f"{path}: [{name}] has no {key}; known are {', '.join(known)}")
+        try:
+            sections[name] = section(**values)
+        except (TypeError, ValueError) as error:
+            raise io.FileFormatError(f"{path}: {error}") from error
+    return Config(**sections)

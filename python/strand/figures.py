@@ -1,0 +1,546 @@
+"""Figures of a reconstruction, stage by stage: plan and elevation of the points, and of the chains.
+
+The plan looks along the world axis that points most towards the cameras; the elevation below it
+shows the same points from the side, on the same scale. What is nearer is drawn over what is farther.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from itertools import pairwise
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand import io
+from strand.model import Model
+from strand.view import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DPI = 150
+WIDTH = 8.0  # inches
+MAX_HEIGHT = 7.0  # inches, of the panels together
+LEFT, RIGHT, TOP, BOTTOM, GAP, LEGEND_ROW = 0.75, 0.25, 0.45, 0.6, 0.2, 0.25
+BAR = 0.9  # inches kept for a colour bar
+
+PALETTE = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
+GREY = "#c0c0c0"
+DIMENSION = "#777777"
+INK = "#202020"
+MAX_POINTS = 15_000
+MAX_NORMALS = 1_200
+MAX_NAMES = 8  # legend entries of chains, and panels of separations
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which world axes lie to the right, upwards and towards the reader in the plan.
+
+    Attributes
+    ----------
+    axes : tuple of int
+        Indices of the world axes, 0 to 2.
+    signs : tuple of int
+        1, or -1 where the world axis points the other way.
+    """
+
+    axes: tuple[int, int, int]
+    signs: tuple[int, int, int]
+
+    @classmethod
+    def towards(cls, viewpoints: Array, points: Array) -> Plan:
+        """Plan seen from the side of the points on which most of the cameras stand."""
+        rays = viewpoints - points.mean(axis=0)
+        lengths = np.linalg.norm(rays, axis=1, keepdims=True)
+        side = (rays / np.maximum(lengths, 1e-300)).mean(axis=0)
+        axis = int(np.abs(side).argmax())
+        front = bool(side[axis] > 0)
+        if axis == 2:
+            return cls((0, 1, 2), (1, 1, 1) if front else (1, -1, -1))
+        if axis == 1:
+            return cls((0, 2, 1), (1, -1, 1) if front else (1, 1, -1))
+        return cls((1, 2, 0), (1, 1, 1) if front else (-1, 1, -1))
+
+    def of(self, points: Array) -> Array:
+        """(N, 3) Millimetres along the world axes to the right, upwards and towards the reader."""
+        return 1e3 * np.reshape(points, (-1, 3))[:, self.axes]
+
+    def depth(self, points: Array) -> Array:
+        """(N,) How far towards the reader, in the plan."""
+        return np.asarray(self.signs[2] * points[:, self.axes[2]])
+
+    def label(self, which: int) -> str:
+        """Name of one of the three axes."""
+        return f"{'xyz'[self.axes[which]]} / mm"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A figure with a plan and, mostly, an elevation below it.
+
+    Attributes
+    ----------
+    figure : matplotlib.figure.Figure
+        What is written.
+    plan : Plan
+        The directions.
+    panels : tuple of (Axes, int, int, (N, 3) array to (N,) array)
+        Each panel with the columns of `Plan.of` that it shows, and the points' depth in it.
+    bar : Axes or None
+        Where a colour bar goes.
+    """
+
+    figure: Figure
+    plan: Plan
+    panels: tuple[tuple[Axes, int, int, Callable[[Array], Array]], ...]
+    bar: Axes | None
+
+    def points(self, points: Array, colours: Any, size: float = 2.0) -> None:
+        """Draw points, the farther ones first; `colours` is one colour, or one for each point."""
+        keep = _some(len(points), MAX_POINTS)
+        for axes, across, up, depth in self.panels:
+            order = keep[np.argsort(depth(points[keep]), kind="stable")]
+            where = self.plan.of(points[order])
+            each = colours if isinstance(colours, str) else colours[order]
+            axes.scatter(where[:, across], where[:, up], s=size, c=each, marker="o", linewidths=0)
+
+    def lines(self, lines: Iterable[tuple[Array, Any]], width: float = 2.2) -> None:
+        """Draw polylines so that the nearer strand crosses over the farther one.
+
+        Each comes with one colour, or with one for each of its pieces.
+        """
+        pieces, colours = [], []
+        for points, colour in lines:
+            pieces += list(pairwise(points))
+            colours += [colour] * (len(points) - 1) if isinstance(colour, str) else list(colour)
+        if not pieces:
+            return
+        middles = np.asarray(pieces).mean(axis=1)
+        for axes, across, up, depth in self.panels:
+            for rank, i in enumerate(np.argsort(depth(middles), kind="stable")):
+                ends = self.plan.of(np.asarray(pieces[i]))
+                x, y, z = ends[:, across], ends[:, up], 3 + 1e-6 * rank
+                axes.plot(x, y, color="white", lw=2.2 * width, solid_capstyle="butt", zorder=z)
+                axes.plot(x, y, color=colours[i], lw=width, solid_capstyle="round", zorder=z)
+
+    def markers(self, points: Array, marker: str, colour: str, size: float = 7.0) -> None:
+        """Draw markers over everything else."""
+        where = self.plan.of(points)
+        for axes, across, up, _ in self.panels:
+            x, y = where[:, across], where[:, up]
+            axes.plot(x, y, marker, ms=size, mfc=colour, mec=INK, mew=0.8, zorder=5)
+
+    def numbers(self, lines: Sequence[Array]) -> None:
+        """Write each polyline's number beside its middle, in the plan."""
+        axes, across, up, _ = self.panels[0]
+        for i, points in enumerate(lines, 1):
+            where = self.plan.of(points)[:, [across, up]]
+            middle = len(where) // 2
+            along = (where[min(middle + 1, len(where) - 1)] - where[middle - 1]) * self.plan.signs[:2]
+            beside = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-12)
+            axes.annotate(
+                f"{i}",
+                (float(where[middle, 0]), float(where[middle, 1])),
+                xytext=(11 * beside[0], 11 * beside[1]),
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=10,
+                color=INK,
+                zorder=6,
+            )
+
+    def scale(self, low: float, high: float, colours: str, label: str) -> Callable[[Array], Array]:
+        """Draw the colour bar; return what turns values into colours."""
+        matplotlib = io.extra("matplotlib")
+        mapping = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(low, high), colours)
+        bar = self.figure.colorbar(mapping, cax=self.bar)
+        bar.set_label(label, fontsize=10)
+        bar.ax.tick_params(labelsize=9)
+        return lambda values: np.asarray(mapping.to_rgba(values))
+
+
+def write_figures(
+    model: Model, directory: str | os.PathLike[str], truth: Sequence[ArrayLike] = ()
+) -> list[Path]:
+    """Draw what every stage made, one PNG file a figure.
+
+    Raw points, filtered points, normals, registered points, axis points and chains (fig. 6 a-f), the
+    separation d* over the nodes with the cuts (fig. 11), the segments with their ends (fig. 12) and
+    the whole strings (fig. 13).
+
+    Parameters
+    ----------
+    model : Model
+        Made with `keep_stages=True`.
+    directory : str or path-like
+        Where the files go; made if it does not exist. Files of the same names are replaced.
+    truth : sequence of (M, 3) array_like of float
+        True centrelines in the world frame, metres, to draw with the strings.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of the stages.
+
+    Raises
+    ------
+    ValueError
+        If the model was made without its stages.
+    ImportError
+        If matplotlib is not installed.
+    OSError
+        If a file cannot be written.
+    """
+    if not model.stages:
+        raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
+    centrelines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
+    figures: dict[str, Callable[[], Figure]] = {
+        "1-raw.png": lambda: raw(model),
+        "2-filtered.png": lambda: filtered(model),
+        "3-normals.png": lambda: normals(model),
+        "4-registered.png": lambda: registered(model),
+        "5-axis-points.png": lambda: axis_points(model),
+        "6-chains.png": lambda: chains(model),
+        "7-separation.png": lambda: separation(model),
+        "8-segments.png": lambda: segments(model),
+        "9-strings.png": lambda: strings(model, centrelines),
+    }
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    for name, draw in figures.items():
+        _write(draw(), directory / name)
+    return [directory / name for name in figures]
+
+
+def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[str]) -> None:
+    """Draw a model's chains over the points they came from, in plan, to one PNG file.
+
+    Parameters
+    ----------
+    model : Model
+        With or without its stages.
+    points : (N, 3) array_like of float
+        Points in the world frame, metres.
+    path : str or path-like
+        The file; one that exists is replaced.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    OSError
+        If the file cannot be written.
+    """
+    cloud = np.asarray(points, dtype=np.float64)
+    names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains, 1)]
+    entries = [_dot("points", GREY), *_line_names(names)]
+    sheet = _sheet(model, cloud, "Chains over the points", entries, elevation=False)
+    sheet.points(cloud, GREY, size=3.0)
+    paths = [_closed(chain.points, chain.closed) for chain in model.chains]
+    sheet.lines(_coloured(paths), width=2.6)
+    sheet.markers(_string_ends(model), "o", PALETTE[3])
+    _write(sheet.figure, Path(path))
+
+
+def raw(model: Model) -> Figure:
+    """Points inside the extraction range, as the views' poses place them (fig. 6 a)."""
+    return _by_view(model, model.stages["raw"], "Raw points inside the extraction range")
+
+
+def filtered(model: Model) -> Figure:
+    """Points that the outlier removal kept (fig. 6 b)."""
+    return _by_view(model, model.stages["filtered"], "Points after outlier removal")
+
+
+def registered(model: Model) -> Figure:
+    """Points in the registered poses (fig. 6 d)."""
+    return _by_view(model, model.stages["registered"], "Registered points")
+
+
+def normals(model: Model) -> Figure:
+    """Points, some of them with their outward unit normals (fig. 6 c)."""
+    points, vectors = np.vstack(model.stages["filtered"]), np.vstack(model.stages["normals"])
+    key = {"right": (1, 0), "up": (0, 1), "left": (-1, 0), "down": (0, -1)}
+    key["towards the reader"] = (0, 0)
+    legend = [_stroke(name, hue) for name, hue in zip(key, _hues(np.array(list(key.values()))), strict=True)]
+    sheet = _sheet(model, points, f"Normals at {len(points):,} points", legend)
+    sheet.points(points, GREY, size=1.0)
+    reach = 0.03 * float(np.ptp(points, axis=0).max())
+    some = _some(len(points), MAX_NORMALS)
+    collections = io.extra("matplotlib.collections")
+    for axes, across, up, depth in sheet.panels:
+        order = some[np.argsort(depth(points[some]), kind="stable")]
+        feet, tips = sheet.plan.of(points[order]), sheet.plan.of(points[order] + reach * vectors[order])
+        pieces = np.stack([feet, tips], axis=1)[:, :, [across, up]]
+        hues = _hues(sheet.plan.of(vectors[order])[:, :2] * sheet.plan.signs[:2] / 1e3)
+        axes.add_collection(collections.LineCollection(list(pieces), colors=hues, linewidths=0.9))
+    return sheet.figure
+
+
+def axis_points(model: Model) -> Figure:
+    """Points moved inwards onto the strings' axes, and averaged (fig. 6 e)."""
+    points = model.stages["axis_points"]
+    sheet = _sheet(model, points, f"{len(points):,} axis points", bar=True)
+    height = sheet.plan.of(points)[:, 2]
+    colours = sheet.scale(height.min(), height.max(), "viridis", sheet.plan.label(2))
+    sheet.points(points, colours(height), size=3.0)
+    return sheet.figure
+
+
+def chains(model: Model) -> Figure:
+    """Chains as they were traced (fig. 6 f)."""
+    traced, cloud = model.stages["traced"], model.stages["axis_points"]
+    names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced, 1)]
+    title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
+    sheet = _sheet(model, cloud, title, _line_names(names))
+    sheet.points(cloud, GREY)
+    sheet.lines(_coloured(traced))
+    for i, chain in enumerate(traced):
+        sheet.markers(chain, "o", PALETTE[i % len(PALETTE)], size=3.5)
+    return sheet.figure
+
+
+def separation(model: Model) -> Figure:
+    """Separation d* over the node index, with the cuts at its local minima (fig. 11)."""
+    traced, cuts = model.stages["traced"], model.stages["cuts"]
+    values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
+    shown = sorted(sorted(range(len(traced)), key=lambda i: -len(traced[i]))[:MAX_NAMES])
+    lines = io.extra("matplotlib.lines")
+    legend = [lines.Line2D([], [], marker="v", ls=":", color=INK, mfc="white", mew=1.2, ms=8, label="cut")]
+    if model.chains:
+        legend.append(lines.Line2D([], [], color=DIMENSION, ls="--", label="string's diameter 2 r"))
+    title = "Separation d* along the chains"
+    if len(shown) < len(traced):
+        title += f" (the {len(shown)} longest of {len(traced)})"
+    panel, gap = 1.6, 0.5
+    figure, foot = _figure(title, (panel + gap) * len(shown), legend)
+    highest = max((float(np.nanmax(values[i])) for i in shown if np.isfinite(values[i]).any()), default=1.0)
+    for row, i in enumerate(reversed(shown)):
+        axes = _panel(figure, LEFT, foot + (panel + gap) * row, WIDTH - LEFT - RIGHT, panel)
+        colour = PALETTE[i % len(PALETTE)]
+        axes.plot(np.arange(len(values[i])), values[i], ".-", color=colour, lw=1.4, ms=5)
+        at = np.asarray(cuts[i], dtype=np.intp)
+        axes.plot(at, values[i][at], "v", ms=8, mfc="white", mec=INK, mew=1.2, zorder=4)
+        for node in at:
+            axes.axvline(node, color=INK, lw=0.8, ls=":")
+        if model.chains:
+            axes.axhline(2e3 * model.chains[0].radius, color=DIMENSION, lw=1.0, ls="--")
+        axes.set(xlim=(-1, max(len(values[i]), 2)), ylim=(0, 1.08 * highest))
+        axes.set_ylabel("d* / mm", fontsize=10)
+        axes.set_title(f"chain {i + 1}", loc="left", fontsize=10, pad=3, color=colour)
+        if row == 0:
+            axes.set_xlabel("node", fontsize=10)
+    return figure
+
+
+def segments(model: Model) -> Figure:
+    """Segments that the split left, with the strings' ends and the ends at crossings (fig. 12)."""
+    parts, cloud = model.stages["segments"], model.stages["axis_points"]
+    title = f"{len(parts)} {'segment' if len(parts) == 1 else 'segments'} after the split"
+    legend = [
+        _dot("string's end", PALETTE[3], edge=INK),
+        _dot("segment's end", "white", edge=INK),
+        _dot("axis points", GREY),
+    ]
+    sheet = _sheet(model, cloud, title, legend)
+    sheet.points(cloud, GREY)
+    sheet.lines(_coloured(parts))
+    ends = _ends(parts)
+    sheet.markers(ends, "o", "white")
+    # a string may go on a little beyond its last segment
+    last = [np.linalg.norm(ends - end, axis=1).argmin() for end in _string_ends(model)]
+    sheet.markers(ends[np.array(last, dtype=np.intp)], "o", PALETTE[3])
+    sheet.numbers(parts)
+    return sheet.figure
+
+
+def strings(model: Model, truth: Sequence[Array] = ()) -> Figure:
+    """Whole strings, coloured by arc length, over the registered points (fig. 13)."""
+    cloud = np.vstack(model.stages["registered"])
+    count = len(model.chains)
+    lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:4])
+    title = f"{count} whole {'string' if count == 1 else 'strings'}: {lengths}{', …' if count > 4 else ''}"
+    legend = [_dot("registered points", GREY), _dot("string's end", PALETTE[3], edge=INK)]
+    if truth:
+        legend.append(io.extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth"))
+    sheet = _sheet(model, cloud, title, legend, bar=True)
+    sheet.points(cloud, GREY)
+    longest = max((chain.length for chain in model.chains), default=0.0)
+    colours = sheet.scale(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
+    lines = []
+    for chain in model.chains:
+        path = _closed(chain.points, chain.closed)
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        lines.append((path, colours(1e3 * (np.cumsum(steps) - steps / 2))))
+    sheet.lines(lines, width=3.0)
+    for line in truth:
+        where = sheet.plan.of(line)
+        for axes, across, up, _ in sheet.panels:
+            axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
+    sheet.markers(_string_ends(model), "o", PALETTE[3])
+    return sheet.figure
+
+
+def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
+    points = np.vstack(clouds)
+    view = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    # neighbouring views in neighbouring colours: the order of the views shows
+    colours = io.extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
+    legend = [_dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES], 1)]
+    if len(clouds) > len(legend):
+        legend.append(_dot(f"and {len(clouds) - len(legend)} more", "none"))
+    sheet = _sheet(model, points, f"{title}: {len(points):,}", legend)
+    sheet.points(points, colours[view])
+    return sheet.figure
+
+
+def _hues(directions: ArrayLike) -> Array:
+    """Colour (N, 2) parts of unit vectors in the plan: hue by direction, pale if steep."""
+    right, up = np.asarray(directions, dtype=np.float64).T
+    hue = np.arctan2(up, right) / (2 * np.pi) % 1.0
+    parts = np.stack([hue, np.minimum(np.hypot(right, up), 1.0), np.full_like(hue, 0.8)], axis=1)
+    return np.asarray(io.extra("matplotlib.colors").hsv_to_rgb(parts))
+
+
+def _sheet(
+    model: Model,
+    points: Array,
+    title: str,
+    legend: Sequence[Any] = (),
+    bar: bool = False,
+    elevation: bool = True,
+) -> Sheet:
+    """Set up a figure whose panels show all of the points on one scale."""
+    if len(points) == 0:
+        points = np.zeros((1, 3))
+    plan = Plan.towards(model.poses[:, :3, 3], points)
+    flat = plan.of(points)
+    margin = 0.04 * max(float(np.ptp(flat[:, :2], axis=0).max()), 1.0)
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
+    across, up, deep = high - low
+    tall = up + (deep if elevation else 0.0)
+    room = WIDTH - LEFT - RIGHT - (BAR if bar else 0.0)
+    scale = min(room / across, MAX_HEIGHT / tall)  # inches per millimetre
+    figure, foot = _figure(title, scale * tall + (GAP if elevation else 0.0), legend)
+    left = LEFT + (room - scale * across) / 2
+    locators = io.extra("matplotlib.ticker")
+
+    def panel(bottom: float, rows: float, column: int) -> Axes:
+        axes = _panel(figure, left, bottom, scale * across, scale * rows)
+        for name, k in (("xlim", 0), ("ylim", column)):
+            axes.set(**{name: (low[k], high[k]) if plan.signs[k] > 0 else (high[k], low[k])})
+        axes.set_ylabel(plan.label(column), fontsize=10)
+        ticks = min(max(2, int(scale * rows / 0.3)), 8)
+        axes.yaxis.set_major_locator(locators.MaxNLocator(ticks, steps=[1, 2, 5, 10]))
+        return axes
+
+    shown = []
+    bottom = foot
+    if elevation:
+        # seen from below the plan
+        shown.append((panel(foot, deep, 2), 0, 2, lambda p: -plan.signs[1] * p[:, plan.axes[1]]))
+        bottom += scale * deep + GAP
+    shown.insert(0, (panel(bottom, up, 1), 0, 1, plan.depth))
+    shown[0][0].tick_params(labelbottom=not elevation)
+    shown[-1][0].set_xlabel(plan.label(0), fontsize=10)
+    colours = _panel(figure, left + scale * across + 0.2, bottom, 0.16, scale * up) if bar else None
+    return Sheet(figure, plan, tuple(shown), colours)
+
+
+def _figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure, float]:
+    """Make a figure with room for so many inches of panels; return it and where they begin."""
+    names = [entry.get_label() for entry in legend]
+    columns, foot = 1, BOTTOM
+    if names:
+        widths = [0.55 + 0.085 * len(name) for name in names]  # inches, at the legend's font size
+        columns = len(names) if sum(widths) < WIDTH else max(int(WIDTH / max(widths)), 1)
+        foot += LEGEND_ROW * ceil(len(names) / columns)
+    height = TOP + panels + foot
+    figure: Figure = io.extra("matplotlib.figure").Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
+    figure.suptitle(title, fontsize=12, y=1 - 0.14 / height, va="top")
+    if names:
+        figure.legend(
+            handles=list(legend),
+            loc="lower center",
+            ncols=columns,
+            fontsize=9,
+            frameon=False,
+            columnspacing=1.4,
+            handletextpad=0.5,
+            borderaxespad=0.2,
+        )
+    return figure, foot
+
+
+def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Add axes at a place in inches."""
+    across, up = figure.get_size_inches()
+    axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
+    axes.tick_params(labelsize=9)
+    axes.grid(color="#e8e8e8", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def _dot(label: str, colour: Any, edge: Any = None) -> Any:
+    lines = io.extra("matplotlib.lines")
+    edge = colour if edge is None else edge
+    return lines.Line2D([], [], ls="", marker="o", ms=7, mfc=colour, mec=edge, mew=0.8, label=label)
+
+
+def _stroke(label: str, colour: Any) -> Any:
+    return io.extra("matplotlib.lines").Line2D([], [], color=colour, lw=2.2, label=label)
+
+
+def _line_names(names: Sequence[str]) -> list[Any]:
+    entries = [_stroke(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names[:MAX_NAMES])]
+    if len(names) > MAX_NAMES:
+        entries.append(_stroke(f"and {len(names) - MAX_NAMES} more", "none"))
+    return entries
+
+
+def _coloured(paths: Iterable[Array]) -> list[tuple[Array, str]]:
+    return [(path, PALETTE[i % len(PALETTE)]) for i, path in enumerate(paths)]
+
+
+def _ends(paths: Iterable[Array]) -> Array:
+    """(2 N, 3) First and last points of N paths."""
+    return np.array([end for path in paths for end in (path[0], path[-1])]).reshape(-1, 3)
+
+
+def _string_ends(model: Model) -> Array:
+    return _ends(chain.points for chain in model.chains if not chain.closed)
+
+
+def _closed(points: Array, closed: bool) -> Array:
+    return np.vstack([points, points[:1]]) if closed else points
+
+
+def _some(count: int, most: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Pick the indices of at most so many of `count` things, spread without a pattern."""
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).permutation(count)[:most])
+
+
+def _write(figure: Figure, path: Path) -> None:
+    canvas = io.extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    canvas.draw()
+    # a palette of 256 colours makes files less than half as big
+    pillow = io.extra("PIL.Image")
+    image = pillow.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    image = image.quantize(256, method=pillow.Quantize.MAXCOVERAGE, dither=pillow.Dither.NONE)
+    data = BytesIO()
+    image.save(data, format="PNG", optimize=True, dpi=(DPI, DPI))
+    io.write_bytes(path, data.getvalue())

@@ -1,0 +1,255 @@
+"""What a reconstruction returns: chains of nodes, and the model that holds them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand import io
+from strand.view import Array, finite_array
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """One string: its centreline as ordered nodes, end to end.
+
+    Parameters
+    ----------
+    points : (M, 3) array_like of float
+        Nodes in the world frame, metres, M >= 2, no two in a row equal.
+    radius : float
+        The string's radius, metres.
+    closed : bool
+        Whether the last node joins the first, as in a ring.
+
+    Raises
+    ------
+    TypeError
+        If `points` does not hold floating point numbers.
+    ValueError
+        If `points` is not (M, 3), not finite, has fewer than two nodes or equal neighbours, or
+        `radius` is not positive.
+    """
+
+    points: Array
+    radius: float
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        points = finite_array("points", self.points, (None, 3))
+        if len(points) < 2:
+            raise ValueError(f"points: expected at least two nodes, got {len(points)}")
+        if not (np.isfinite(self.radius) and self.radius > 0):
+            raise ValueError(f"radius: expected a positive number of metres, got {self.radius}")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "radius", float(self.radius))
+        if (np.diff(self._knots) <= 0).any():
+            raise ValueError("points: expected no two equal nodes in a row")
+
+    @cached_property
+    def _path(self) -> Array:
+        """The nodes, with the first one again at the end of a closed chain."""
+        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
+
+    @cached_property
+    def _knots(self) -> Array:
+        """Arc length at every node of the path."""
+        steps = np.linalg.norm(np.diff(self._path, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def length(self) -> float:
+        """Arc length from end to end (once around, if closed), metres."""
+        return float(self._knots[-1])
+
+    @property
+    def arc_length(self) -> Array:
+        """(M,) Arc length from the first node to each node, metres."""
+        return self._knots[: len(self.points)]
+
+    @cached_property
+    def tangents(self) -> Array:
+        """(M, 3) Unit tangents at the nodes, along the order of the nodes, by central differences."""
+        first, second = self._derivatives()
+        return first
+
+    @cached_property
+    def curvature(self) -> Array:
+        """(M,) Curvature at the nodes, 1/m: the length of the second difference by arc length.
+
+        The two ends of an open chain repeat their neighbours' value; a chain of two nodes has none.
+        """
+        first, second = self._derivatives()
+        return np.asarray(np.linalg.norm(second, axis=1))
+
+    def _derivatives(self) -> tuple[Array, Array]:
+        """Unit tangents and second differences at the nodes."""
+        path = self._path
+        if self.closed:
+            path = np.vstack([path[-2], path])
+        steps = np.diff(path, axis=0)
+        lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+        units = steps / lengths
+        before, after = lengths[:-1], lengths[1:]
+        # the tangent of the circle through three nodes, at the middle one
+        middle = (units[:-1] * after + units[1:] * before) / (before + after)
+        middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-300)
+        bend = 2.0 * np.diff(units, axis=0) / (before + after)
+        if self.closed:
+            return middle, bend
+        if len(path) == 2:
+            return np.repeat(units, 2, axis=0), np.zeros((2, 3))
+        tangents = np.vstack([units[:1], middle, units[-1:]])
+        return tangents, np.vstack([bend[:1], bend, bend[-1:]])
+
+    def at(self, s: ArrayLike) -> Array:
+        """Position at arc length `s`.
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            Arc length from the first node, metres; outside [0, length] it is held at the ends of an
+            open chain and goes round a closed one.
+
+        Returns
+        -------
+        (..., 3) ndarray
+            Points on the straight segments between nodes, metres.
+
+        Raises
+        ------
+        ValueError
+            If `s` is not finite.
+        """
+        s = np.asarray(s, dtype=np.float64)
+        if not np.isfinite(s).all():
+            raise ValueError("s: expected finite arc lengths, got NaN or infinity")
+        if self.closed:
+            s = np.mod(s, self.length)
+        return np.stack([np.interp(s, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
+
+    def nearest(self, p: ArrayLike) -> tuple[float, float]:
+        """Closest place of the centreline to a point.
+
+        Parameters
+        ----------
+        p : (3,) array_like of float
+            A point in the world frame, metres.
+
+        Returns
+        -------
+        s : float
+            Arc length of the closest place, metres.
+        distance : float
+            Its distance from `p`, metres.
+
+        Raises
+        ------
+        TypeError
+            If `p` does not hold floating point numbers.
+        ValueError
+            If `p` is not of shape (3,) or not finite.
+        """
+        point = finite_array("p", p, (3,))
+        start, step = self._path[:-1], np.diff(self._path, axis=0)
+        t = np.clip(((point - start) * step).sum(axis=1) / (step * step).sum(axis=1), 0.0, 1.0)
+        distance = np.linalg.norm(start + t[:, None] * step - point, axis=1)
+        i = int(distance.argmin())
+        return float(self._knots[i] + t[i] * (self._knots[i + 1] - self._knots[i])), float(distance[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A point chain model: the strings that the views show.
+
+    Attributes
+    ----------
+    chains : tuple of Chain
+        The strings, longest first.
+    poses : (V, 4, 4) ndarray
+        Camera-to-world poses after registration, one for each view that was given.
+    timings : dict of str to float
+        Seconds that each stage took, in the stages' order.
+    warnings : tuple of str
+        What the caller should know about the data: views that saw nothing, for example.
+    stages : dict of str to object
+        The arrays between the stages, if they were asked for (see `strand.reconstruct`); else empty.
+    """
+
+    chains: tuple[Chain, ...]
+    poses: Array
+    timings: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    stages: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write chains, poses, timings and warnings to a JSON file, whole or not at all.
+
+        The arrays between the stages are not written.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file; one that exists is replaced.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        io.write_json(
+            path,
+            {
+                "format": "strand model",
+                "version": 1,
+                "units": "metres, radians, seconds",
+                "chains": [
+                    {"points": chain.points.tolist(), "radius": chain.radius, "closed": chain.closed}
+                    for chain in self.chains
+                ],
+                "poses": self.poses.tolist(),
+                "timings": self.timings,
+                "warnings": list(self.warnings),
+            },
+        )
+
+
+def load(path: str | os.PathLike[str]) -> Model:
+    """Read a model that `Model.save` wrote.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The JSON file.
+
+    Returns
+    -------
+    Model
+        With the same chains, poses, timings and warnings, bit for bit; without stages.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    strand.FileFormatError
+        If the file is truncated or is not a model.
+    """
+    data = io.read_json(path)
+    if not isinstance(data, dict) or data.get("format") != "strand model":
+        raise io.FileFormatError(f"{path}: not a strand model")
+    if data.get("version") != 1:
+        raise io.FileFormatError(f"{path}: model version {data.get('version')!r}, this reads version 1")
+    try:
+        chains = tuple(
+            Chain(np.asarray(c["points"], dtype=np.float64), c["radius"], bool(c["closed"]))
+            for c in data["chains"]
+        )
+        poses = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
+        return Model(chains, poses, dict(data["timings"]), tuple(data["warnings"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

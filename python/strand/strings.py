@@ -1,0 +1,169 @@
+"""From reconnected segments to whole strings: trim, bridge, and carry on to where the string ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.config import Reconnection
+from strand.topology import Reconnected, end_direction, path_length, walk
+from strand.view import Array
+
+# an end is looked for this far ahead, in steps of this length, within this distance of the axis; in radii
+_AHEAD, _STEP, _ASIDE = 4.0, 0.25, 0.75
+
+
+def trim(segment: Array, front: float, back: float) -> Array:
+    """Leave out the nodes nearer than `front` to the first and `back` to the last, metres of arc length.
+
+    What would be left empty keeps its middle node.
+    """
+    s = path_length(segment)
+    kept = segment[(s >= front) & (s <= s[-1] - back)]
+    middle = len(segment) // 2
+    return kept if len(kept) else segment[middle : middle + 1]
+
+
+def bridge(before: Array, after: Array, span: float, spacing: float) -> Array:
+    """Nodes of the cubic that goes on from one segment to the next.
+
+    Parameters
+    ----------
+    before, after : (K, 3) ndarray
+        Ordered nodes, metres; the bridge goes from the last of `before` to the first of `after`.
+    span : float
+        The stretch of each over which its direction is taken, metres of arc length.
+    spacing : float
+        The distance between nodes, metres.
+
+    Returns
+    -------
+    (B, 3) ndarray
+        The nodes between the two, metres: p(t) of a cubic Hermite curve whose tangents are as long as the
+        gap.
+    """
+    start, stop = before[-1], after[0]
+    gap = float(np.linalg.norm(stop - start))
+    count = int(gap / spacing) + 1
+    t = (np.arange(1, count) / count)[:, None]
+    leave = end_direction(before, 0.0, span) * gap
+    arrive = -end_direction(after[::-1], 0.0, span) * gap
+    return np.asarray(
+        (2 * t**3 - 3 * t**2 + 1) * start
+        + (t**3 - 2 * t**2 + t) * leave
+        + (3 * t**2 - 2 * t**3) * stop
+        + (t**3 - t**2) * arrive
+    )
+
+
+def reach_end(nodes: Array, axis: Array, density: float, radius: float, span: float) -> Array:
+    """Carry a chain on beyond its last node, straight, to where the string ends.
+
+    Averages over two radii (eq. 17-18) stop short of the end by about a radius, and tracing by up to r_n
+    more. What is missing is found by counting: each step ahead adds the share of it that the axis points
+    c_i = p_i - r n_i fill at the string's mean density.
+
+    Parameters
+    ----------
+    nodes : (M, 3) ndarray
+        Ordered nodes, metres.
+    axis : (N, 3) ndarray
+        Axis points before the average (eq. 16), metres.
+    density : float
+        How many of them there are for each metre of string.
+    radius : float
+        The string's radius, metres.
+    span : float
+        The stretch over which the end's direction is taken, metres of arc length.
+
+    Returns
+    -------
+    (M or M + 1, 3) ndarray
+        The nodes, with the end if it lies ahead.
+    """
+    direction = end_direction(nodes, 0.0, span)
+    offset = axis - nodes[-1]
+    ahead = offset @ direction
+    aside = np.linalg.norm(offset - ahead[:, None] * direction, axis=1)
+    step = _STEP * radius
+    ahead = ahead[(ahead > 0) & (ahead < _AHEAD * radius) & (aside < _ASIDE * radius)]
+    counts = np.bincount((ahead / step).astype(np.int64))
+    missing = float(np.minimum(counts / (density * step), 1.0).sum()) * step
+    return np.vstack([nodes, nodes[-1] + missing * direction]) if missing > 0 else nodes
+
+
+def straighten(nodes: Array, radius: float, span: float) -> Array:
+    """Undo what the average over two radii (eq. 17-18) does to bends.
+
+    The surface points within 2r of a point of a tube reach s^2 <= 2 r^2 (1 + cos phi) along the axis at the
+    angle phi around it, so the mean of s^2 is (4/3)^2 r^2 / 2 = 8/9 r^2, and on an axis of curvature vector k the mean
+    of the axis points lies 4/9 r^2 k inside it.
+
+    Parameters
+    ----------
+    nodes : (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The string's radius, metres.
+    span : float
+        k is taken from the parabola of least squares through the nodes this near along the chain, metres
+        of arc length.
+
+    Returns
+    -------
+    (M, 3) ndarray
+        The nodes, moved outwards in bends.
+    """
+    s = path_length(nodes)
+    moved = nodes.copy()
+    for i, here in enumerate(s):
+        near = np.abs(s - here) <= span
+        if near.sum() >= 4:
+            parabola = np.polynomial.polynomial.polyfit(s[near] - here, nodes[near] - nodes[i], 2)
+            moved[i] -= 4.0 / 9.0 * radius**2 * 2.0 * parabola[2]
+    return moved
+
+
+def assemble(
+    segments: Sequence[Array], reconnected: Reconnected, axis: Array, radius: float, config: Reconnection
+) -> list[tuple[Array, bool]]:
+    """Join segments to whole strings, longest first.
+
+    Parameters
+    ----------
+    segments : sequence of (K, 3) ndarray
+        Ordered nodes, metres.
+    reconnected : Reconnected
+    axis : (N, 3) ndarray
+        Axis points before the average (eq. 16), metres.
+    radius : float
+        The string's radius, metres.
+    config : Reconnection
+
+    Returns
+    -------
+    list of ((M, 3) ndarray, bool)
+        Nodes of each string from end to end, metres, and whether it is closed. Strings of one node are
+        left out.
+    """
+    span, spacing = config.span * radius, radius
+    cut_back = [config.trim * radius * (end in reconnected.meeting) for end in range(2 * len(segments))]
+    trimmed = [trim(part, *cut_back[2 * k : 2 * k + 2]) for k, part in enumerate(segments)]
+    strings = []
+    for entered, closed in walk(len(segments), reconnected.joins):
+        parts = [trimmed[end // 2][:: -1 if end % 2 else 1] for end in entered]
+        nodes = parts[0]
+        for part in parts[1:]:
+            nodes = np.vstack([nodes, bridge(nodes, part, span, spacing), part])
+        if closed:
+            nodes = np.vstack([nodes, bridge(nodes, parts[0], span, spacing)])
+        if len(nodes) > 1:
+            strings.append((straighten(nodes, radius, span), closed))
+    total = sum(path_length(nodes)[-1] for nodes, _ in strings)
+    for i, (nodes, closed) in enumerate(strings):
+        if not closed:
+            for _ in range(2):
+                nodes = reach_end(nodes, axis, len(axis) / total, radius, span)[::-1]
+            strings[i] = (nodes, closed)
+    return sorted(strings, key=lambda string: -path_length(string[0])[-1])

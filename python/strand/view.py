@@ -1,0 +1,336 @@
+"""Cameras, poses and views: from depth images to points in the world frame (eq. 1-9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def float_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """Return `value` as a C-ordered float64 array of the given shape.
+
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the error message.
+    value : array_like
+        Anything NumPy reads as an array of floats.
+    shape : tuple of int or None
+        The accepted shape; None stands for any length.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not floating point numbers.
+    ValueError
+        If the shape differs.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind != "f":
+        raise TypeError(f"{name}: expected floating point numbers, got dtype {array.dtype}")
+    if array.ndim != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
+        want = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ")"
+        raise ValueError(f"{name}: expected shape {want}, got {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """Return `value` as `float_array` does, and refuse NaN and infinities.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not floating point numbers.
+    ValueError
+        If the shape differs or an element is not finite.
+    """
+    array = float_array(name, value, shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+    return array
+
+
+def rigid_motion(name: str, value: ArrayLike) -> Array:
+    """Return `value` as a (4, 4) rigid motion.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not floating point numbers.
+    ValueError
+        If the matrix is not a rotation and a translation: wrong shape or last row, not finite, a
+        rotation that scales, shears or mirrors by more than 1e-6.
+    """
+    pose = finite_array(name, value, (4, 4))
+    rotation = pose[:3, :3]
+    if np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-9:
+        raise ValueError(f"{name}: expected the last row (0, 0, 0, 1), got {pose[3]}")
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise ValueError(f"{name}: expected a rigid motion, but its (3, 3) part is not a rotation")
+    return pose
+
+
+def extraction_range(value: tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
+    """Return `bounds` as the low and the high corner of an axis-aligned box in the world frame, metres.
+
+    Infinities leave a side open.
+
+    Raises
+    ------
+    TypeError
+        If the corners are not floating point numbers.
+    ValueError
+        If there are not two corners of three numbers, or a low one is not below its high one.
+    """
+    try:
+        low, high = value
+    except (TypeError, ValueError):
+        raise ValueError("bounds: expected a pair (low, high) of corners") from None
+    low, high = float_array("bounds[0]", low, (3,)), float_array("bounds[1]", high, (3,))
+    if not (low < high).all():
+        raise ValueError(f"bounds: expected low < high in x, y and z, got {low} and {high}")
+    return low, high
+
+
+def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
+    """Rotation matrix R_x R_y R_z of three angles (eq. 4-9).
+
+    Parameters
+    ----------
+    rx, ry, rz : float
+        Angles about the x, y and z axes, radians.
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Its columns are the unit vectors e_x, e_y, e_z of the turned frame.
+
+    Raises
+    ------
+    ValueError
+        If an angle is not finite.
+    """
+    angles = finite_array("angles", np.asarray([rx, ry, rz], dtype=np.float64), (3,))
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return np.asarray(about_x @ about_y @ about_z)
+
+
+def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Array:
+    """Camera-to-world pose from three angles and the camera's position (eq. 1-9).
+
+    w = w_0 + [e_x e_y e_z] c with e_* = R_x R_y R_z applied to the unit axes.
+
+    Parameters
+    ----------
+    rx, ry, rz : float
+        Angles about the x, y and z axes, radians.
+    origin : (3,) array_like
+        w_0, the camera's centre in the world frame, metres.
+
+    Returns
+    -------
+    (4, 4) ndarray
+
+    Raises
+    ------
+    TypeError
+        If `origin` does not hold floating point numbers.
+    ValueError
+        If a number is not finite or `origin` is not of shape (3,).
+    """
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_xyz(rx, ry, rz)
+    pose[:3, 3] = finite_array("origin", origin, (3,))
+    return pose
+
+
+def turntable_pose(
+    camera: ArrayLike,
+    angle: float,
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+) -> Array:
+    """Camera-to-plate pose when a plate under a fixed camera is turned.
+
+    The world frame turns with the plate, so turning the plate by `angle` moves the camera by
+    `-angle` about the same axis.
+
+    Parameters
+    ----------
+    camera : (4, 4) array_like
+        Camera-to-world pose with the plate at angle 0.
+    angle : float
+        The plate's angle, radians, right-handed about `axis`.
+    centre : (3,) array_like
+        A point of the turning axis, metres, world frame.
+    axis : (3,) array_like
+        The axis' direction, world frame, any length.
+
+    Returns
+    -------
+    (4, 4) ndarray
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold floating point numbers.
+    ValueError
+        If `camera` is not a rigid motion, `axis` has no length, or a number is not finite.
+    """
+    camera = rigid_motion("camera", camera)
+    centre, axis = finite_array("centre", centre, (3,)), finite_array("axis", axis, (3,))
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise ValueError("axis: expected a direction, got the zero vector")
+    if not np.isfinite(angle):
+        raise ValueError(f"angle: expected a finite number, got {angle}")
+    x, y, z = axis / length
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    # Rodrigues' formula for the angle -angle
+    turn = np.eye(4)
+    turn[:3, :3] += -np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    turn[:3, 3] = centre - turn[:3, :3] @ centre
+    return np.asarray(turn @ camera)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What one camera saw: points in its frame, and where it stood.
+
+    Parameters
+    ----------
+    points : (N, 3) array_like of float
+        Points in the camera frame (x right, y down, z forward), metres.
+    pose : (4, 4) array_like of float
+        Camera-to-world rigid motion.
+    dropped : int
+        How many pixels or points were left out because they were not finite.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold floating point numbers.
+    ValueError
+        If `points` is not (N, 3) or not finite, or `pose` is not a rigid motion.
+    """
+
+    points: Array
+    pose: Array = field(default_factory=lambda: np.eye(4))
+    dropped: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", finite_array("points", self.points, (None, 3)))
+        object.__setattr__(self, "pose", rigid_motion("pose", self.pose))
+
+    @classmethod
+    def from_depth(cls, depth: ArrayLike, intrinsics: ArrayLike, pose: ArrayLike | None = None) -> View:
+        """Un-project a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
+
+        Parameters
+        ----------
+        depth : (H, W) array_like of float
+            Depth along the camera's z axis, metres; 0, NaN and infinities are pixels without a
+            return. An integer pixel is a pixel centre.
+        intrinsics : (3, 3) array_like of float
+            The pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
+        pose : (4, 4) array_like of float, optional
+            Camera-to-world rigid motion; the identity if not given.
+
+        Returns
+        -------
+        View
+            Its `dropped` counts the NaN and infinite pixels.
+
+        Raises
+        ------
+        TypeError
+            If an array does not hold floating point numbers.
+        ValueError
+            If a shape is wrong, a depth is negative, or the intrinsics are not a pinhole's.
+        """
+        image = float_array("depth", depth, (None, None))
+        camera = finite_array("intrinsics", intrinsics, (3, 3))
+        fx, skew, cx, low, fy, cy, *last = camera.ravel()
+        if fx <= 0 or fy <= 0 or skew != 0 or low != 0 or last != [0, 0, 1]:
+            raise ValueError(
+                "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
+                f"got {camera.tolist()}"
+            )
+        finite = np.isfinite(image)
+        if (image[finite] < 0).any():
+            raise ValueError("depth: expected depths >= 0, got a negative one")
+        v, u = np.nonzero(finite & (image > 0))
+        z = image[v, u]
+        points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
+        return cls(points, np.eye(4) if pose is None else pose, int(image.size - finite.sum()))
+
+    @classmethod
+    def from_world(cls, points: ArrayLike, viewpoint: ArrayLike) -> View:
+        """Make a view of points that are already in the world frame.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like of float
+            Points in the world frame, metres.
+        viewpoint : (3,) array_like of float
+            The camera's centre in the world frame, metres.
+
+        Returns
+        -------
+        View
+            Its pose is the translation to `viewpoint`, without a rotation.
+
+        Raises
+        ------
+        TypeError
+            If an array does not hold floating point numbers.
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose = np.eye(4)
+        pose[:3, 3] = finite_array("viewpoint", viewpoint, (3,))
+        return cls(finite_array("points", points, (None, 3)) - pose[:3, 3], pose)
+
+    @property
+    def viewpoint(self) -> Array:
+        """(3,) The camera's centre in the world frame, metres."""
+        return np.asarray(self.pose[:3, 3])
+
+    @property
+    def world_points(self) -> Array:
+        """(N, 3) The points in the world frame, metres (eq. 1)."""
+        return np.asarray(self.points @ self.pose[:3, :3].T + self.pose[:3, 3])
+
+    def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
+        """Keep the points inside the extraction range.
+
+        Parameters
+        ----------
+        bounds : pair of (3,) array_like
+            Low and high corner of an axis-aligned box in the world frame, metres; points on its
+            faces are kept.
+
+        Returns
+        -------
+        View
+
+        Raises
+        ------
+        TypeError
+            If the corners are not floating point numbers.
+        ValueError
+            If a low corner is not below its high one.
+        """
+        low, high = extraction_range(bounds)
+        world = self.world_points
+        inside = ((world >= low) & (world <= high)).all(axis=1)
+        return View(self.points[inside], self.pose, self.dropped)

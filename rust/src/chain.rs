@@ -1,0 +1,96 @@
+//! Ordered chains from axis points by greedy tracing (section V-A, fig. 9–10).
+
+use crate::error::{Error, Result, check_finite, check_positive};
+use crate::geometry::{centroid, squared_distance};
+use crate::index::Grid;
+use crate::{Point, parallel};
+
+/// Traces chains of nodes through axis points, grown from both sides of a base point.
+///
+/// Every point is a target at first. From the base point, all within `near` (r_n) of the current node stop
+/// being targets, the nearest target within `far` (r_f) is the next node, and so on until there is none; then the
+/// other side of the base grows in the same way. What targets remain give a new chain. Each chain is a list of
+/// indices from end to end, in the order in which they were found.
+///
+/// The first chain's base is `start`; without it, and for the chains after, the base is the target farthest from
+/// the cloud's centroid: a rule that depends neither on the frame nor on the points' order.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, `near` is not positive, `far` is
+/// not above `near`, or `start` is not an index of a point.
+pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>) -> Result<Vec<Vec<usize>>> {
+    check_finite("points", points)?;
+    check_positive("near", near)?;
+    check_positive("far", far)?;
+    if far <= near {
+        return Err(Error::invalid("far", format!("expected more than near = {near}, got {far}")));
+    }
+    if let Some(start) = start.filter(|&start| start >= points.len()) {
+        return Err(Error::invalid(
+            "start",
+            format!("expected an index below {}, got {start}", points.len()),
+        ));
+    }
+    let grid = parallel::run(|| Grid::new(points, far));
+    let center = centroid(points);
+    // positions in the grid's order, farthest from the centroid first
+    let mut bases: Vec<usize> = (0..points.len()).collect();
+    let remoteness: Vec<f64> =
+        (0..points.len()).map(|i| squared_distance(points[grid.input_index(i)], center)).collect();
+    bases.sort_by(|&a, &b| {
+        remoteness[b].total_cmp(&remoteness[a]).then(grid.input_index(a).cmp(&grid.input_index(b)))
+    });
+    if let Some(start) = start {
+        let first = bases.iter().position(|&base| grid.input_index(base) == start);
+        bases[..=first.expect("every index has a position")].rotate_right(1);
+    }
+    let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near };
+    let mut chains = Vec::new();
+    for base in bases {
+        if tracer.target[base] {
+            let mut chain = tracer.grow(base);
+            chain.reverse();
+            chain.pop();
+            let other_side = tracer.grow(base);
+            chain.push(base);
+            chain.extend(&other_side[1..]);
+            chains.push(chain.into_iter().map(|position| grid.input_index(position)).collect());
+        }
+    }
+    Ok(chains)
+}
+
+struct Tracer<'a> {
+    grid: &'a Grid,
+    target: Vec<bool>,
+    near: f64,
+}
+
+impl Tracer<'_> {
+    /// Nodes from `base` on until no target is within reach; the base is the first.
+    fn grow(&mut self, base: usize) -> Vec<usize> {
+        let mut nodes = vec![base];
+        let mut current = Some(base);
+        while let Some(node) = current {
+            current = self.next(node);
+            nodes.extend(current);
+        }
+        nodes
+    }
+
+    /// Clears the targets within `near` of a node and finds the nearest of the others within reach.
+    fn next(&mut self, node: usize) -> Option<usize> {
+        let Self { grid, target, near } = self;
+        let mut nearest: Option<(f64, usize)> = None;
+        let limit = *near * *near;
+        grid.visit_around(node, |other, _, squared| {
+            if squared <= limit {
+                target[other] = false;
+            } else if target[other] && nearest.is_none_or(|(least, _)| squared < least) {
+                nearest = Some((squared, other));
+            }
+            true
+        });
+        nearest.map(|(_, other)| other)
+    }
+}

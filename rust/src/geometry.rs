@@ -1,0 +1,293 @@
+//! Rigid motions, covariance and the eigenvectors of symmetric 3x3 matrices.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::Point;
+use crate::error::{Error, Result};
+
+/// A symmetric 3x3 matrix as its upper triangle: xx, xy, xz, yy, yz, zz.
+pub type Symmetric3 = [f64; 6];
+
+/// a − b.
+#[inline]
+pub fn sub(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// a · b.
+#[inline]
+pub fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// |a − b|².
+#[inline]
+pub fn squared_distance(a: Point, b: Point) -> f64 {
+    let d = sub(a, b);
+    dot(d, d)
+}
+
+/// Mean of points; the origin for none.
+///
+/// Summed in order, so the same points give the same bits.
+pub fn centroid(points: &[Point]) -> Point {
+    let mut sum = [0.0; 3];
+    for p in points {
+        for k in 0..3 {
+            sum[k] += p[k];
+        }
+    }
+    sum.map(|x| x / points.len().max(1) as f64)
+}
+
+/// A rotation followed by a translation: x ↦ R x + t.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidMotion {
+    /// R.
+    pub rotation: Matrix3<f64>,
+    /// t, metres.
+    pub translation: Vector3<f64>,
+}
+
+impl RigidMotion {
+    /// The motion that moves nothing.
+    pub fn identity() -> Self {
+        Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
+    }
+
+    /// Reads a 4x4 matrix, row by row.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] if it is not finite, its last row is not (0, 0, 0, 1), or its 3x3 part
+    /// scales, shears or mirrors by more than 1e-6.
+    pub fn from_rows(rows: &[[f64; 4]; 4]) -> Result<Self> {
+        let refuse =
+            |reason: &str| Err(Error::invalid("pose", format!("expected a rigid motion, but {reason}")));
+        if !rows.iter().flatten().all(|x| x.is_finite()) {
+            return refuse("it holds NaN or infinity");
+        }
+        if rows[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(a, b)| (a - b).abs() > 1e-9) {
+            return refuse("its last row is not (0, 0, 0, 1)");
+        }
+        let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
+        let off = rotation * rotation.transpose() - Matrix3::identity();
+        if off.amax() > 1e-6 || rotation.determinant() < 0.0 {
+            return refuse("its 3x3 part is not a rotation");
+        }
+        Ok(Self { rotation, translation: Vector3::new(rows[0][3], rows[1][3], rows[2][3]) })
+    }
+
+    /// The 4x4 matrix, row by row.
+    pub fn to_rows(&self) -> [[f64; 4]; 4] {
+        let mut rows = [[0.0; 4]; 4];
+        for i in 0..3 {
+            for j in 0..3 {
+                rows[i][j] = self.rotation[(i, j)];
+            }
+            rows[i][3] = self.translation[i];
+        }
+        rows[3][3] = 1.0;
+        rows
+    }
+
+    /// R x + t.
+    #[inline]
+    pub fn apply(&self, x: Point) -> Point {
+        (self.rotation * Vector3::from(x) + self.translation).into()
+    }
+
+    /// First `first`, then this one. The rotation is made orthonormal again, so that long products stay
+    /// rigid.
+    pub fn after(&self, first: &Self) -> Self {
+        let product = self.rotation * first.rotation;
+        let rotation =
+            Rotation3::from_matrix_eps(&product, 1e-15, 10, Rotation3::from_matrix_unchecked(product));
+        Self {
+            rotation: rotation.into_inner(),
+            translation: self.rotation * first.translation + self.translation,
+        }
+    }
+}
+
+/// Sums of a neighbourhood from which mean and covariance follow.
+///
+/// Points are added relative to an origin near them, so that a cloud far from the world's origin loses
+/// nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Moments {
+    count: usize,
+    first: [f64; 3],
+    second: Symmetric3,
+}
+
+impl Moments {
+    /// Adds a point, given relative to the common origin.
+    #[inline]
+    pub fn add(&mut self, d: Point) {
+        self.count += 1;
+        for k in 0..3 {
+            self.first[k] += d[k];
+        }
+        self.second[0] += d[0] * d[0];
+        self.second[1] += d[0] * d[1];
+        self.second[2] += d[0] * d[2];
+        self.second[3] += d[1] * d[1];
+        self.second[4] += d[1] * d[2];
+        self.second[5] += d[2] * d[2];
+    }
+
+    /// How many points were added.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Σ (d − mean)(d − mean)ᵀ / count.
+    pub fn covariance(&self) -> Symmetric3 {
+        let n = self.count.max(1) as f64;
+        let [x, y, z] = self.first.map(|s| s / n);
+        let [xx, xy, xz, yy, yz, zz] = self.second.map(|s| s / n);
+        [xx - x * x, xy - x * y, xz - x * z, yy - y * y, yz - y * z, zz - z * z]
+    }
+}
+
+/// Eigenvalues in ascending order and their unit eigenvectors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Eigen3 {
+    /// λ₀ ≤ λ₁ ≤ λ₂.
+    pub values: [f64; 3],
+    /// Row i belongs to λᵢ.
+    pub vectors: [Point; 3],
+}
+
+/// Eigenvalues and eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
+///
+/// Accurate to rounding for any finite matrix, also where eigenvalues coincide, and bounded in time
+/// (Golub and Van Loan, Matrix Computations, 8.5).
+pub fn eigen_symmetric(matrix: &Symmetric3) -> Eigen3 {
+    let [xx, xy, xz, yy, yz, zz] = *matrix;
+    let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // four sweeps reach rounding; more guard badly scaled matrices
+    for _ in 0..12 {
+        let off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
+        let diagonal = a[0][0] * a[0][0] + a[1][1] * a[1][1] + a[2][2] * a[2][2];
+        if off <= 1e-32 * diagonal {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            rotate(&mut a, &mut v, p, q);
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
+    Eigen3 { values: order.map(|i| a[i][i]), vectors: order.map(|i| v[i]) }
+}
+
+/// One Jacobi rotation in the plane of axes p and q, which makes a[p][q] zero.
+#[inline]
+fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
+    if a[p][q] == 0.0 {
+        return;
+    }
+    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    let other = 3 - p - q;
+    let apq = a[p][q];
+    a[p][p] -= t * apq;
+    a[q][q] += t * apq;
+    a[p][q] = 0.0;
+    a[q][p] = 0.0;
+    let (ap, aq) = (a[other][p], a[other][q]);
+    a[other][p] = c * ap - s * aq;
+    a[p][other] = a[other][p];
+    a[other][q] = s * ap + c * aq;
+    a[q][other] = a[other][q];
+    for k in 0..3 {
+        let (vp, vq) = (v[p][k], v[q][k]);
+        v[p][k] = c * vp - s * vq;
+        v[q][k] = s * vp + c * vq;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::SymmetricEigen;
+    use proptest::prelude::*;
+
+    fn full(m: &Symmetric3) -> Matrix3<f64> {
+        Matrix3::new(m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5])
+    }
+
+    proptest! {
+        #[test]
+        fn eigenvectors_satisfy_their_equation_and_agree_with_nalgebra(
+            entries in prop::array::uniform6(-1.0f64..1.0), scale in -12i32..12, rank in 0usize..3,
+        ) {
+            let mut m = entries.map(|x| x * 10f64.powi(scale));
+            if rank == 1 {
+                let [x, y, z, ..] = entries;
+                m = [x * x, x * y, x * z, y * y, y * z, z * z];
+            } else if rank == 2 {
+                m = [entries[0], 0.0, 0.0, entries[0], 0.0, entries[1]];
+            }
+            let size = full(&m).norm();
+            let eigen = eigen_symmetric(&m);
+            for (value, vector) in eigen.values.iter().zip(&eigen.vectors) {
+                let x = Vector3::from(*vector);
+                prop_assert!((x.norm() - 1.0).abs() < 1e-14);
+                prop_assert!((full(&m) * x - x * *value).norm() <= 4e-15 * size);
+            }
+            let mut expected = SymmetricEigen::try_new(full(&m), f64::EPSILON, 1000).unwrap().eigenvalues;
+            expected.as_mut_slice().sort_by(f64::total_cmp);
+            for (got, want) in eigen.values.iter().zip(expected.iter()) {
+                prop_assert!((got - want).abs() <= 1e-14 * size);
+            }
+        }
+
+        #[test]
+        fn motions_compose_and_survive_their_matrix(
+            a in prop::array::uniform3(-3.0f64..3.0), b in prop::array::uniform3(-3.0f64..3.0),
+            x in prop::array::uniform3(-5.0f64..5.0),
+        ) {
+            let motion = |w: Point| RigidMotion {
+                rotation: Rotation3::new(Vector3::from(w)).into_inner(),
+                translation: Vector3::new(w[2], w[0], w[1]),
+            };
+            let (first, second) = (motion(a), motion(b));
+            let both = second.after(&first);
+            prop_assert!(squared_distance(both.apply(x), second.apply(first.apply(x))).sqrt() < 1e-13);
+            prop_assert_eq!(RigidMotion::from_rows(&both.to_rows()).unwrap(), both);
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_no_rigid_motion_is_refused() {
+        let good = RigidMotion::identity().to_rows();
+        let spoil = |i: usize, j: usize, value: f64| {
+            let mut rows = good;
+            rows[i][j] = value;
+            RigidMotion::from_rows(&rows)
+        };
+        assert!(RigidMotion::from_rows(&good).is_ok());
+        assert!(spoil(0, 0, -1.0).is_err(), "a mirror");
+        assert!(spoil(1, 1, 1.1).is_err(), "a scale");
+        assert!(spoil(0, 1, 0.1).is_err(), "a shear");
+        assert!(spoil(3, 0, 0.1).is_err(), "a projective row");
+        assert!(spoil(0, 3, f64::NAN).is_err(), "NaN");
+    }
+
+    #[test]
+    fn moments_far_from_the_origin_lose_nothing() {
+        let origin = [1e6, -2e6, 3e6];
+        let mut moments = Moments::default();
+        for d in [[1e-3, 0.0, 0.0], [-1e-3, 0.0, 0.0], [0.0, 2e-3, 0.0], [0.0, -2e-3, 0.0]] {
+            let p = [origin[0] + d[0], origin[1] + d[1], origin[2] + d[2]];
+            moments.add(sub(p, origin));
+        }
+        let covariance = moments.covariance();
+        assert!((covariance[0] - 0.5e-6).abs() < 1e-12 && (covariance[3] - 2e-6).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,258 @@
+//! Registration of two clouds by iterated closest points (section IV-C, eq. 15).
+
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result, check_finite, check_positive, check_same_length};
+use crate::geometry::{RigidMotion, dot, squared_distance, sub};
+use crate::index::Tree;
+use crate::{Point, parallel};
+
+/// Source points summed by one task; fixed, so that sums do not depend on the number of threads.
+const POINTS_PER_TASK: usize = 1024;
+
+/// What is minimised.
+#[derive(Debug, Clone, Copy)]
+pub enum Objective<'a> {
+    /// Σ ‖R x_i + t − y_i‖² (eq. 15).
+    PointToPoint,
+    /// Σ ((R x_i + t − y_i) · n_i)² with the target's unit normals, linearised about the current pose
+    /// (Chen and Medioni 1992; R = R_z R_y R_x of the solved angles as in Low 2004).
+    PointToPlane(&'a [Point]),
+}
+
+/// Where registration starts and when it ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IcpOptions {
+    /// Start pose: source frame to target frame.
+    pub start: RigidMotion,
+    /// Pairs farther apart than this are no correspondences, metres.
+    pub max_correspondence_distance: f64,
+    /// Most updates of the pose.
+    pub max_iterations: usize,
+    /// Ends when an update changes the fitness by no more than this, and the inlier RMSE by no more than
+    /// this times the correspondence distance.
+    pub tolerance: f64,
+}
+
+/// Why the iterations ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// Fitness and inlier RMSE changed by less than the tolerance.
+    Tolerance,
+    /// The iteration limit was reached.
+    Iterations,
+    /// Too few correspondences to fix a pose: 3 points, or 6 point-plane pairs.
+    TooFewCorrespondences,
+    /// The correspondences leave the pose open: they lie on a line, or their planes let it slide.
+    Degenerate,
+}
+
+/// The outcome of a registration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IcpResult {
+    /// Source frame to target frame.
+    pub transformation: RigidMotion,
+    /// Share of source points with a correspondence, in [0, 1].
+    pub fitness: f64,
+    /// Root mean square distance of the correspondences, metres; 0 if there are none.
+    pub inlier_rmse: f64,
+    /// How often the pose was updated.
+    pub iterations: usize,
+    /// Whether the tolerance was met.
+    pub converged: bool,
+    /// Why the iterations ended.
+    pub stop: Stop,
+}
+
+/// Registers `source` to `target`: pairs each source point with its nearest target point, solves for the rigid
+/// motion, and repeats.
+///
+/// The result is a value also where the data do not fix a pose: the last pose that was sound, and why it ended
+/// there.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, a limit is out of range, or the
+/// normals are not one for each target point; [`NotEnoughData`](Error::NotEnoughData) if a cloud is empty.
+pub fn icp(
+    source: &[Point],
+    target: &[Point],
+    objective: Objective,
+    options: &IcpOptions,
+) -> Result<IcpResult> {
+    check_finite("source", source)?;
+    check_finite("target", target)?;
+    check_positive("max_correspondence_distance", options.max_correspondence_distance)?;
+    if options.tolerance.is_nan() || options.tolerance < 0.0 {
+        return Err(Error::invalid(
+            "tolerance",
+            format!("expected a number >= 0, got {}", options.tolerance),
+        ));
+    }
+    if let Objective::PointToPlane(normals) = objective {
+        check_same_length("target_normals", normals.len(), "target points", target.len())?;
+        check_finite("target_normals", normals)?;
+    }
+    for (name, cloud) in [("source", source), ("target", target)] {
+        if cloud.is_empty() {
+            return Err(Error::not_enough(name, "expected at least one point, got none"));
+        }
+    }
+    Ok(parallel::run(|| {
+        let tree = Tree::new(target);
+        iterate(&Problem { source, target, tree: &tree, objective }, options)
+    }))
+}
+
+struct Problem<'a> {
+    source: &'a [Point],
+    target: &'a [Point],
+    tree: &'a Tree,
+    objective: Objective<'a>,
+}
+
+/// A source point where the current pose puts it, and the target point it is paired with.
+#[derive(Clone, Copy)]
+struct Pair {
+    moved: Point,
+    target: usize,
+}
+
+fn iterate(problem: &Problem, options: &IcpOptions) -> IcpResult {
+    let reach = options.max_correspondence_distance;
+    let mut pose = options.start;
+    let (mut pairs, mut fitness, mut rmse) = problem.pair(&pose, reach);
+    let mut iterations = 0;
+    let stop = loop {
+        if iterations == options.max_iterations {
+            break Stop::Iterations;
+        }
+        let update = match problem.solve(&pairs) {
+            Ok(update) => update,
+            Err(stop) => break stop,
+        };
+        pose = update.after(&pose);
+        iterations += 1;
+        let (previous_fitness, previous_rmse) = (fitness, rmse);
+        (pairs, fitness, rmse) = problem.pair(&pose, reach);
+        if (fitness - previous_fitness).abs() <= options.tolerance
+            && (rmse - previous_rmse).abs() <= options.tolerance * reach
+        {
+            break Stop::Tolerance;
+        }
+    };
+    IcpResult {
+        transformation: pose,
+        fitness,
+        inlier_rmse: rmse,
+        iterations,
+        converged: stop == Stop::Tolerance,
+        stop,
+    }
+}
+
+impl Problem<'_> {
+    /// Correspondences at a pose, with fitness and inlier RMSE.
+    fn pair(&self, pose: &RigidMotion, reach: f64) -> (Vec<Pair>, f64, f64) {
+        let tasks: Vec<(Vec<Pair>, f64)> = self
+            .source
+            .par_chunks(POINTS_PER_TASK)
+            .map(|points| {
+                let mut pairs = Vec::with_capacity(points.len());
+                let mut squares = 0.0;
+                for &x in points {
+                    let moved = pose.apply(x);
+                    if let Some((target, _)) = self.tree.nearest_within(moved, reach) {
+                        pairs.push(Pair { moved, target });
+                        squares += squared_distance(moved, self.target[target]);
+                    }
+                }
+                (pairs, squares)
+            })
+            .collect();
+        let squares: f64 = tasks.iter().map(|(_, squares)| squares).sum();
+        let pairs: Vec<Pair> = tasks.into_iter().flat_map(|(pairs, _)| pairs).collect();
+        let count = pairs.len() as f64;
+        let rmse = if pairs.is_empty() { 0.0 } else { (squares / count).sqrt() };
+        (pairs, count / self.source.len() as f64, rmse)
+    }
+
+    fn solve(&self, pairs: &[Pair]) -> std::result::Result<RigidMotion, Stop> {
+        match self.objective {
+            Objective::PointToPoint => self.solve_points(pairs),
+            Objective::PointToPlane(normals) => self.solve_planes(pairs, normals),
+        }
+    }
+
+    /// Sums a matrix over all pairs in a fixed order.
+    fn sum<const R: usize, const C: usize>(
+        pairs: &[Pair],
+        term: impl Fn(&Pair) -> SMatrix<f64, R, C> + Sync,
+    ) -> SMatrix<f64, R, C> {
+        let parts: Vec<SMatrix<f64, R, C>> =
+            pairs.par_chunks(POINTS_PER_TASK).map(|pairs| pairs.iter().map(&term).sum()).collect();
+        parts.iter().sum()
+    }
+
+    /// The rotation and translation of least squares between paired points, by the singular value
+    /// decomposition of their cross-covariance (Arun 1987, Umeyama 1991).
+    fn solve_points(&self, pairs: &[Pair]) -> std::result::Result<RigidMotion, Stop> {
+        if pairs.len() < 3 {
+            return Err(Stop::TooFewCorrespondences);
+        }
+        // relative to a point of the cloud, so that nothing is lost far from the origin
+        let origin = Vector3::from(pairs[0].moved);
+        let target = |pair: &Pair| Vector3::from(self.target[pair.target]) - origin;
+        let moved = |pair: &Pair| Vector3::from(pair.moved) - origin;
+        let n = pairs.len() as f64;
+        let from = Self::sum(pairs, moved) / n;
+        let to = Self::sum(pairs, target) / n;
+        let covariance = Self::sum(pairs, |pair| (target(pair) - to) * (moved(pair) - from).transpose());
+        let svd = covariance.try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
+        let (u, v_t) = (svd.u.ok_or(Stop::Degenerate)?, svd.v_t.ok_or(Stop::Degenerate)?);
+        // on a line (or in a point) the rotation about it is free
+        if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
+            return Err(Stop::Degenerate);
+        }
+        let sign = (u * v_t).determinant().signum();
+        let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+        let translation = (to + origin) - rotation * (from + origin);
+        Ok(RigidMotion { rotation, translation })
+    }
+
+    /// One Gauss–Newton step of the point-to-plane distance, about the source's centroid.
+    fn solve_planes(&self, pairs: &[Pair], normals: &[Point]) -> std::result::Result<RigidMotion, Stop> {
+        if pairs.len() < 6 {
+            return Err(Stop::TooFewCorrespondences);
+        }
+        let origin = pairs[0].moved;
+        let offset: Vector3<f64> = Self::sum(pairs, |pair| Vector3::from(sub(pair.moved, origin)));
+        let center = Vector3::from(origin) + offset / pairs.len() as f64;
+        let row = |pair: &Pair| {
+            let n = Vector3::from(normals[pair.target]);
+            let turn = (Vector3::from(pair.moved) - center).cross(&n);
+            let residual = dot(sub(pair.moved, self.target[pair.target]), n.into());
+            (Vector6::new(turn.x, turn.y, turn.z, n.x, n.y, n.z), residual)
+        };
+        let system: SMatrix<f64, 6, 7> = Self::sum(pairs, |pair| {
+            let (jacobian, residual) = row(pair);
+            let mut term = SMatrix::<f64, 6, 7>::zeros();
+            term.fixed_columns_mut::<6>(0).copy_from(&(jacobian * jacobian.transpose()));
+            term.set_column(6, &(-jacobian * residual));
+            term
+        });
+        let normal_matrix: Matrix6<f64> = system.fixed_columns::<6>(0).into();
+        let right: Vector6<f64> = system.column(6).into();
+        // angles and metres are of one scale after this, so that the pivots say what the data leave open
+        let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
+        let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
+        let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;
+        if cholesky.l().diagonal().min() < 1e-7 {
+            return Err(Stop::Degenerate);
+        }
+        let x = cholesky.solve(&right.component_mul(&scale)).component_mul(&scale);
+        let rotation = nalgebra::Rotation3::from_euler_angles(x[0], x[1], x[2]).into_inner();
+        let translation = center + Vector3::new(x[3], x[4], x[5]) - rotation * center;
+        Ok(RigidMotion { rotation, translation })
+    }
+}

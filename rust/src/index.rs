@@ -1,0 +1,299 @@
+//! Neighbour search: the only user of kiddo, and the only place that knows a grid.
+//!
+//! Two structures for two questions. "Which points lie within a radius of each point" is asked of all points
+//! at once with one radius: [`Grid`] sorts the points by cell and sweeps them. "Which is the nearest" has no
+//! known scale: [`Tree`] is a k-d tree.
+
+use std::num::NonZeroUsize;
+use std::ops::Range;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+use crate::Point;
+use crate::geometry::squared_distance;
+
+/// Bits of a cell's coordinate along one axis; three of them make a key.
+const AXIS_BITS: u32 = 21;
+/// Cells a task works through; fixed, so that results do not depend on the number of threads.
+const CELLS_PER_TASK: usize = 64;
+
+/// Points sorted by the cells of a uniform grid, whose cells are at least one search radius wide.
+///
+/// Cells are kept sparse and in order of their key (x major, z minor), so three cells in a row along z are
+/// one run of points, and memory does not grow with the empty space between points.
+pub struct Grid {
+    radius: f64,
+    low: Point,
+    inverse_cell: f64,
+    /// Keys of the cells that hold points, ascending, and where each one's points start.
+    keys: Vec<u64>,
+    starts: Vec<usize>,
+    /// The points in order of their cells, and each one's index in the input.
+    points: Vec<Point>,
+    order: Vec<u32>,
+}
+
+/// Where the points around a cell are: at most nine runs of the grid's sorted points.
+#[derive(Clone, Default)]
+struct Runs {
+    runs: [Range<usize>; 9],
+}
+
+/// The points of a grid that may lie within its radius of a centre.
+pub struct Neighborhood<'a> {
+    grid: &'a Grid,
+    center: Point,
+    runs: &'a Runs,
+}
+
+impl Neighborhood<'_> {
+    /// The centre of the search.
+    #[inline]
+    pub fn center(&self) -> Point {
+        self.center
+    }
+
+    /// Calls `visit` with each point within the grid's radius (boundary included): its position in the
+    /// grid's order, itself and its squared distance. Stops when `visit` returns false.
+    #[inline]
+    pub fn visit(&self, mut visit: impl FnMut(usize, Point, f64) -> bool) {
+        let limit = self.grid.radius * self.grid.radius;
+        for run in &self.runs.runs {
+            for (position, &q) in run.clone().zip(&self.grid.points[run.clone()]) {
+                let squared = squared_distance(q, self.center);
+                if squared <= limit && !visit(position, q, squared) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+impl Grid {
+    /// Sorts finite points for searches within `radius` > 0.
+    pub fn new(points: &[Point], radius: f64) -> Self {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for p in points {
+            for k in 0..3 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k]);
+            }
+        }
+        let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+        // a little wider than the radius, so that rounding never puts two neighbours two cells apart; and
+        // wide enough that the cells of the longest axis can be numbered
+        let cell = (radius * (1.0 + 1e-6)).max(extent / f64::from(1u32 << (AXIS_BITS - 2)));
+        let mut grid = Self {
+            radius,
+            low,
+            inverse_cell: 1.0 / cell,
+            keys: Vec::new(),
+            starts: Vec::new(),
+            points: Vec::new(),
+            order: Vec::new(),
+        };
+        let mut keyed: Vec<(u64, u32)> =
+            points.iter().enumerate().map(|(i, &p)| (key(grid.cell(p)), i as u32)).collect();
+        keyed.par_sort_unstable();
+        for (position, &(key, _)) in keyed.iter().enumerate() {
+            if grid.keys.last() != Some(&key) {
+                grid.keys.push(key);
+                grid.starts.push(position);
+            }
+        }
+        grid.starts.push(points.len());
+        grid.order = keyed.iter().map(|&(_, i)| i).collect();
+        grid.points = grid.gather(points);
+        grid
+    }
+
+    /// Values of the points, put in the grid's order.
+    pub fn gather<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.order.iter().map(|&i| values[i as usize]).collect()
+    }
+
+    /// The index in the input of the point at a position of the grid's order.
+    pub fn input_index(&self, position: usize) -> usize {
+        self.order[position] as usize
+    }
+
+    /// Calls `answer` with the neighbourhood of every point; the answers in the order of the input.
+    pub fn map<T: Send + Copy + Default>(&self, answer: impl Fn(&Neighborhood) -> T + Sync) -> Vec<T> {
+        let cells: Vec<usize> = (0..self.keys.len()).collect();
+        let sorted: Vec<Vec<T>> = cells
+            .par_chunks(CELLS_PER_TASK)
+            .map(|cells| {
+                let mut sweep = Sweep::default();
+                let mut answers = Vec::new();
+                for &cell in cells {
+                    let runs = sweep.runs(self, self.keys[cell]);
+                    let points = &self.points[self.starts[cell]..self.starts[cell + 1]];
+                    answers.extend(
+                        points
+                            .iter()
+                            .map(|&center| answer(&Neighborhood { grid: self, center, runs: &runs })),
+                    );
+                }
+                answers
+            })
+            .collect();
+        let mut answers = vec![T::default(); self.points.len()];
+        for (&i, value) in self.order.iter().zip(sorted.into_iter().flatten()) {
+            answers[i as usize] = value;
+        }
+        answers
+    }
+
+    /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,
+    /// as [`Neighborhood::visit`] does.
+    pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
+        let center = self.points[position];
+        let runs = Sweep::default().runs(self, key(self.cell(center)));
+        Neighborhood { grid: self, center, runs: &runs }.visit(visit);
+    }
+
+    /// The cell of a point inside the grid's extent; numbered from 1, so that neighbours exist on all sides.
+    fn cell(&self, p: Point) -> [u64; 3] {
+        std::array::from_fn(|k| 1 + ((p[k] - self.low[k]) * self.inverse_cell) as u64)
+    }
+}
+
+/// Key of a cell: x, y and z in order of weight.
+fn key([x, y, z]: [u64; 3]) -> u64 {
+    (x << (2 * AXIS_BITS)) | (y << AXIS_BITS) | z
+}
+
+/// Nine cursors over a grid's cells, one for each column of cells around the current one.
+///
+/// Cells are asked for in ascending order, so each cursor moves on from where it was.
+#[derive(Default)]
+struct Sweep {
+    cursors: Option<[usize; 9]>,
+}
+
+impl Sweep {
+    fn runs(&mut self, grid: &Grid, key: u64) -> Runs {
+        let mut runs = Runs::default();
+        let column = |c: usize| {
+            let (dx, dy) = (c as u64 / 3, c as u64 % 3);
+            key + (dx << (2 * AXIS_BITS)) + (dy << AXIS_BITS) - (1 << (2 * AXIS_BITS)) - (1 << AXIS_BITS)
+        };
+        let cursors = self.cursors.get_or_insert_with(|| {
+            std::array::from_fn(|c| grid.keys.partition_point(|&other| other < column(c) - 1))
+        });
+        for (c, cursor) in cursors.iter_mut().enumerate() {
+            let middle = column(c);
+            while *cursor < grid.keys.len() && grid.keys[*cursor] < middle - 1 {
+                *cursor += 1;
+            }
+            let mut end = *cursor;
+            while end < grid.keys.len() && grid.keys[end] <= middle + 1 {
+                end += 1;
+            }
+            runs.runs[c] = grid.starts[*cursor]..grid.starts[end];
+        }
+        runs
+    }
+}
+
+/// A k-d tree over finite points.
+pub struct Tree {
+    tree: ImmutableKdTree<f64, 3>,
+}
+
+impl Tree {
+    /// Builds the tree.
+    pub fn new(points: &[Point]) -> Self {
+        let tree = ImmutableKdTree::new_from_slice(points)
+            .expect("an immutable tree holds any number of points below 2^32");
+        Self { tree }
+    }
+
+    /// The nearest point within `radius` (boundary included): its index and squared distance.
+    #[inline]
+    pub fn nearest_within(&self, center: Point, radius: f64) -> Option<(usize, f64)> {
+        let found = self.tree.query(&center).nearest_one::<SquaredEuclidean<f64>>().execute();
+        (found.distance <= radius * radius).then_some((found.item as usize, found.distance))
+    }
+
+    /// The `count` nearest points, nearest first: their indices.
+    pub fn nearest(&self, center: Point, count: NonZeroUsize) -> impl Iterator<Item = usize> {
+        let found = self.tree.query(&center).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+        found.into_iter().map(|neighbor| neighbor.item as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Clouds as depth cameras make them: lattices, planes, lines, duplicates, and a far outlier.
+    fn cloud() -> impl Strategy<Value = Vec<Point>> {
+        let lattice = prop::array::uniform3(-4i32..4).prop_map(|p| p.map(|x| f64::from(x) * 0.5));
+        let free = prop::array::uniform3(-2.0f64..2.0);
+        let plane = prop::array::uniform3(-2.0f64..2.0).prop_map(|p| [p[0], p[1], 0.5]);
+        let far = prop::array::uniform3(-2.0f64..2.0).prop_map(|p| [p[0] * 1e7, p[1], p[2]]);
+        prop::collection::vec(prop_oneof![8 => lattice, 4 => free, 4 => plane, 1 => far], 1..200)
+    }
+
+    fn within(points: &[Point], center: Point, radius: f64) -> Vec<usize> {
+        (0..points.len()).filter(|&j| squared_distance(points[j], center) <= radius * radius).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_finds_what_brute_force_finds(points in cloud(), radius in prop_oneof![Just(0.5), Just(1.0), 0.01f64..3.0]) {
+            let grid = Grid::new(&points, radius);
+            let counts = grid.map(|neighborhood| {
+                let mut count = 0usize;
+                neighborhood.visit(|_, _, _| { count += 1; true });
+                count
+            });
+            for (i, &center) in points.iter().enumerate() {
+                prop_assert_eq!(counts[i], within(&points, center, radius).len());
+            }
+            for position in 0..points.len() {
+                let mut found = Vec::new();
+                grid.visit_around(position, |other, _, _| { found.push(grid.input_index(other)); true });
+                found.sort_unstable();
+                prop_assert_eq!(found, within(&points, points[grid.input_index(position)], radius));
+            }
+        }
+
+        #[test]
+        fn a_tree_finds_what_brute_force_finds(points in cloud(), center in prop::array::uniform3(-3.0f64..3.0), count in 1usize..40) {
+            let tree = Tree::new(&points);
+            let mut expected: Vec<f64> = points.iter().map(|&p| squared_distance(p, center)).collect();
+            expected.sort_by(f64::total_cmp);
+            let found: Vec<f64> = tree
+                .nearest(center, NonZeroUsize::new(count).unwrap())
+                .map(|i| squared_distance(points[i], center))
+                .collect();
+            prop_assert_eq!(found.len(), count.min(points.len()));
+            for (got, want) in found.iter().zip(&expected) {
+                prop_assert!((got - want).abs() <= 1e-12 * want.max(1.0));
+            }
+            let nearest = expected[0].sqrt();
+            prop_assert!(tree.nearest_within(center, nearest * (1.0 + 1e-9) + 1e-12).is_some());
+            prop_assert!(tree.nearest_within(center, nearest * (1.0 - 1e-9) - 1e-12).is_none() || nearest == 0.0);
+        }
+    }
+
+    #[test]
+    fn many_coincident_points_are_no_trouble() {
+        let points = vec![[0.25, -1.0, 3.0]; 5000];
+        assert_eq!(Tree::new(&points).nearest([0.0; 3], NonZeroUsize::new(7).unwrap()).count(), 7);
+        let counts = Grid::new(&points, 0.1).map(|neighborhood| {
+            let mut count = 0usize;
+            neighborhood.visit(|_, _, _| {
+                count += 1;
+                true
+            });
+            count
+        });
+        assert!(counts.iter().all(|&count| count == 5000));
+    }
+}

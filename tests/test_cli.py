@@ -1,0 +1,318 @@
+import contextlib
+import io
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import strand
+from PIL import Image
+from strand import cli
+from strand.cli import main
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
+SCENE = strand.synthetic.scene("arc", views=3)
+
+
+@pytest.fixture
+def scene_npz(tmp_path):
+    SCENE.save(tmp_path / "arc.npz")
+    return tmp_path / "arc.npz"
+
+
+def write_folder(folder, radius='radius = "4.2mm"'):
+    """SCENE as a folder with a description and depth images."""
+    (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics.tolist()
+    low, high = SCENE.bounds
+    lines = [
+        radius,
+        f"[camera]\nfx = {fx}\nfy = {fy}\ncx = {cx}\ncy = {cy}\ndepth_scale = {SCENE.depth_scale}",
+        f"[extract]\nlow = {low.tolist()}\nhigh = {high.tolist()}",
+    ]
+    for i, (depth, pose) in enumerate(zip(SCENE.depth, SCENE.poses, strict=True)):
+        Image.fromarray(depth).save(folder / f"{i}.png")
+        lines.append(f'[[view]]\nfile = "{i}.png"\npose = {pose.tolist()}')
+    (folder / "scene.toml").write_text("\n".join(lines))
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["demo", "--out", str(folder), "--seed", "1"])
+    return code, out.getvalue(), err.getvalue(), folder
+
+
+def test_demo_prints_stages_counts_and_errors(demo):
+    code, out, err, _ = demo
+    assert code == 0
+    names = re.findall(r"^(\w+) +\d+ +\d+ +\d+\.\d$", out, re.MULTILINE)
+    assert names == STAGES
+    points = [tuple(map(int, row)) for row in re.findall(r"^\w+ +(\d+) +(\d+) +\d+\.\d$", out, re.MULTILINE)]
+    assert points[0][0] > points[0][1] > 1000
+    assert all(before[1] == after[0] for before, after in pairwise(points))
+    counts = re.findall(r"^([a-z ]+?) +(\d+) +(\d+)$", out, re.MULTILINE)
+    assert [(name, paper) for name, _, paper in counts] == [
+        ("chains traced", "3"),
+        ("segments after the split", "7"),
+        ("whole strings", "1"),
+    ]
+    assert [here for _, here, _ in counts[1:]] == ["7", "1"]
+    assert re.search(
+        r"^string 1: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", out, re.MULTILINE
+    )
+    assert [line for line in err.splitlines() if "warning" not in line] == [
+        f"strand: {name}" for name in STAGES
+    ]
+
+
+def test_demo_writes_model_and_figures(demo):
+    _, out, _, folder = demo
+    names = sorted(path.name for path in folder.iterdir())
+    assert len(names) == 10
+    assert [name for name in names if not name.endswith(".png")] == ["model.json"]
+    assert sorted(out.splitlines()[-10:]) == sorted(str(folder / name) for name in names)
+    assert len(strand.load(folder / "model.json").chains) == 1
+
+
+def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
+    _, _, _, folder = demo
+    shutil.copytree(folder, tmp_path / "out")
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    monkeypatch.setattr(cli.figures, "write_figures", lambda *_: [])
+    assert main(["demo", "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert "model.json" in capsys.readouterr().out
+
+
+def test_reconstruct_npz(scene_npz, tmp_path, capsys):
+    assert main(["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json"), "--ropes", "1"]) == 0
+    out, err = capsys.readouterr()
+    model = strand.load(tmp_path / "a.json")
+    (chain,) = model.chains
+    row = f"1 +{chain.length * 1e3:.1f} +{len(chain.points)} +4\\.20 +open"
+    assert re.search(rf"^{row}$", out, re.MULTILINE)
+    assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]
+    assert out.splitlines()[-1] == str(tmp_path / "a.json")
+    assert [line for line in err.splitlines() if "warning" not in line] == [
+        f"strand: {name}" for name in STAGES
+    ]
+    want = strand.reconstruct(SCENE.views, radius=SCENE.radius, bounds=SCENE.bounds, ropes=1)
+    np.testing.assert_array_equal(chain.points, want.chains[0].points)
+
+
+def test_reconstruct_folder_is_the_same_as_its_archive(scene_npz, tmp_path):
+    write_folder(tmp_path)
+    for scene, out in ((scene_npz, "a.json"), (tmp_path, "b.json"), (tmp_path / "scene.toml", "c.json")):
+        assert main(["reconstruct", str(scene), "-o", str(tmp_path / out)]) == 0
+    a, b, c = (strand.load(tmp_path / f"{name}.json").chains[0].points for name in "abc")
+    np.testing.assert_allclose(a, b, atol=1e-12)
+    np.testing.assert_array_equal(b, c)
+
+
+def test_options_reach_the_reconstruction(scene_npz, tmp_path, monkeypatch):
+    given = {}
+    made = strand.reconstruct(SCENE.views, radius=SCENE.radius, bounds=SCENE.bounds)
+
+    def reconstruct(views, **options):
+        given.update(options, views=len(views))
+        return made
+
+    monkeypatch.setattr(strand, "reconstruct", reconstruct)
+    (tmp_path / "a.toml").write_text("[tracing]\nnear = 0.75\n")
+    command = ["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json")]
+    assert main(command) == 0
+    assert given["views"] == 3
+    assert given["radius"] == SCENE.radius
+    np.testing.assert_array_equal(given["bounds"], SCENE.bounds)
+    assert (given["ropes"], given["config"], given["keep_stages"]) == (None, None, False)
+    command += ["--radius", "5mm", "--ropes", "2", "--config", str(tmp_path / "a.toml")]
+    command += ["--bounds", "-0.2", "-.1", "1mm", "20cm", "0.1", "0.05"]
+    assert main(command) == 0
+    assert (given["radius"], given["ropes"], given["config"].tracing.near) == (0.005, 2, 0.75)
+    np.testing.assert_array_equal(given["bounds"], [[-0.2, -0.1, 0.001], [0.2, 0.1, 0.05]])
+
+
+def test_radius_none_is_passed_on(tmp_path, monkeypatch, capsys):
+    write_folder(tmp_path, radius="")
+
+    def reconstruct(views, *, radius, **_):
+        raise strand.NotEnoughDataError(f"radius: {radius}\nis not known")
+
+    monkeypatch.setattr(strand, "reconstruct", reconstruct)
+    assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "a.json")]) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "strand: error: radius: None is not known"
+
+
+def test_reconstruct_draws_figures(scene_npz, tmp_path, monkeypatch, capsys):
+    def write_figures(model, directory, truth):
+        assert model.stages
+        assert len(truth) == 1
+        return [directory / "a.png"]
+
+    monkeypatch.setattr(cli.figures, "write_figures", write_figures)
+    command = [
+        "reconstruct",
+        str(scene_npz),
+        "-o",
+        str(tmp_path / "a.json"),
+        "--figures",
+        str(tmp_path / "f"),
+    ]
+    assert main(command) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "f" / "a.png")
+
+
+def test_warnings_go_to_stderr(scene_npz, tmp_path, capsys):
+    command = ["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json"), "--ropes", "9"]
+    assert main(command) == 0
+    out, err = capsys.readouterr()
+    assert "strand: warning: " in err
+    assert "strand: " not in out
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        (["no.npz", "-o", "a.json"], 3, "no.npz: No such file or directory"),
+        (["empty.npz", "-o", "a.json"], 1, "empty.npz: the file is empty"),
+        (["half.npz", "-o", "a.json"], 1, "half.npz: truncated"),
+        (["arc.npz", "-o", "no/a.json"], 3, "no/a.json: No such file or directory"),
+        (["arc.npz", "-o", "."], 3, ".: Not a regular file"),
+        (["arc.npz", "-o", "a.json", "--config", "no.toml"], 3, "no.toml: No such file or directory"),
+        (["arc.npz", "-o", "a.json", "--config", "bad.toml"], 1, "bad.toml: "),
+        (["arc.npz", "-o", "a.json", "--radius", "0"], 2, "radius: "),
+        (["arc.npz", "-o", "a.json", "--ropes", "0"], 2, "ropes: "),
+        (["arc.npz", "-o", "a.json", "--bounds", "0", "0", "0", "-1", "1", "1"], 2, "bounds: "),
+        (["arc.npz", "-o", "a.json", "--bounds", "7", "7", "7", "8", "8", "8"], 1, ""),
+    ],
+)
+def test_expected_errors_are_one_line(scene_npz, tmp_path, monkeypatch, capsys, options, code, message):
+    monkeypatch.chdir(tmp_path)
+    Path("empty.npz").touch()
+    Path("half.npz").write_bytes(scene_npz.read_bytes()[:5000])
+    Path("bad.toml").write_text("[tracing]\nneer = 1\n")
+    assert main(["reconstruct", *options]) == code
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f"strand: error: {message}")
+    assert not Path("a.json").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["demolish"],
+        ["reconstruct"],
+        ["reconstruct", "arc.npz"],
+        ["reconstruct", "arc.npz", "-o", "a.json", "--radius", "4.2 inch"],
+        ["reconstruct", "arc.npz", "-o", "a.json", "--ropes", "one"],
+        ["reconstruct", "arc.npz", "-o", "a.json", "--bounds", "1", "2"],
+        ["demo", "--seed", "x"],
+    ],
+)
+def test_wrong_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "usage: strand" in capsys.readouterr().err
+
+
+def test_wrong_length_is_explained(capsys):
+    with pytest.raises(SystemExit):
+        main(["reconstruct", "a.npz", "-o", "a.json", "--radius", "4.2 inch"])
+    assert "--radius: length: expected metres, or a number with mm, cm or m" in capsys.readouterr().err
+
+
+def test_version_and_help(capsys):
+    for arguments in (["--version"], ["--help"], ["demo", "--help"], ["reconstruct", "--help"]):
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        assert caught.value.code == 0
+        out = capsys.readouterr().out
+        assert out == f"strand {strand.__version__}\n" if arguments == ["--version"] else "exit codes:" in out
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (KeyboardInterrupt(), 130, "strand: error: interrupted"),
+        (ImportError("pillow is needed here"), 3, "strand: error: pillow is needed here"),
+        (PermissionError(13, "Permission denied", "a.npz"), 3, "strand: error: a.npz: Permission denied"),
+        (OSError("no space"), 3, "strand: error: no space"),
+        (TypeError("radius: expected a number"), 2, "strand: error: radius: expected a number"),
+    ],
+)
+def test_exit_codes(monkeypatch, capsys, error, code, line):
+    def fail(_):
+        raise error
+
+    monkeypatch.setattr(cli.io, "load_scene", fail)
+    assert main(["reconstruct", "a.npz", "-o", "a.json"]) == code
+    assert capsys.readouterr().err.splitlines() == [line]
+
+
+def test_errors_of_ours_are_not_hidden(monkeypatch):
+    def fail(_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cli.io, "load_scene", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["reconstruct", "a.npz", "-o", "a.json"])
+
+
+PROGRAM = str(Path(sys.executable).with_name("strand"))
+
+
+@pytest.mark.parametrize("program", [[PROGRAM], [sys.executable, "-m", "strand"]])
+def test_installed_program(program, scene_npz, tmp_path):
+    done = subprocess.run(
+        [*program, "reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert strand.load(tmp_path / "a.json").chains
+
+
+def test_closed_pipe_is_not_an_error(scene_npz, tmp_path):
+    process = subprocess.Popen(
+        [PROGRAM, "reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 141
+    assert "Error" not in err
+    assert "Traceback" not in err
+
+
+def test_progress_bar_on_a_terminal(scene_npz, tmp_path):
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [PROGRAM, "reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json")],
+        stdout=subprocess.DEVNULL,
+        stderr=theirs,
+        env=os.environ | {"TERM": "xterm"},
+    )
+    os.close(theirs)
+    shown = b""
+    with contextlib.suppress(OSError):  # what a terminal says when its last user is gone
+        while block := os.read(ours, 4096):
+            shown += block
+    os.close(ours)
+    assert process.wait() == 0
+    assert b"\x1b[" in shown
+    assert b"reconnect" in shown
+    assert b"strand: extract" not in shown

@@ -1,0 +1,153 @@
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+from strand import figures
+from strand.model import Chain, Model
+
+RADIUS = 0.004
+S = np.linspace(0.0, 0.2, 41)
+LINE = np.stack([S - 0.1, 0.02 * np.sin(30 * S), 0.005 + 0.003 * np.cos(40 * S)], axis=1)
+
+
+def tube(seed):
+    """Points and outward normals of the upper half of a tube around LINE."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0.0, np.pi, 800)
+    normals = np.stack([np.zeros(800), np.cos(angle), np.sin(angle)], axis=1)
+    return LINE[rng.integers(len(LINE), size=800)] + RADIUS * normals, normals
+
+
+def model_of(**changes):
+    clouds, normals = zip(*(tube(seed) for seed in range(3)), strict=True)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, 3] = [[-0.3, -0.3, 0.5], [0, -0.3, 0.5], [0.3, -0.3, 0.5]]
+    stages = {
+        "raw": clouds,
+        "filtered": clouds,
+        "normals": normals,
+        "registered": clouds,
+        "axis_points": LINE[np.arange(400) % len(LINE)],
+        "traced": (LINE[:20], LINE[20:]),
+        "separation": (np.full(20, np.inf), np.abs(np.arange(21) - 8.0) / 1000),
+        "cuts": (np.array([], dtype=np.intp), np.array([8])),
+        "segments": (LINE[:20], LINE[20:27], LINE[30:]),
+    }
+    chains = changes.pop("chains", (Chain(LINE, RADIUS),))
+    return Model(chains, poses, {}, (), stages | changes)
+
+
+def test_writes_one_figure_a_stage(tmp_path):
+    paths = figures.write_figures(model_of(), tmp_path / "new" / "folder", truth=[LINE.astype(np.float32)])
+    assert [path.name for path in paths] == [
+        "1-raw.png",
+        "2-filtered.png",
+        "3-normals.png",
+        "4-registered.png",
+        "5-axis-points.png",
+        "6-chains.png",
+        "7-separation.png",
+        "8-segments.png",
+        "9-strings.png",
+    ]
+    assert sorted((tmp_path / "new" / "folder").iterdir()) == paths
+    for path in paths:
+        with Image.open(path) as image:
+            image.load()
+            assert image.width == 1200
+            assert 200 < image.height < 1500
+            assert len(np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)) > 20
+        assert path.stat().st_size < 400_000
+
+
+def test_needs_the_stages(tmp_path):
+    model = Model((Chain(LINE, RADIUS),), np.eye(4)[None])
+    with pytest.raises(ValueError, match="model: expected one with its stages"):
+        figures.write_figures(model, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_that_is_a_file(tmp_path):
+    (tmp_path / "out").write_bytes(b"")
+    with pytest.raises(FileExistsError):
+        figures.write_figures(model_of(), tmp_path / "out")
+
+
+def test_names_the_missing_package(tmp_path, monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r'matplotlib is needed here: pip install "\.\[cli\]"'):
+        figures.plot_over_points(model_of(), LINE, tmp_path / "a.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_leaves_global_state_of_matplotlib_alone(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    figures.plot_over_points(model_of(), LINE, tmp_path / "a.png")
+
+
+def test_same_model_same_bytes(tmp_path):
+    for name in ("a.png", "b.png"):
+        figures.plot_over_points(model_of(), LINE, tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_plan_is_seen_from_the_cameras(axis, side):
+    viewpoints = np.full((2, 3), [[0.1], [-0.1]])
+    viewpoints[:, axis] = side
+    plan = figures.Plan.towards(viewpoints, np.zeros((1, 3)))
+    right, up, towards = (plan.signs[k] * np.eye(3)[plan.axes[k]] for k in range(3))
+    np.testing.assert_array_equal(towards, side * np.eye(3)[axis])
+    np.testing.assert_array_equal(np.cross(right, up), towards)
+
+
+@pytest.mark.parametrize("upper", [0, 1])
+def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
+    s = np.linspace(-0.1, 0.1, 21)[:, None]
+    height = [0.0, 0.0]
+    height[upper] = 0.02
+    strands = (s * [1, 1, 0] + [0, 0, height[0]], s * [1, -1, 0] + [0, 0, height[1]])
+    model = model_of(chains=tuple(Chain(strand, RADIUS) for strand in strands))
+    figures.plot_over_points(model, np.vstack(strands), tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    colours = [np.array([int(c[i : i + 2], 16) for i in (1, 3, 5)]) for c in figures.PALETTE[:2]]
+    near = [np.abs(pixels - colour).max(axis=2) < 12 for colour in colours]
+    # the crossing is the middle of what either strand covers, away from the legend
+    rows, columns = np.nonzero((near[0] | near[1])[:-100])
+    v, u = (rows.min() + rows.max()) // 2, (columns.min() + columns.max()) // 2
+    assert near[upper][v, u]
+    assert not near[1 - upper][v, u]
+
+
+@pytest.mark.parametrize(
+    ("draw", "changes"),
+    [
+        (figures.separation, {"chains": ()}),
+        (figures.separation, {"separation": (np.full(20, np.inf), np.full(21, np.inf))}),
+        (
+            figures.separation,
+            {"traced": (LINE,) * 20, "separation": (LINE[:, 0] + 1,) * 20, "cuts": (np.array([3]),) * 20},
+        ),
+        (figures.segments, {"chains": ()}),
+        (figures.segments, {"segments": (LINE[:2],)}),
+        (figures.chains, {"traced": tuple(LINE[i : i + 3] for i in range(30))}),
+        (figures.strings, {"chains": ()}),
+        (figures.strings, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
+        (figures.raw, {"raw": tuple(tube(0)[0][:30] for _ in range(40))}),
+        (figures.raw, {"raw": (LINE[:1],)}),
+    ],
+)
+def test_draws_odd_models(draw, changes):
+    figure = draw(model_of(**changes))
+    figure.draw_without_rendering()
+
+
+def test_stray_points_do_not_make_a_figure_endless():
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 50.0, 0.01], [0.001, 0.0, 9.0]])
+    width, height = figures.raw(model_of(raw=(points,))).get_size_inches()
+    assert (width, height < 10) == (8, True)

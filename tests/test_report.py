@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+import strand
+from strand import report
+from strand.model import Chain, Model
+
+LINE = np.stack([np.linspace(0.0, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
+RADIUS = 0.004
+
+
+def model_of(*lines, **stages):
+    chains = tuple(Chain(line, RADIUS) for line in lines)
+    return Model(chains, np.eye(4)[None], dict.fromkeys(report.STAGE_ARRAYS, 0.0015), (), stages)
+
+
+def test_accuracy_of_a_shifted_chain():
+    found = report.accuracy(Chain(LINE + np.array([0, 0.001, 0]), RADIUS), LINE)
+    assert found.rms == pytest.approx(0.001)
+    assert found.length_error == pytest.approx(0)
+
+
+def test_accuracy_of_a_chain_with_a_piece_missing():
+    found = report.accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
+    assert found.rms == pytest.approx(0, abs=1e-8)
+    assert found.length_error == pytest.approx(-0.25)
+
+
+def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
+    # one node far from the truth, most nodes on it
+    few = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0.2, 0, 0]])
+    crowded = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
+    want = report.accuracy(Chain(few, RADIUS), LINE).rms
+    assert report.accuracy(Chain(crowded, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
+    # straight up to 0.1 m and down again: the mean of s squared is a third of 0.1 squared
+    assert want == pytest.approx(0.1 / np.sqrt(3), rel=0.01)
+
+
+@pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
+def test_accuracy_refuses_what_is_no_centreline(truth):
+    with pytest.raises(ValueError, match="points"):
+        report.accuracy(Chain(LINE, RADIUS), truth)
+
+
+def test_stages_and_counts():
+    stages = {
+        "raw": (LINE, LINE[:9]),
+        "filtered": (LINE, LINE[:5]),
+        "normals": (LINE, LINE[:5]),
+        "registered": (LINE, LINE[:5]),
+        "axis_points": LINE[:40],
+        "traced": (LINE[:12], LINE[:7]),
+        "segments": (LINE[:6], LINE[:5], LINE[:4]),
+    }
+    model = model_of(LINE[:9], **stages)
+    counts = report.stage_counts([strand.View(LINE), strand.View(LINE)], model)
+    assert [count.points_out for count in counts] == [50, 46, 46, 46, 40, 19, 15, 9]
+    assert [count.points_in for count in counts] == [82, 50, 46, 46, 46, 40, 19, 15]
+    assert {count.seconds for count in counts} == {0.0015}
+    assert report.chain_counts(model) == (2, 3, 1)
+    assert report.describe_stages([strand.View(LINE)], model).splitlines()[-1].split() == ["total", "12.0"]
+
+
+def test_stages_are_needed():
+    for describe in (
+        report.chain_counts,
+        report.describe_counts,
+        lambda model: report.stage_counts([], model),
+    ):
+        with pytest.raises(ValueError, match="model: expected one with its stages"):
+            describe(model_of(LINE))
+
+
+def test_accuracy_lines_pair_the_longest_with_the_longest():
+    lines = report.describe_accuracy(model_of(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
+    assert lines == [
+        "string 1: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+        "string 2: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+    ]
+
+
+def test_tables_line_up():
+    model = Model(
+        (Chain(LINE, RADIUS), Chain(LINE[:9], RADIUS, closed=True)), np.eye(4)[None], {"extract": 1.0}
+    )
+    assert report.describe_chains(model).splitlines() == [
+        "chain  length / mm  nodes  radius / mm    ends",
+        "1            200.0     41         4.00    open",
+        "2             80.0      9         4.00  closed",
+    ]
+    assert report.describe_timings(model).splitlines() == [
+        "stage        ms",
+        "extract  1000.0",
+        "total    1000.0",
+    ]
