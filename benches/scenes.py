@@ -2,7 +2,8 @@
 
 python benches/scenes.py DIR [--published] [--ropes N] [--only TEXT]
 
-DIR holds .npz scenes with truth; the measure is score.py in the folder above it. Times are medians of five runs.
+DIR holds .npz scenes with truth; the measure is score.py in the folder above it. Times are medians of
+five runs.
 """
 
 from __future__ import annotations

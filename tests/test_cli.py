@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import strand
 from PIL import Image
+
+import strand
 from strand import cli
 from strand.cli import main
 

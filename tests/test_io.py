@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+
 from strand import StrandError
 from strand.io import FileFormatError, load_scene, read_json, read_toml, write_bytes, write_json
 from strand.scene import parse_length

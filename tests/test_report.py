@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 import strand
 from strand import report
 from strand.model import Chain, Model

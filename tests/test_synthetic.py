@@ -6,6 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 from scipy.spatial.distance import cdist
+
 from strand import io, shapes, synthetic
 from strand.shapes import SHAPES, shape
 from strand.synthetic import camera_pose, render_depth, scene, sense

@@ -132,7 +132,7 @@ class Tracing:
 
     near: float = 1.0
     far: float = 2.5
-    min_length: float = 2.0
+    min_length: float = 1.0
 
     def __post_init__(self) -> None:
         _check(self)
@@ -263,7 +263,9 @@ _SECTIONS: dict[str, type[Any]] = {
 
 
 def load(path: str | os.PathLike[str]) -> Config:
-    """Read a configuration from a TOML file: one table for each section, fields that are not named keep their value.
+    """Read a configuration from a TOML file with a table for each section.
+
+    Sections and fields that it does not name keep their values.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ GREY = "#c0c0c0"
 DIMENSION = "#777777"
 INK = "#202020"
 MAX_POINTS = 15_000
-MAX_NORMALS = 1_200
+MAX_NORMALS = 800
 MAX_NAMES = 8  # legend entries of chains, and panels of separations
 
 
@@ -104,14 +104,17 @@ class Sheet:
     panels: tuple[tuple[Axes, int, int, Callable[[Array], Array]], ...]
     bar: Axes | None
 
-    def points(self, points: Array, colours: Any, size: float = 2.0) -> None:
+    def points(self, points: Array, colours: Any, size: float = 1.5) -> None:
         """Draw points, the farther ones first; `colours` is one colour, or one for each point."""
         keep = _some(len(points), MAX_POINTS)
         for axes, across, up, depth in self.panels:
             order = keep[np.argsort(depth(points[keep]), kind="stable")]
             where = self.plan.of(points[order])
             each = colours if isinstance(colours, str) else colours[order]
-            axes.scatter(where[:, across], where[:, up], s=size, c=each, marker="o", linewidths=0)
+            # smoothed edges would make the file several times as big
+            axes.scatter(
+                where[:, across], where[:, up], s=size, c=each, marker="o", linewidths=0, antialiaseds=False
+            )
 
     def lines(self, lines: Iterable[tuple[Array, Any]], width: float = 2.2) -> None:
         """Draw polylines so that the nearer strand crosses over the farther one.
@@ -245,7 +248,7 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains, 1)]
     entries = [_dot("points", GREY), *_line_names(names)]
     sheet = _sheet(model, cloud, "Chains over the points", entries, elevation=False)
-    sheet.points(cloud, GREY, size=3.0)
+    sheet.points(cloud, GREY, size=2.0)
     paths = [_closed(chain.points, chain.closed) for chain in model.chains]
     sheet.lines(_coloured(paths), width=2.6)
     sheet.markers(_string_ends(model), "o", PALETTE[3])
@@ -274,7 +277,7 @@ def normals(model: Model) -> Figure:
     key["towards the reader"] = (0, 0)
     legend = [_stroke(name, hue) for name, hue in zip(key, _hues(np.array(list(key.values()))), strict=True)]
     sheet = _sheet(model, points, f"Normals at {len(points):,} points", legend)
-    sheet.points(points, GREY, size=1.0)
+    sheet.points(points[_some(len(points), MAX_POINTS // 3)], GREY, size=1.0)
     reach = 0.03 * float(np.ptp(points, axis=0).max())
     some = _some(len(points), MAX_NORMALS)
     collections = io.extra("matplotlib.collections")
@@ -293,7 +296,7 @@ def axis_points(model: Model) -> Figure:
     sheet = _sheet(model, points, f"{len(points):,} axis points", bar=True)
     height = sheet.plan.of(points)[:, 2]
     colours = sheet.scale(height.min(), height.max(), "viridis", sheet.plan.label(2))
-    sheet.points(points, colours(height), size=3.0)
+    sheet.points(points, colours(height), size=2.0)
     return sheet.figure
 
 
@@ -315,7 +318,7 @@ def separation(model: Model) -> Figure:
     traced, cuts = model.stages["traced"], model.stages["cuts"]
     values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
     shown = sorted(sorted(range(len(traced)), key=lambda i: -len(traced[i]))[:MAX_NAMES])
-    lines = io.extra("matplotlib.lines")
+    lines, ticker = io.extra("matplotlib.lines"), io.extra("matplotlib.ticker")
     legend = [lines.Line2D([], [], marker="v", ls=":", color=INK, mfc="white", mew=1.2, ms=8, label="cut")]
     if model.chains:
         legend.append(lines.Line2D([], [], color=DIMENSION, ls="--", label="string's diameter 2 r"))
@@ -323,7 +326,7 @@ def separation(model: Model) -> Figure:
     if len(shown) < len(traced):
         title += f" (the {len(shown)} longest of {len(traced)})"
     panel, gap = 1.6, 0.5
-    figure, foot = _figure(title, (panel + gap) * len(shown), legend)
+    figure, foot = _figure(title, (panel + gap) * len(shown) - 0.25, legend)
     highest = max((float(np.nanmax(values[i])) for i in shown if np.isfinite(values[i]).any()), default=1.0)
     for row, i in enumerate(reversed(shown)):
         axes = _panel(figure, LEFT, foot + (panel + gap) * row, WIDTH - LEFT - RIGHT, panel)
@@ -336,6 +339,7 @@ def separation(model: Model) -> Figure:
         if model.chains:
             axes.axhline(2e3 * model.chains[0].radius, color=DIMENSION, lw=1.0, ls="--")
         axes.set(xlim=(-1, max(len(values[i]), 2)), ylim=(0, 1.08 * highest))
+        axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         axes.set_ylabel("d* / mm", fontsize=10)
         axes.set_title(f"chain {i + 1}", loc="left", fontsize=10, pad=3, color=colour)
         if row == 0:
@@ -453,7 +457,9 @@ def _sheet(
     shown.insert(0, (panel(bottom, up, 1), 0, 1, plan.depth))
     shown[0][0].tick_params(labelbottom=not elevation)
     shown[-1][0].set_xlabel(plan.label(0), fontsize=10)
-    colours = _panel(figure, left + scale * across + 0.2, bottom, 0.16, scale * up) if bar else None
+    colours = (
+        _panel(figure, left + scale * across + 0.2, foot, 0.16, bottom + scale * up - foot) if bar else None
+    )
     return Sheet(figure, plan, tuple(shown), colours)
 
 
@@ -535,12 +541,7 @@ def _some(count: int, most: int) -> np.ndarray[Any, np.dtype[np.intp]]:
 
 
 def _write(figure: Figure, path: Path) -> None:
-    canvas = io.extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
-    canvas.draw()
-    # a palette of 256 colours makes files less than half as big
-    pillow = io.extra("PIL.Image")
-    image = pillow.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    image = image.quantize(256, method=pillow.Quantize.MAXCOVERAGE, dither=pillow.Dither.NONE)
     data = BytesIO()
-    image.save(data, format="PNG", optimize=True, dpi=(DPI, DPI))
+    canvas = io.extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    canvas.print_png(data)
     io.write_bytes(path, data.getvalue())

@@ -75,8 +75,7 @@ class Chain:
     @cached_property
     def tangents(self) -> Array:
         """(M, 3) Unit tangents at the nodes, along the order of the nodes, by central differences."""
-        first, second = self._derivatives()
-        return first
+        return self._derivatives()[0]
 
     @cached_property
     def curvature(self) -> Array:
@@ -84,11 +83,10 @@ class Chain:
 
         The two ends of an open chain repeat their neighbours' value; a chain of two nodes has none.
         """
-        first, second = self._derivatives()
-        return np.asarray(np.linalg.norm(second, axis=1))
+        return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
 
     def _derivatives(self) -> tuple[Array, Array]:
-        """Unit tangents and second differences at the nodes."""
+        """Return unit tangents and second differences at the nodes."""
         path = self._path
         if self.closed:
             path = np.vstack([path[-2], path])

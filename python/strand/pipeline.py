@@ -103,8 +103,8 @@ def reconstruct(
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     """
-    views, radius, ropes = _checked(views, radius, ropes)
     config = Config.published() if config is None else config
+    views, radius, ropes = _checked(views, radius, ropes, config)
     run = _Run(progress)
     with run.stage("extract"):
         raw = [view if bounds is None else view.crop(bounds) for view in views]
@@ -148,7 +148,7 @@ def reconstruct(
 
 
 def _checked(
-    views: Sequence[View], radius: float | None, ropes: int | None
+    views: Sequence[View], radius: float | None, ropes: int | None, config: Config
 ) -> tuple[tuple[View, ...], float, int | None]:
     """Check the arguments that have no type of their own."""
     if isinstance(views, View):
@@ -170,6 +170,8 @@ def _checked(
             raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
         if ropes < 1:
             raise ValueError(f"ropes: expected at least 1, got {ropes}")
+    if not isinstance(config, Config):
+        raise TypeError(f"config: expected a Config, got {config!r}")
     return views, float(radius), ropes
 
 
@@ -239,9 +241,9 @@ def _chosen(chains: list[Chain], ropes: int | None, run: _Run) -> tuple[Chain, .
         if len(chains) < ropes:
             run.warnings.append(f"found {len(chains)} strings, fewer than ropes = {ropes}")
         for chain in chains[ropes:]:
+            where = np.round(chain.points[0], 3).tolist()
             run.warnings.append(
-                f"left out a piece {chain.length * 1e3:.0f} mm long at {np.round(chain.points[0], 3).tolist()}, "
-                f"more than ropes = {ropes}"
+                f"left out a piece {chain.length * 1e3:.0f} mm long at {where}, more than ropes = {ropes}"
             )
         chains = chains[:ropes]
     return tuple(chains)

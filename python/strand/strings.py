@@ -96,9 +96,9 @@ def reach_end(nodes: Array, axis: Array, density: float, radius: float, span: fl
 def straighten(nodes: Array, radius: float, span: float) -> Array:
     """Undo what the average over two radii (eq. 17-18) does to bends.
 
-    The surface points within 2r of a point of a tube reach s^2 <= 2 r^2 (1 + cos phi) along the axis at the
-    angle phi around it, so the mean of s^2 is (4/3)^2 r^2 / 2 = 8/9 r^2, and on an axis of curvature vector k the mean
-    of the axis points lies 4/9 r^2 k inside it.
+    Around a point of a tube, the surface points within 2r reach s^2 <= 2 r^2 (1 + cos phi) along the axis at
+    the angle phi about it. Their mean s^2 is 8/9 r^2, so the mean of their axis points lies 4/9 r^2 k inside
+    an axis whose curvature vector is k.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def path_length(nodes: Array) -> Array:
 
 
 def closes(chain: Array, reach: float, loop: float) -> bool:
-    """Whether a chain comes back to its own start: its ends are within `reach`, and it is longer than `loop`."""
+    """Tell whether a chain comes back to its start: ends within `reach`, and longer than `loop`, metres."""
     return bool(np.linalg.norm(chain[-1] - chain[0]) <= reach and path_length(chain)[-1] > loop)
 
 
@@ -174,7 +174,9 @@ def split(chains: Sequence[Array], radius: float, config: Splitting) -> Split:
     """
     closed = [closes(chain, config.closure * radius, config.neighborhood * radius) for chain in chains]
     distances = separation(chains, config.neighborhood * radius, closed)
-    cuts, segments, rings = [], [], []
+    cuts: list[Indices] = []
+    segments: list[Array] = []
+    rings: list[int] = []
     for chain, distance, ring in zip(chains, distances, closed, strict=True):
         nodes = crossing_nodes(distance, config.threshold * radius, config.prominence * radius, ring)
         if ring and not len(nodes):
@@ -229,7 +231,7 @@ def segment_ends(segments: Sequence[Array], skip: float, span: float) -> Ends:
 
 
 def end_direction(nodes: Array, skip: float, span: float) -> Array:
-    """Unit vector out of the last of (M, 3) nodes, over `span` of arc length, `skip` before the end.
+    """Return the unit vector out of the last of (M, 3) nodes, over `span` of arc length, `skip` before it.
 
     A chain shorter than that gives the direction of the whole chain; a single node the zero vector.
     """

@@ -331,6 +331,8 @@ class View:
             If a low corner is not below its high one.
         """
         low, high = extraction_range(bounds)
-        world = self.world_points
-        inside = ((world >= low) & (world <= high)).all(axis=1)
+        inside = np.ones(len(self.points), dtype=bool)
+        for axis, shift, least, most in zip(self.pose[:3, :3], self.viewpoint, low, high, strict=True):
+            coordinate = self.points @ axis + shift
+            inside &= (coordinate >= least) & (coordinate <= most)
         return View(self.points[inside], self.pose, self.dropped)

@@ -1,0 +1,54 @@
+"""The numbers of the method and their files."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+import strand
+from strand import config
+
+
+def test_a_file_changes_only_what_it_names(tmp_path):
+    path = tmp_path / "config.toml"
+    path.write_text("[tracing]\nnear = 0.8\n[filter]\nmin_neighbors = 7\n")
+    loaded = config.load(path)
+    expected = dataclasses.replace(
+        strand.Config.published(), tracing=config.Tracing(near=0.8), filter=config.Filter(min_neighbors=7)
+    )
+    assert loaded == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[nonsense]\n", r"unknown section \[nonsense\]"),
+        ("[tracing]\nfast = 1\n", r"\[tracing\] has no fast; known are near, far"),
+        ("[tracing]\nnear = -1.0\n", "Tracing.near: expected a number above 0"),
+        ("[tracing]\nnear = 3.0\n", "Tracing.far: expected more than near"),
+        ("[tracing]\nnear = nan\n", "Tracing.near"),
+        ("[splitting]\nthreshold = 7.0\n", "Splitting.neighborhood"),
+        ("[filter]\nmin_neighbors = 1.5\n", "Filter.min_neighbors: expected a whole number"),
+        ('[filter]\nradius = "big"\n', "Filter.radius: expected a number"),
+        ("[filter]\nradius = true\n", "Filter.radius: expected a number"),
+        ("tracing = 3\n", r"write \[tracing\]"),
+        ("[tracing\n", "config.toml"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_is_accepted(tmp_path, text, message):
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    with pytest.raises(strand.FileFormatError, match=message):
+        config.load(path)
+
+
+def test_a_section_of_another_kind_is_refused():
+    with pytest.raises(TypeError, match=r"Config\.tracing: expected a Tracing"):
+        strand.Config(tracing=config.Filter())  # type: ignore[arg-type]
+
+
+def test_every_number_is_documented():
+    for section in (getattr(strand.Config(), entry.name) for entry in dataclasses.fields(strand.Config)):
+        for entry in dataclasses.fields(section):
+            assert f"    {entry.name} : " in type(section).__doc__

@@ -1,0 +1,217 @@
+"""reconstruct(): what it promises on simulated strings, and how it refuses what it cannot do."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import strand
+from strand import View, config
+
+STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return strand.synthetic.scene("arc", seed=3)
+
+
+@pytest.fixture(scope="module")
+def model(scene):
+    return strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1, keep_stages=True)
+
+
+def distance_to(truth: np.ndarray, points: np.ndarray) -> np.ndarray:
+    line = strand.Chain(truth, 0.001)
+    return np.array([line.nearest(point)[1] for point in points])
+
+
+def test_the_string_is_found_from_end_to_end(scene, model):
+    (chain,) = model.chains
+    (truth,) = scene.truth
+    assert chain.length == pytest.approx(strand.Chain(truth, 0.001).length, rel=0.01)
+    assert distance_to(truth, chain.points).max() < 0.3 * scene.radius
+    assert not chain.closed
+    assert chain.radius == scene.radius
+    assert model.warnings == ()
+
+
+def test_stages_and_timings_are_all_there(scene, model):
+    assert list(model.timings) == STAGES
+    assert all(seconds >= 0 for seconds in model.timings.values())
+    stages = model.stages
+    assert [len(stages[name]) for name in ("raw", "filtered", "normals", "registered")] == [7] * 4
+    for filtered, normals, registered in zip(
+        stages["filtered"], stages["normals"], stages["registered"], strict=True
+    ):
+        assert filtered.shape == normals.shape == registered.shape
+    for traced, distances in zip(stages["traced"], stages["separation"], strict=True):
+        assert len(traced) == len(distances)
+    low, high = scene.bounds
+    raw = np.concatenate(stages["raw"])
+    assert ((raw >= low) & (raw <= high)).all()
+    assert strand.reconstruct(scene.views, scene.radius, scene.bounds).stages == {}
+
+
+def test_progress_hears_of_every_stage(scene):
+    heard = []
+    strand.reconstruct(scene.views, scene.radius, scene.bounds, progress=heard.append)
+    assert heard == STAGES
+
+
+def test_registration_improves_the_reported_poses():
+    off = {"given": [], "found": []}
+    for seed in range(5):
+        scene = strand.synthetic.scene("paper", seed=seed)
+        model = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1)
+        nodes = scene.truth[0]
+        for given, found, true in zip(scene.poses, model.poses, scene.poses_true, strict=True):
+            for name, pose in (("given", given), ("found", found)):
+                motion = pose @ np.linalg.inv(true)
+                moved = nodes @ motion[:3, :3].T + motion[:3, 3]
+                off[name].append(np.sqrt(((moved - nodes) ** 2).sum(axis=1).mean()))
+    assert np.median(off["found"]) < 0.6 * np.median(off["given"])
+
+
+def test_the_answer_is_the_same_bits_for_any_number_of_threads(scene):
+    answers = []
+    try:
+        for threads in (1, 2, 3):
+            strand.set_num_threads(threads)
+            model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+            answers.append((model.chains[0].points.tobytes(), model.poses.tobytes()))
+    finally:
+        strand.set_num_threads(0)
+    assert len(set(answers)) == 1
+
+
+def test_the_answer_moves_with_the_world(scene, model):
+    motion = strand.pose_from_angles(0.4, -0.8, 2.0, [3.0, -5.0, 1.0])
+    moved_views = [
+        dataclasses.replace(view.crop(scene.bounds), pose=motion @ view.pose) for view in scene.views
+    ]
+    moved = strand.reconstruct(moved_views, scene.radius, ropes=1)
+    back = (moved.chains[0].points - motion[:3, 3]) @ motion[:3, :3]
+    (truth,) = scene.truth
+    assert distance_to(truth, back).max() < 0.3 * scene.radius
+    assert moved.chains[0].length == pytest.approx(model.chains[0].length, rel=1e-3)
+
+
+def test_the_answer_scales_with_the_string(scene, model):
+    factor = 3.0
+    views = [View.from_world(factor * v.world_points, factor * v.viewpoint) for v in scene.views]
+    low, high = scene.bounds
+    scaled = strand.reconstruct(views, factor * scene.radius, (factor * low, factor * high), ropes=1)
+    assert scaled.chains[0].length == pytest.approx(factor * model.chains[0].length, rel=1e-6)
+
+
+def test_the_order_of_points_does_not_matter(scene, model):
+    rng = np.random.default_rng(0)
+    views = [dataclasses.replace(v, points=v.points[rng.permutation(len(v.points))]) for v in scene.views]
+    shuffled = strand.reconstruct(views, scene.radius, scene.bounds, ropes=1)
+    assert shuffled.chains[0].length == pytest.approx(model.chains[0].length, rel=1e-4)
+    assert distance_to(model.chains[0].points, shuffled.chains[0].points).max() < 0.05 * scene.radius
+
+
+def test_views_that_see_nothing_are_left_out_with_a_warning(scene, model):
+    nothing = View(np.zeros((0, 3)), scene.views[0].pose)
+    elsewhere = View.from_world(np.full((50, 3), 9.0), viewpoint=[9.0, 9.0, 10.0])
+    lonely = View.from_world(np.array([[0.0, 0.0, 0.006]]), viewpoint=[0.0, 0.0, 1.0])
+    views = [nothing, *scene.views, elsewhere, lonely]
+    found = strand.reconstruct(views, scene.radius, scene.bounds, ropes=1)
+    np.testing.assert_array_equal(found.chains[0].points, model.chains[0].points)
+    assert len(found.poses) == len(views)
+    np.testing.assert_array_equal(found.poses[0], nothing.pose)
+    assert [warning.split(" was not used")[0] for warning in found.warnings] == [
+        "view 0 has no points in the extraction range and",
+        "view 8 has no points in the extraction range and",
+        "view 9 has only outliers in the extraction range and",
+    ]
+
+
+def test_a_single_view_is_enough_where_it_sees_the_whole_string(scene):
+    view = scene.views[3]
+    found = strand.reconstruct([view], scene.radius, scene.bounds, ropes=1)
+    assert distance_to(scene.truth[0], found.chains[0].points).max() < scene.radius
+    np.testing.assert_array_equal(found.poses[0], view.pose)
+
+
+def test_several_strings_come_longest_first():
+    chains = [strand.synthetic.shape("arc", length=0.3), strand.synthetic.shape("straight", length=0.15)]
+    chains[1] = chains[1] + [0.0, -0.05, 0.0]
+    scene = strand.synthetic.scene(chains=chains, seed=1)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert [round(chain.length, 2) for chain in model.chains] == [0.3, 0.15]
+    one = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1)
+    assert len(one.chains) == 1
+    assert "left out a piece 1" in one.warnings[-1]
+    three = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=3)
+    assert three.warnings == ("found 2 strings, fewer than ropes = 3",)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"views": []}, ValueError, "views: expected at least one"),
+        ({"views": View(np.zeros((1, 3)))}, TypeError, "views: expected a sequence"),
+        ({"views": [np.zeros((4, 3))]}, TypeError, r"views\[0\]: expected a View"),
+        ({"radius": None}, ValueError, "radius"),
+        ({"radius": 0.0}, ValueError, "radius: expected a positive"),
+        ({"radius": -0.004}, ValueError, "radius: expected a positive"),
+        ({"radius": float("nan")}, ValueError, "radius: expected a positive"),
+        ({"radius": "4 mm"}, TypeError, "radius: expected a number"),
+        ({"ropes": 0}, ValueError, "ropes: expected at least 1"),
+        ({"ropes": 1.5}, TypeError, "ropes: expected a whole number"),
+        ({"config": {"near": 1}}, TypeError, "config: expected a Config"),
+        ({"bounds": ([0.0] * 3, [0.0] * 3)}, ValueError, "bounds: expected low < high"),
+        (
+            {"bounds": ([8.0] * 3, [9.0] * 3)},
+            strand.NotEnoughDataError,
+            "no view has a point in the extraction",
+        ),
+        ({"radius": 1e-6}, strand.NotEnoughDataError, "is the radius right"),
+    ],
+)
+def test_wrong_input_is_refused_by_name(scene, change, error, message):
+    arguments = {"views": scene.views, "radius": scene.radius, "bounds": scene.bounds} | change
+    with pytest.raises(error, match=message):
+        strand.reconstruct(**arguments)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [np.zeros((500, 3)), np.linspace([0.0, 0, 0], [0.3, 0, 0], 500)],
+    ids=["all points equal", "all points on a line"],
+)
+def test_points_without_a_surface_are_refused(points):
+    view = View.from_world(points, viewpoint=[0.0, 0.0, 1.0])
+    with pytest.raises(strand.NotEnoughDataError, match="views"):
+        strand.reconstruct([view, view], radius=0.004)
+
+
+def test_a_cloud_that_is_no_string_gives_an_answer_or_says_no():
+    rng = np.random.default_rng(0)
+    for seed in range(5):
+        cloud = np.random.default_rng(seed).uniform(-0.05, 0.05, (3000, 3))
+        view = View.from_world(cloud, viewpoint=[0.0, 0.0, 1.0])
+        try:
+            model = strand.reconstruct([view], radius=0.004)
+        except strand.StrandError:
+            continue
+        assert all(np.isfinite(chain.points).all() for chain in model.chains)
+    plane = np.stack([*rng.uniform(-0.1, 0.1, (2, 5000)), np.zeros(5000)], axis=1)
+    model = strand.reconstruct([View.from_world(plane, viewpoint=[0.0, 0.0, 1.0])], radius=0.004)
+    assert all(np.isfinite(chain.points).all() for chain in model.chains)
+
+
+def test_numbers_of_the_configuration_are_used(scene):
+    coarse = dataclasses.replace(
+        strand.Config.published(),
+        tracing=config.Tracing(near=2.0, far=4.0),
+        normals=config.Normals(radius=1.3),
+    )
+    fine = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    rough = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=coarse)
+    assert len(rough.chains[0].points) < 0.7 * len(fine.chains[0].points)

@@ -1,0 +1,129 @@
+"""Cameras, poses and views."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import strand
+from strand import View
+
+INTRINSICS = np.array([[200.0, 0.0, 31.5], [0.0, 210.0, 23.5], [0.0, 0.0, 1.0]])
+
+
+def random_pose(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return strand.pose_from_angles(*rng.uniform(-3, 3, 3), rng.uniform(-2, 2, 3))
+
+
+def test_from_depth_inverts_the_projection():
+    pose = random_pose(0)
+    depth = np.random.default_rng(1).uniform(0.2, 0.8, (48, 64))
+    depth[3, 5] = 0.0
+    view = View.from_depth(depth, INTRINSICS, pose)
+    assert len(view.points) == depth.size - 1
+    image = view.points @ INTRINSICS.T
+    u, v = image[:, 0] / image[:, 2], image[:, 1] / image[:, 2]
+    columns, rows = np.rint(u).astype(int), np.rint(v).astype(int)
+    np.testing.assert_allclose(u, columns, atol=1e-9)
+    np.testing.assert_allclose(v, rows, atol=1e-9)
+    np.testing.assert_allclose(view.points[:, 2], depth[rows, columns], rtol=0, atol=0)
+    back = (view.world_points - view.viewpoint) @ pose[:3, :3]
+    np.testing.assert_allclose(back, view.points, atol=1e-12)
+
+
+def test_pixels_without_a_return_are_dropped_and_the_broken_ones_counted():
+    depth = np.full((4, 5), 0.5, dtype=np.float32)
+    depth[0, 0], depth[1, 1], depth[2, 2], depth[3, 3] = 0.0, np.nan, np.inf, -np.inf
+    view = View.from_depth(depth, INTRINSICS)
+    assert len(view.points) == 16
+    assert view.dropped == 3
+
+
+def test_from_world_keeps_the_points_and_the_camera():
+    points = np.random.default_rng(2).normal(size=(20, 3))
+    view = View.from_world(points, viewpoint=[1.0, -2.0, 3.0])
+    np.testing.assert_allclose(view.world_points, points, atol=1e-15)
+    np.testing.assert_array_equal(view.viewpoint, [1.0, -2.0, 3.0])
+
+
+def test_crop_keeps_the_faces_of_the_box_and_everything_inside():
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [1.1, 0.5, 0.5], [0.5, 0.5, -0.1]])
+    kept = View(points).crop(([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]))
+    np.testing.assert_array_equal(kept.points, points[:3])
+    moved = View(points, random_pose(3))
+    low, high = moved.world_points.min(axis=0) - 1e-9, moved.world_points.max(axis=0) + 1e-9
+    assert len(moved.crop((low, high)).points) == 5
+    high[1] = np.inf
+    assert len(moved.crop((low, high)).points) == 5
+
+
+def test_rotation_is_the_product_about_x_then_y_then_z():
+    x, y, z = (strand.rotation_xyz(*angles) for angles in ((0.3, 0, 0), (0, -0.7, 0), (0, 0, 1.1)))
+    np.testing.assert_allclose(strand.rotation_xyz(0.3, -0.7, 1.1), x @ y @ z, atol=1e-15)
+    np.testing.assert_allclose(strand.rotation_xyz(0, 0, np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(strand.rotation_xyz(np.pi / 2, 0, 0) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+
+
+def test_a_point_of_the_plate_stays_where_it_is_when_the_plate_turns():
+    camera, centre, axis, angle = random_pose(4), np.array([0.1, 0.2, 0.0]), np.array([0.1, 0.0, 2.0]), 0.8
+    on_plate = np.array([0.3, -0.1, 0.05])
+    # the fixed camera sees the turned point where the moved camera sees the unturned one
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    turned = centre + turn @ (on_plate - centre)
+    seen = camera[:3, :3].T @ (turned - camera[:3, 3])
+    pose = strand.turntable_pose(camera, angle, centre, axis)
+    np.testing.assert_allclose(pose[:3, :3] @ seen + pose[:3, 3], on_plate, atol=1e-12)
+
+
+@pytest.mark.parametrize("layout", ["fortran", "strided", "float32", "big endian"])
+def test_any_layout_and_float_type_is_read_right(layout):
+    points = np.random.default_rng(5).normal(size=(30, 3)).astype(np.float32).astype(np.float64)
+    variants = {
+        "fortran": np.asfortranarray(points),
+        "strided": np.repeat(points, 2, axis=0)[::2],
+        "float32": points.astype(np.float32),
+        "big endian": points.astype(">f8"),
+    }
+    view = View(variants[layout])
+    np.testing.assert_array_equal(view.points, points)
+    assert view.points.flags.c_contiguous
+    assert view.points.dtype == np.float64
+
+
+def spoiled(row: int, column: int, value: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[row, column] = value
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: View(np.zeros((3, 2))), ValueError, r"points: expected shape \(N, 3\), got \(3, 2\)"),
+        (lambda: View(np.zeros((3, 3), dtype=int)), TypeError, "points: expected floating point"),
+        (lambda: View(np.array([[None] * 3])), TypeError, "points"),
+        (lambda: View(np.full((2, 3), np.nan)), ValueError, "points: expected finite"),
+        (lambda: View(np.zeros((2, 3)), np.eye(3)), ValueError, "pose"),
+        (lambda: View(np.zeros((2, 3)), spoiled(0, 0, -1.0)), ValueError, "pose: expected a rigid motion"),
+        (lambda: View(np.zeros((2, 3)), spoiled(0, 0, 1.01)), ValueError, "pose: expected a rigid motion"),
+        (lambda: View(np.zeros((2, 3)), spoiled(3, 0, 0.5)), ValueError, "pose: expected the last row"),
+        (lambda: View(np.zeros((2, 3)), spoiled(0, 3, np.inf)), ValueError, "pose"),
+        (lambda: View.from_depth(np.zeros((4, 4, 1)), INTRINSICS), ValueError, "depth"),
+        (lambda: View.from_depth(np.zeros((4, 4), dtype=np.uint16), INTRINSICS), TypeError, "depth"),
+        (lambda: View.from_depth(-np.ones((4, 4)), INTRINSICS), ValueError, "depth: expected depths >= 0"),
+        (lambda: View.from_depth(np.ones((4, 4)), np.eye(3) * -1), ValueError, "intrinsics"),
+        (lambda: View.from_depth(np.ones((4, 4)), np.eye(4)), ValueError, "intrinsics"),
+        (lambda: View.from_world(np.zeros((2, 3)), [0.0, 1.0]), ValueError, "viewpoint"),
+        (lambda: View(np.zeros((2, 3))).crop(([0.0] * 3, [0.0, 1.0, 1.0])), ValueError, "bounds"),
+        (lambda: View(np.zeros((2, 3))).crop([0.0] * 3), ValueError, "bounds"),
+        (lambda: strand.turntable_pose(np.eye(4), 0.1, axis=[0.0, 0.0, 0.0]), ValueError, "axis"),
+        (lambda: strand.turntable_pose(np.eye(4), np.nan), ValueError, "angle"),
+        (lambda: strand.pose_from_angles(0.0, np.inf, 0.0, [0.0] * 3), ValueError, "angles"),
+    ],
+)
+def test_wrong_input_is_refused_by_name(make, error, message):
+    with pytest.raises(error, match=message):
+        make()
