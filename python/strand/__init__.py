@@ -14,11 +14,14 @@ from strand._core import (
     radius_outlier_mask,
     set_num_threads,
     trace_chains,
+    trace_tubes,
 )
 from strand.config import Config
 from strand.io import FileFormatError, load_scene
 from strand.model import Chain, Model, load
 from strand.pipeline import reconstruct
+from strand.tubefit import TubeFit, fit_tubes
+from strand.tubes import register_views
 from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
 
 __all__ = [
@@ -29,11 +32,13 @@ __all__ = [
     "Model",
     "NotEnoughDataError",
     "StrandError",
+    "TubeFit",
     "View",
     "__version__",
     "centerline",
     "count_neighbors",
     "estimate_normals",
+    "fit_tubes",
     "icp",
     "load",
     "load_scene",
@@ -41,9 +46,11 @@ __all__ = [
     "pose_from_angles",
     "radius_outlier_mask",
     "reconstruct",
+    "register_views",
     "rotation_xyz",
     "set_num_threads",
     "synthetic",
     "trace_chains",
+    "trace_tubes",
     "turntable_pose",
 ]

@@ -213,21 +213,111 @@ class Reconnection:
 
 
 @dataclass(frozen=True)
+class Poses:
+    """How well the reported poses are known: the default is a stage read off by hand.
+
+    Parameters
+    ----------
+    rotation_sd : float
+        Standard deviation of each component of the rotation vector, radians.
+    translation_sd : float
+        Standard deviation of each component of the translation, metres.
+    """
+
+    rotation_sd: float = math.radians(0.5)
+    translation_sd: float = 1.5e-3
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+@dataclass(frozen=True)
+class Tubes:
+    """Tubes traced through oriented points and fitted together with the poses.
+
+    Parameters
+    ----------
+    spacing : float
+        Length of a spline's spans, in string radii.
+    rounds : int
+        How often arcs are traced in all views and fitted, before they are linked.
+    min_arc : float
+        Arcs shorter than this are left out, in string radii.
+    node_spacing : float
+        Distance between a chain's nodes, in string radii.
+    """
+
+    spacing: float = 2.0
+    rounds: int = 2
+    min_arc: float = 1.0
+    node_spacing: float = 0.25
+
+    def __post_init__(self) -> None:
+        _check(self)
+        if self.rounds < 1:
+            raise ValueError(f"Tubes.rounds: expected at least 1, got {self.rounds}")
+
+
+@dataclass(frozen=True)
+class Linking:
+    """Arcs joined to strings by the matching of their ends that costs least.
+
+    Parameters
+    ----------
+    free_end : float
+        Cost of an end that is joined to none.
+    gap : float
+        The longest gap that is bridged, in string radii.
+    contact : float
+        An arc's end nearer than this to the inside of another cuts it, in string radii: two strands are 2
+        apart.
+    contact_gap : float
+        How much is cut out on each side, in string radii of arc length.
+    min_length : float
+        Strings shorter than this are left out, in string radii.
+    """
+
+    free_end: float = 5.0
+    gap: float = 12.0
+    contact: float = 1.6
+    contact_gap: float = 1.5
+    min_length: float = 6.0
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+
+METHODS = ("tubes", "published")
+
+
+@dataclass(frozen=True)
 class Config:
     """All numbers of a reconstruction, one section for each stage.
 
     Parameters
     ----------
+    method : {"tubes", "published"}
+        Which method: tubes fitted to the points, or the published steps.
     filter : Filter
+        Used by both.
+    poses : Poses
+    tubes : Tubes
+    linking : Linking
+        Used by "tubes".
     normals : Normals
     registration : Registration
     centerline : Centerline
     tracing : Tracing
     splitting : Splitting
     reconnection : Reconnection
+        Used by "published".
     """
 
+    method: str = "tubes"
     filter: Filter = field(default_factory=Filter)
+    poses: Poses = field(default_factory=Poses)
+    tubes: Tubes = field(default_factory=Tubes)
+    linking: Linking = field(default_factory=Linking)
     normals: Normals = field(default_factory=Normals)
     registration: Registration = field(default_factory=Registration)
     centerline: Centerline = field(default_factory=Centerline)
@@ -236,23 +326,28 @@ class Config:
     reconnection: Reconnection = field(default_factory=Reconnection)
 
     def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"Config.method: expected one of {', '.join(METHODS)}, got {self.method!r}")
         for name, section in _SECTIONS.items():
             if not isinstance(getattr(self, name), section):
                 raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
 
     @classmethod
     def published(cls) -> Config:
-        """Return the published method: its stages, with these numbers.
+        """Return the published method with its numbers.
 
         Returns
         -------
         Config
         """
-        return cls()
+        return cls(method="published")
 
 
 _SECTIONS: dict[str, type[Any]] = {
     "filter": Filter,
+    "poses": Poses,
+    "tubes": Tubes,
+    "linking": Linking,
     "normals": Normals,
     "registration": Registration,
     "centerline": Centerline,
@@ -283,8 +378,11 @@ def load(path: str | os.PathLike[str]) -> Config:
     strand.FileFormatError
         If it is not TOML, names an unknown section or field, or holds a value that is not accepted.
     """
-    sections = {}
+    sections: dict[str, Any] = {}
     for name, values in io.read_toml(path).items():
+        if name == "method":
+            sections[name] = values
+            continue
         if name not in _SECTIONS:
             raise io.FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(_SECTIONS)}")
         section = _SECTIONS[name]
@@ -298,4 +396,7 @@ def load(path: str | os.PathLike[str]) -> Config:
             sections[name] = section(**values)
         except (TypeError, ValueError) as error:
             raise io.FileFormatError(f"{path}: {error}") from error
-    return Config(**sections)
+    try:
+        return Config(**sections)
+    except ValueError as error:
+        raise io.FileFormatError(f"{path}: {error}") from error

@@ -8,9 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from strand import io
+from strand.curve import Curve
 from strand.view import Array, finite_array
 
 
@@ -26,6 +27,12 @@ class Chain:
         The string's radius, metres.
     closed : bool
         Whether the last node joins the first, as in a ring.
+    curve : Curve, optional
+        The smooth curve that the nodes are places of: `at`, `tangents` and `curvature` then come from it.
+    covariance : (M, 3, 3) ndarray, optional
+        Covariance of each node, m^2.
+    points_seen, views_seen : (M,) ndarray of int, optional
+        How many points support each node, from how many views; 0 where the curve only bridges a gap.
 
     Raises
     ------
@@ -39,6 +46,10 @@ class Chain:
     points: Array
     radius: float
     closed: bool = False
+    curve: Curve | None = None
+    covariance: Array | None = None
+    points_seen: NDArray[np.int64] | None = None
+    views_seen: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, (None, 3))
@@ -65,11 +76,13 @@ class Chain:
     @property
     def length(self) -> float:
         """Arc length from end to end (once around, if closed), metres."""
-        return float(self._knots[-1])
+        return float(self._knots[-1]) if self.curve is None else self.curve.length
 
     @property
     def arc_length(self) -> Array:
         """(M,) Arc length from the first node to each node, metres."""
+        if self.curve is not None:
+            return np.linspace(0.0, self.curve.length, len(self.points))
         return self._knots[: len(self.points)]
 
     @cached_property
@@ -86,7 +99,9 @@ class Chain:
         return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
 
     def _derivatives(self) -> tuple[Array, Array]:
-        """Return unit tangents and second differences at the nodes."""
+        """Return unit tangents and curvature vectors at the nodes."""
+        if self.curve is not None:
+            return self.curve.at(self.arc_length)[1:]
         path = self._path
         if self.closed:
             path = np.vstack([path[-2], path])
@@ -127,6 +142,8 @@ class Chain:
         s = np.asarray(s, dtype=np.float64)
         if not np.isfinite(s).all():
             raise ValueError("s: expected finite arc lengths, got NaN or infinity")
+        if self.curve is not None:
+            return self.curve.at(s.ravel())[0].reshape(*s.shape, 3)
         if self.closed:
             s = np.mod(s, self.length)
         return np.stack([np.interp(s, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
@@ -158,7 +175,24 @@ class Chain:
         t = np.clip(((point - start) * step).sum(axis=1) / (step * step).sum(axis=1), 0.0, 1.0)
         distance = np.linalg.norm(start + t[:, None] * step - point, axis=1)
         i = int(distance.argmin())
+        if self.curve is not None:
+            return self._nearest_on_curve(self.curve, point, float(self.arc_length[i] + t[i] * self._spacing))
         return float(self._knots[i] + t[i] * (self._knots[i + 1] - self._knots[i])), float(distance[i])
+
+    @property
+    def _spacing(self) -> float:
+        """Arc length between the nodes of a smooth curve."""
+        return self.length / (len(self.points) - 1)
+
+    @staticmethod
+    def _nearest_on_curve(curve: Curve, point: Array, s: float) -> tuple[float, float]:
+        """Refine the arc length of the closest place by Newton's method."""
+        for _ in range(4):
+            position, tangent, bend = (rows[0] for rows in curve.at([s]))
+            offset = point - position
+            slope = max(1.0 - float(offset @ bend), 0.1)
+            s = float(np.clip(s + offset @ tangent / slope, 0.0, curve.length))
+        return s, float(np.linalg.norm(point - curve.at([s])[0][0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +211,9 @@ class Model:
         What the caller should know about the data: views that saw nothing, for example.
     stages : dict of str to object
         The arrays between the stages, if they were asked for (see `strand.reconstruct`); else empty.
+    pose_sd : (V, 6) ndarray
+        Standard deviations of the poses' corrections in the world frame: rotation vector, radians, and
+        translation of the points' centroid, metres; 0 for the view that stayed, NaN where none is known.
     """
 
     chains: tuple[Chain, ...]
@@ -184,6 +221,7 @@ class Model:
     timings: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     stages: dict[str, Any] = field(default_factory=dict, repr=False)
+    pose_sd: Array = field(default_factory=lambda: np.empty((0, 6)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write chains, poses, timings and warnings to a JSON file, whole or not at all.

@@ -3,58 +3,19 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand import _core, strings, topology
+from strand import published, tubes
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.model import Chain, Model
-from strand.view import Array, View
-
-
-@dataclass
-class _Run:
-    """What a run gathers beside its result."""
-
-    progress: Callable[[str], None] | None
-    timings: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Announce a stage and time it."""
-        if self.progress is not None:
-            self.progress(name)
-        start = time.perf_counter()
-        yield
-        self.timings[name] = time.perf_counter() - start
-
-
-@dataclass(frozen=True, eq=False)
-class _Cloud:
-    """What is used of one view, in the world frame."""
-
-    number: int
-    view: View
-    points: Array
-    normals: Array
-
-    def moved(self, motion: Array) -> _Cloud:
-        """Return the cloud after a rigid motion of the world frame, camera included."""
-        rotation, translation = motion[:3, :3], motion[:3, 3]
-        return replace(
-            self,
-            view=replace(self.view, pose=motion @ self.view.pose),
-            points=self.points @ rotation.T + translation,
-            normals=self.normals @ rotation.T,
-        )
+from strand.outliers import without_outliers
+from strand.radius import estimate_radius
+from strand.stages import Run
+from strand.view import View
 
 
 def reconstruct(
@@ -103,53 +64,40 @@ def reconstruct(
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     """
-    config = Config.published() if config is None else config
+    config = Config() if config is None else config
     views, radius, ropes = _checked(views, radius, ropes, config)
-    run = _Run(progress)
+    run = Run(progress)
     with run.stage("extract"):
         raw = [view if bounds is None else view.crop(bounds) for view in views]
+    start = radius
+    if start is None:
+        with run.stage("radius"):
+            start = estimate_radius(raw, config)
     with run.stage("filter"):
-        filtered = [_filtered(view, radius, config) for view in raw]
+        filtered = [without_outliers(view, start, config.filter) for view in raw]
     used = _used(raw, filtered, run)
-    with run.stage("normals"):
-        clouds = [_with_normals(number, filtered[number], radius, config) for number in used]
-    with run.stage("register"):
-        registered = _registered(clouds, radius, config, run)
-    with run.stage("centerline"):
-        points = np.concatenate([cloud.points for cloud in registered])
-        normals = np.concatenate([cloud.normals for cloud in registered])
-        axis_points, _ = _core.centerline(points, normals, radius, config.centerline.min_neighbors)
-    with run.stage("trace"):
-        traced = _traced(axis_points, radius, config)
-    with run.stage("split"):
-        parts = topology.split(traced, radius, config.splitting)
-    with run.stage("reconnect"):
-        reconnected = topology.reconnect(parts, radius, ropes, config.reconnection)
-        found = strings.assemble(
-            parts.segments, reconnected, points - radius * normals, radius, config.reconnection
-        )
-        chains = _chosen([Chain(nodes, radius, closed) for nodes, closed in found], ropes, run)
+    seen = [filtered[number] for number in used]
+    if config.method == "published":
+        found = published.find_strings(seen, used, start, ropes, config, run)
+    else:
+        found = tubes.find_strings(seen, used, start, ropes, config, run, fit_radius=radius is None)
+    chains = _chosen(found.chains, ropes, run)
     poses = np.array([view.pose for view in views])
-    poses[used] = [cloud.view.pose for cloud in registered]
-    stages: dict[str, Any] = {}
+    pose_sd = np.full((len(views), 6), np.nan)
+    poses[used], pose_sd[used] = found.poses, found.pose_sd
+    stages = {}
     if keep_stages:
         stages = {
             "raw": tuple(raw[number].world_points for number in used),
-            "filtered": tuple(cloud.points for cloud in clouds),
-            "normals": tuple(cloud.normals for cloud in clouds),
-            "registered": tuple(cloud.points for cloud in registered),
-            "axis_points": axis_points,
-            "traced": traced,
-            "separation": parts.distances,
-            "cuts": parts.cuts,
-            "segments": parts.segments,
+            "filtered": tuple(filtered[number].world_points for number in used),
+            **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages)
+    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd)
 
 
 def _checked(
     views: Sequence[View], radius: float | None, ropes: int | None, config: Config
-) -> tuple[tuple[View, ...], float, int | None]:
+) -> tuple[tuple[View, ...], float | None, int | None]:
     """Check the arguments that have no type of their own."""
     if isinstance(views, View):
         raise TypeError("views: expected a sequence of View, got a single View")
@@ -159,12 +107,12 @@ def _checked(
             raise TypeError(f"views[{i}]: expected a View, got {type(view).__name__}")
     if not views:
         raise ValueError("views: expected at least one View, got none")
-    if radius is None:
-        raise ValueError("radius: the published method needs the string's radius, metres")
-    if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating)):
-        raise TypeError(f"radius: expected a number of metres, got {radius!r}")
-    if not (math.isfinite(radius) and radius > 0):
-        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+    if radius is not None:
+        if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating)):
+            raise TypeError(f"radius: expected a number of metres, got {radius!r}")
+        if not (math.isfinite(radius) and radius > 0):
+            raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+        radius = float(radius)
     if ropes is not None:
         if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
             raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
@@ -172,19 +120,12 @@ def _checked(
             raise ValueError(f"ropes: expected at least 1, got {ropes}")
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
-    return views, float(radius), ropes
+    if radius is None and config.method == "published":
+        raise ValueError("radius: the published method needs the string's radius, metres")
+    return views, radius, ropes
 
 
-def _filtered(view: View, radius: float, config: Config) -> View:
-    """Drop outliers (section IV-A)."""
-    counts = _core.count_neighbors(view.points, config.filter.radius * radius)
-    if not len(counts):
-        return view
-    enough = max(config.filter.min_fraction * float(np.median(counts)), config.filter.min_neighbors)
-    return replace(view, points=view.points[counts >= enough])
-
-
-def _used(raw: Sequence[View], filtered: Sequence[View], run: _Run) -> list[int]:
+def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
     """Numbers of the views that see something; the others are named in a warning."""
     used = [number for number, view in enumerate(filtered) if len(view.points)]
     if not used:
@@ -197,44 +138,7 @@ def _used(raw: Sequence[View], filtered: Sequence[View], run: _Run) -> list[int]
     return used
 
 
-def _with_normals(number: int, view: View, radius: float, config: Config) -> _Cloud:
-    """Estimate normals in the camera frame, where the camera is the origin, and go to the world frame."""
-    normals = _core.estimate_normals(view.points, radius=config.normals.radius * radius)
-    return _Cloud(number, view, view.world_points, normals @ view.pose[:3, :3].T)
-
-
-def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: _Run) -> list[_Cloud]:
-    """Register the views to the middle one, from there outwards, each to all that are registered (eq. 15)."""
-    numbers = config.registration
-    middle = len(clouds) // 2
-    registered = {middle: clouds[middle]}
-    for i in sorted(range(len(clouds)), key=lambda i: abs(i - middle))[1:]:
-        target = np.concatenate([cloud.points for cloud in registered.values()])
-        result = _core.icp(
-            clouds[i].points,
-            target,
-            numbers.max_correspondence_distance * radius,
-            max_iterations=numbers.max_iterations,
-            tolerance=numbers.tolerance,
-        )
-        if result.stop in ("too few correspondences", "degenerate"):
-            run.warnings.append(f"view {clouds[i].number} kept its pose: {result.stop} to register it")
-        registered[i] = clouds[i].moved(result.transformation)
-    return [registered[i] for i in range(len(clouds))]
-
-
-def _traced(axis_points: Array, radius: float, config: Config) -> tuple[Array, ...]:
-    """Trace chains (section V-A) and leave out the short ones."""
-    numbers = config.tracing
-    chains = _core.trace_chains(axis_points, numbers.near * radius, numbers.far * radius)
-    traced = (axis_points[chain] for chain in chains)
-    long_enough = tuple(c for c in traced if topology.path_length(c)[-1] >= numbers.min_length * radius)
-    if not long_enough:
-        raise NotEnoughDataError("views: the points make no chain; is the radius right, in metres?")
-    return long_enough
-
-
-def _chosen(chains: list[Chain], ropes: int | None, run: _Run) -> tuple[Chain, ...]:
+def _chosen(chains: list[Chain], ropes: int | None, run: Run) -> tuple[Chain, ...]:
     """Keep as many strings as there are ropes, longest first."""
     chains = sorted(chains, key=lambda chain: -chain.length)
     if ropes is not None:

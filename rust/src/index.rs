@@ -146,6 +146,18 @@ impl Grid {
         answers
     }
 
+    /// The point at a position of the grid's order.
+    pub fn point(&self, position: usize) -> Point {
+        self.points[position]
+    }
+
+    /// Positions of one point in each cube of side `size` that holds points: the first in the grid's order.
+    pub fn sample(&self, size: f64) -> Vec<usize> {
+        let mut seen = std::collections::HashSet::new();
+        let cube = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
+        (0..self.points.len()).filter(|&i| seen.insert(cube(self.points[i]))).collect()
+    }
+
     /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,
     /// as [`Neighborhood::visit`] does.
     pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
@@ -154,9 +166,26 @@ impl Grid {
         Neighborhood { grid: self, center, runs: &runs }.visit(visit);
     }
 
-    /// The cell of a point inside the grid's extent; numbered from 1, so that neighbours exist on all sides.
+    /// Calls `visit` with each point within the radius of a place anywhere, as [`Neighborhood::visit`] does.
+    pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
+        // farther outside than a cell there are no neighbours, nor a number for the cell
+        let inside = (0..3).all(|k| {
+            let cells = (center[k] - self.low[k]) * self.inverse_cell;
+            cells > -1.0 && cells < f64::from(1u32 << (AXIS_BITS - 1))
+        });
+        if inside {
+            let cell = std::array::from_fn(|k| {
+                (2.0 + ((center[k] - self.low[k]) * self.inverse_cell).floor()) as u64
+            });
+            let runs = Sweep::default().runs(self, key(cell));
+            Neighborhood { grid: self, center, runs: &runs }.visit(visit);
+        }
+    }
+
+    /// The cell of a point inside the grid's extent; numbered from 2, so that places one cell outside have
+    /// neighbours on all sides.
     fn cell(&self, p: Point) -> [u64; 3] {
-        std::array::from_fn(|k| 1 + ((p[k] - self.low[k]) * self.inverse_cell) as u64)
+        std::array::from_fn(|k| 2 + ((p[k] - self.low[k]) * self.inverse_cell) as u64)
     }
 }
 

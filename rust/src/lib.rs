@@ -23,6 +23,7 @@
 //! ```
 #![warn(missing_docs)]
 
+mod banded;
 mod centerline;
 mod chain;
 mod error;
@@ -34,6 +35,10 @@ mod normals;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod spline;
+mod tubefit;
+mod tubelet;
+mod tubes;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
@@ -46,3 +51,6 @@ pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
+pub use spline::Spline;
+pub use tubefit::{Foot, Residual, TubeFit, TubeFitOptions, TubeView, fit_tubes};
+pub use tubes::{Arc, TubeOptions, trace_tubes};

@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArr
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::IntoPyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 
 use crate::{Error, IcpOptions, Neighbors, Objective, Point, RigidMotion, Stop, Viewpoints};
 
@@ -570,6 +570,156 @@ fn trace_chains<'py>(
     Ok(chains.into_iter().map(|chain| PyArray1::from_vec(py, rows.original(chain))).collect())
 }
 
+/// Trace arcs of tubes through oriented surface points.
+#[pyfunction]
+#[pyo3(signature = (points, viewpoints, radius, *, known = None, min_nodes = 4, min_score = 0.25, clearance = 0.7))]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+fn trace_tubes<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    viewpoints: &Bound<'py, PyAny>,
+    radius: f64,
+    known: Option<&Bound<'py, PyAny>>,
+    min_nodes: usize,
+    min_score: f64,
+    clearance: f64,
+) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+    let (points, viewpoints) =
+        (FloatArray::new("points", points)?, FloatArray::new("viewpoints", viewpoints)?);
+    let (points, viewpoints) = (points.rows("points", "(N, 3)")?, viewpoints.rows("viewpoints", "(N, 3)")?);
+    let known = known.map(|value| FloatArray::new("known", value)).transpose()?;
+    let known = known.as_ref().map(|array| array.rows("known", "(K, 3)")).transpose()?.unwrap_or_default();
+    let options = crate::TubeOptions { min_nodes, min_score, clearance };
+    let arcs =
+        py.detach(|| crate::trace_tubes(points, Viewpoints::Each(viewpoints), radius, known, &options))?;
+    arcs.into_iter()
+        .map(|arc| Ok((points_array(py, arc.nodes)?, PyArray1::from_vec(py, arc.support))))
+        .collect()
+}
+
+/// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
+#[pyfunction]
+#[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
+                    band, iterations))]
+#[allow(clippy::too_many_arguments)]
+fn fit_tubes<'py>(
+    py: Python<'py>,
+    points: Vec<Bound<'py, PyAny>>,
+    viewpoints: &Bound<'py, PyAny>,
+    curves: Vec<Bound<'py, PyAny>>,
+    motions: Vec<Bound<'py, PyAny>>,
+    radius: f64,
+    fit_curves: bool,
+    fit_radius: bool,
+    reference: Option<usize>,
+    pose_sd: [f64; 2],
+    along_ray: bool,
+    band: [f64; 2],
+    iterations: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let arrays: Vec<FloatArray> =
+        points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
+    let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
+    let viewpoints = FloatArray::new("viewpoints", viewpoints)?;
+    let viewpoints = viewpoints.rows("viewpoints", "(V, 3)")?;
+    if viewpoints.len() != points.len() {
+        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), &[viewpoints.len(), 3]));
+    }
+    let curves: Vec<crate::Spline> = curves
+        .iter()
+        .map(|curve| {
+            let control = FloatArray::new("curves", curve)?.rows("curves", "(n, 3)")?.to_vec();
+            Ok(crate::Spline { control })
+        })
+        .collect::<PyResult<_>>()?;
+    let motions: Vec<RigidMotion> = motions.iter().map(|m| motion("motions", m)).collect::<PyResult<_>>()?;
+    let options = crate::TubeFitOptions {
+        fit_curves,
+        fit_radius,
+        reference,
+        pose_sd,
+        residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
+        band,
+        iterations,
+    };
+    let fit = py.detach(|| {
+        let views: Vec<crate::TubeView> = points
+            .iter()
+            .zip(viewpoints)
+            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
+            .collect();
+        crate::fit_tubes(&views, &curves, &motions, radius, &options)
+    })?;
+    let result = PyDict::new(py);
+    let curves: Vec<_> =
+        fit.curves.into_iter().map(|curve| points_array(py, curve.control)).collect::<PyResult<_>>()?;
+    result.set_item("curves", curves)?;
+    let rows: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
+    let motions = PyArray1::from_slice(py, rows.as_flattened().as_flattened());
+    result.set_item("motions", motions.reshape([rows.len(), 4, 4])?)?;
+    result.set_item("radius", fit.radius)?;
+    result.set_item("sigma", fit.sigma)?;
+    result.set_item("band", fit.band)?;
+    let feet: Vec<&crate::Foot> = fit.feet.iter().flatten().collect();
+    result.set_item("curve", PyArray1::from_iter(py, feet.iter().map(|foot| foot.curve as i64)))?;
+    result.set_item("parameter", PyArray1::from_iter(py, feet.iter().map(|foot| foot.parameter)))?;
+    result.set_item("residual", PyArray1::from_iter(py, feet.iter().map(|foot| foot.residual)))?;
+    result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
+    result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
+    result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
+    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
+    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
+    result.set_item("radius_sd", fit.uncertainty.radius)?;
+    let covariances: Vec<_> = fit
+        .uncertainty
+        .curves
+        .iter()
+        .map(|curve| {
+            let flat = curve.as_flattened().as_flattened().as_flattened();
+            PyArray1::from_slice(py, flat).reshape([curve.len(), 4, 3, 3])
+        })
+        .collect::<PyResult<_>>()?;
+    result.set_item("covariances", covariances)?;
+    Ok(result)
+}
+
+/// Fit a uniform cubic B-spline through ordered nodes by least squares.
+///
+/// Parameters
+/// ----------
+/// nodes : (M, 3) array_like of float
+///     Ordered nodes, metres.
+/// spacing : float
+///     About how long the spline's spans are, metres.
+/// extension : float
+///     The curve is carried on straight by this at both ends, metres.
+///
+/// Returns
+/// -------
+/// (n, 3) ndarray
+///     Control points, metres, n >= 4; the parameter runs from 0 to n - 3.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `nodes` does not hold floating point numbers.
+/// ValueError
+///     If `nodes` is not (M, 3) or not finite, or a length is out of range.
+/// strand.NotEnoughDataError
+///     If there are fewer than two different nodes.
+#[pyfunction]
+fn spline_through<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    spacing: f64,
+    extension: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    let nodes = nodes.rows("nodes", "(M, 3)")?;
+    let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
+    points_array(py, spline.control)
+}
+
 /// Set how many threads the kernels use from now on.
 ///
 /// Results do not depend on it.
@@ -612,6 +762,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(icp, module)?)?;
     module.add_function(wrap_pyfunction!(centerline, module)?)?;
     module.add_function(wrap_pyfunction!(trace_chains, module)?)?;
+    module.add_function(wrap_pyfunction!(trace_tubes, module)?)?;
+    module.add_function(wrap_pyfunction!(fit_tubes, module)?)?;
+    module.add_function(wrap_pyfunction!(spline_through, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

@@ -1,0 +1,146 @@
+"""A string's centreline as a cubic B-spline with arc length as its parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand.view import Array, finite_array
+
+# places in each span between which arc length is taken as linear in the parameter
+_PLACES = 16
+
+
+def evaluate(control: Array, parameter: ArrayLike) -> tuple[Array, Array, Array]:
+    """Position and first two derivatives of a uniform cubic B-spline.
+
+    Parameters
+    ----------
+    control : (n, 3) ndarray
+        Control points, metres, n >= 4.
+    parameter : (M,) array_like
+        Parameters in [0, n - 3].
+
+    Returns
+    -------
+    position, first, second : (M, 3) ndarray
+        The place and its derivatives by the parameter.
+    """
+    u = np.asarray(parameter, dtype=np.float64)
+    first, weights = basis(u, len(control))
+    near = control[first[:, None] + np.arange(4)]
+    t = u - first
+    s = 1.0 - t
+    slope = np.stack([-s * s, 3 * t * t - 4 * t, -3 * t * t + 2 * t + 1, t * t], axis=1) / 2
+    bend = np.stack([s, 3 * t - 2, 1 - 3 * t, t], axis=1)
+    return tuple(np.einsum("mk,mkj->mj", w, near) for w in (weights, slope, bend))  # type: ignore[return-value]
+
+
+def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
+    """Return the first of the four control points that each parameter depends on, and their weights."""
+    first = np.clip(u.astype(np.int64), 0, count - 4)
+    t = u - first
+    s = 1.0 - t
+    weights = [s**3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
+    return first, np.stack(weights, axis=1) / 6
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A stretch of a uniform cubic B-spline.
+
+    Parameters
+    ----------
+    control : (n, 3) array_like of float
+        Control points, metres, n >= 4.
+    start, stop : float
+        The parameters at which the stretch begins and ends, 0 <= start < stop <= n - 3.
+
+    Raises
+    ------
+    TypeError
+        If `control` does not hold floating point numbers.
+    ValueError
+        If `control` is not (n, 3) with n >= 4 or not finite, or the parameters are out of range.
+    """
+
+    control: Array
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        control = finite_array("control", self.control, (None, 3))
+        if len(control) < 4:
+            raise ValueError(f"control: expected at least four points, got {len(control)}")
+        if not 0 <= self.start < self.stop <= len(control) - 3:
+            raise ValueError(
+                f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, got {self.start}, {self.stop}"
+            )
+        object.__setattr__(self, "control", control)
+        object.__setattr__(self, "start", float(self.start))
+        object.__setattr__(self, "stop", float(self.stop))
+
+    @classmethod
+    def whole(cls, control: Array) -> Curve:
+        """Return all of a spline."""
+        return cls(control, 0.0, float(len(control) - 3))
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array]:
+        """Parameters, and the arc length from the start to each."""
+        count = max(int((self.stop - self.start) * _PLACES) + 1, 2)
+        u = np.linspace(self.start, self.stop, count)
+        # Simpson's rule between neighbouring places
+        _, slope, _ = evaluate(self.control, np.linspace(self.start, self.stop, 2 * count - 1))
+        speed = np.linalg.norm(slope, axis=1)
+        steps = (speed[:-2:2] + 4 * speed[1::2] + speed[2::2]) / 6 * (u[1] - u[0])
+        return u, np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def length(self) -> float:
+        """Arc length, metres."""
+        return float(self._table[1][-1])
+
+    def parameter(self, s: ArrayLike) -> Array:
+        """Parameter of the spline at arc length `s`, metres, held at the ends."""
+        u, arc = self._table
+        return np.asarray(np.interp(s, arc, u))
+
+    def arc_length(self, parameter: ArrayLike) -> Array:
+        """Arc length at a parameter of the spline, metres, held at the ends."""
+        u, arc = self._table
+        return np.asarray(np.interp(parameter, u, arc))
+
+    def part(self, start: float, stop: float) -> Curve:
+        """Return the stretch between two arc lengths, metres."""
+        first, last = self.parameter([start, stop])
+        return Curve(self.control, float(first), float(last))
+
+    def at(self, s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, unit tangent and curvature vector at arc length `s`.
+
+        Parameters
+        ----------
+        s : (M,) array_like
+            Arc length from the start, metres; held at the ends.
+
+        Returns
+        -------
+        position : (M, 3) ndarray
+            Metres.
+        tangent : (M, 3) ndarray
+            Unit vectors.
+        curvature : (M, 3) ndarray
+            The tangent's derivative by arc length, 1/m.
+        """
+        position, slope, bend = evaluate(self.control, self.parameter(s))
+        square = (slope * slope).sum(axis=1, keepdims=True)
+        along = (slope * bend).sum(axis=1, keepdims=True)
+        return position, slope / np.sqrt(square), (bend - slope * along / square) / square
+
+    def nodes(self, spacing: float) -> Array:
+        """Arc lengths about `spacing` apart from end to end, metres, at least two."""
+        return np.linspace(0.0, self.length, max(round(self.length / spacing), 1) + 1)

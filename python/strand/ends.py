@@ -1,0 +1,96 @@
+"""Where a string ends: data that stop, found by counting."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strand.curve import Curve
+from strand.tubefit import TubeFit
+from strand.view import Array
+
+# all in radii: width of the counting bins; the stretch near an end whose points are looked at twice; how far
+# inside the end the density is taken, from and to; how far the end may lie from the first full bin
+_BIN, _NEAR_END, _INSIDE, _REACH = 0.5, 7.0, (1.0, 5.0), 1.5
+
+
+def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
+    """Cut each fitted curve to the stretch that its points support.
+
+    With n points for each metre of string and m points past L0 - r, where L0 is about where they give out, the
+    end is at L0 - r + m / n: unbiased, where a threshold on the density is not.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    exclusive : bool
+        Leave out points near an end that another strand explains too: they say nothing about that end.
+
+    Returns
+    -------
+    list of (Curve or None)
+        None for a curve that fewer than eight points support.
+    """
+    counted = fit.explained & (np.abs(fit.residual) < fit.band)
+    curves = [Curve.whole(control) for control in fit.curves]
+    if exclusive:
+        counted &= ~_ambiguous(fit, curves, counted)
+    parts: list[Curve | None] = []
+    for number, curve in enumerate(curves):
+        s = np.sort(curve.arc_length(fit.parameter[counted & (fit.curve == number)]))
+        if len(s) < 8:
+            parts.append(None)
+            continue
+        start = _end(s, curve.length, fit.radius)
+        stop = curve.length - _end(curve.length - s[::-1], curve.length, fit.radius)
+        parts.append(curve.part(start, stop) if stop - start > fit.radius else None)
+    return parts
+
+
+def _end(s: Array, length: float, radius: float) -> float:
+    """Arc length at which ascending places of points begin."""
+    width = _BIN * radius
+    bins = int(length / width) + 1
+    counts = np.bincount(np.minimum((s / width).astype(np.int64), bins - 1), minlength=bins)
+    usual = float(np.median(counts[counts > 0]))
+    first = 0
+    for i in range(bins - 1):
+        density = max(float(np.median(counts[i + 1 : i + 9])), 0.3 * usual)
+        if counts[i] >= 0.4 * density and counts[i] + counts[i + 1] >= 0.8 * density:
+            first = i
+            break
+    about = (first + 0.5) * width
+    near, far = about + _INSIDE[0] * radius, min(about + _INSIDE[1] * radius, length - about)
+    far = max(far, near + radius)
+    inside = np.count_nonzero((s >= near) & (s < far))
+    beyond = np.count_nonzero((s < near) & (s > about - _REACH * radius))
+    end = near - beyond * (far - near) / inside if inside else about
+    return float(np.clip(end, max(about - _REACH * radius, 0.0), about + _REACH * radius))
+
+
+def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.ndarray:
+    """Points near the end of their curve that lie on the surface of another strand as well."""
+    r = fit.radius
+    places = [curve.nodes(0.25 * r) for curve in curves]
+    samples = [curve.at(s)[:2] for curve, s in zip(curves, places, strict=True)]
+    centres = np.concatenate([sample[0] for sample in samples])
+    tangents = np.concatenate([sample[1] for sample in samples])
+    number = np.repeat(np.arange(len(curves)), [len(s) for s in places])
+    along = np.concatenate(places)
+    slack = max(2.5 * fit.sigma, 0.15 * r)
+    ambiguous = np.zeros(len(fit.curve), dtype=bool)
+    for k, curve in enumerate(curves):
+        s = curve.arc_length(fit.parameter)
+        at_end = (s < _NEAR_END * r) | (s > curve.length - _NEAR_END * r)
+        points = np.flatnonzero(counted & (fit.curve == k) & at_end)
+        if not len(points):
+            continue
+        position = fit.points[points]
+        offset = position[:, None] - centres[None]
+        lengthwise = (offset * tangents).sum(axis=2)
+        across = offset - lengthwise[..., None] * tangents
+        distance = np.linalg.norm(across, axis=2)
+        facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
+        elsewhere = (number[None] != k) | (np.abs(along[None] - s[points][:, None]) > 5.0 * r)
+        on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - r) < slack) & facing
+        ambiguous[points] = (on_surface & elsewhere).any(axis=1)
+    return ambiguous

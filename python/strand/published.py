@@ -1,0 +1,134 @@
+"""The published method: normals, ICP, averaged axis points, greedy tracing, split and reconnect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strand import _core, strings, topology
+from strand._core import NotEnoughDataError
+from strand.config import Config
+from strand.model import Chain
+from strand.stages import Found, Run
+from strand.view import Array, View
+
+
+@dataclass(frozen=True, eq=False)
+class _Cloud:
+    """What is used of one view, in the world frame."""
+
+    number: int
+    view: View
+    points: Array
+    normals: Array
+
+    def moved(self, motion: Array) -> _Cloud:
+        """Return the cloud after a rigid motion of the world frame, camera included."""
+        rotation, translation = motion[:3, :3], motion[:3, 3]
+        return replace(
+            self,
+            view=replace(self.view, pose=motion @ self.view.pose),
+            points=self.points @ rotation.T + translation,
+            normals=self.normals @ rotation.T,
+        )
+
+
+def find_strings(
+    views: Sequence[View], numbers: Sequence[int], radius: float, ropes: int | None, config: Config, run: Run
+) -> Found:
+    """Run the published stages on filtered views that all see something.
+
+    Parameters
+    ----------
+    views : sequence of View
+    numbers : sequence of int
+        What each is called in warnings.
+    radius : float
+        Metres.
+    ropes : int or None
+    config : Config
+    run : Run
+
+    Returns
+    -------
+    Found
+        Its stages are "normals", "registered", "axis_points", "traced", "separation", "cuts", "segments".
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the points make no chain.
+    """
+    with run.stage("normals"):
+        clouds = [
+            _with_normals(number, view, radius, config) for number, view in zip(numbers, views, strict=True)
+        ]
+    with run.stage("register"):
+        registered = _registered(clouds, radius, config, run)
+    with run.stage("centerline"):
+        points = np.concatenate([cloud.points for cloud in registered])
+        normals = np.concatenate([cloud.normals for cloud in registered])
+        axis_points, _ = _core.centerline(points, normals, radius, config.centerline.min_neighbors)
+    with run.stage("trace"):
+        traced = _traced(axis_points, radius, config)
+    with run.stage("split"):
+        parts = topology.split(traced, radius, config.splitting)
+    with run.stage("reconnect"):
+        reconnected = topology.reconnect(parts, radius, ropes, config.reconnection)
+        found = strings.assemble(
+            parts.segments, reconnected, points - radius * normals, radius, config.reconnection
+        )
+    stages = {
+        "normals": tuple(cloud.normals for cloud in clouds),
+        "registered": tuple(cloud.points for cloud in registered),
+        "axis_points": axis_points,
+        "traced": traced,
+        "separation": parts.distances,
+        "cuts": parts.cuts,
+        "segments": parts.segments,
+    }
+    return Found(
+        [Chain(nodes, radius, closed) for nodes, closed in found],
+        [cloud.view.pose for cloud in registered],
+        [np.full(6, np.nan) for _ in registered],
+        stages,
+    )
+
+
+def _with_normals(number: int, view: View, radius: float, config: Config) -> _Cloud:
+    """Estimate normals in the camera frame, where the camera is the origin, and go to the world frame."""
+    normals = _core.estimate_normals(view.points, radius=config.normals.radius * radius)
+    return _Cloud(number, view, view.world_points, normals @ view.pose[:3, :3].T)
+
+
+def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Run) -> list[_Cloud]:
+    """Register the views to the middle one, from there outwards, each to all that are registered (eq. 15)."""
+    numbers = config.registration
+    middle = len(clouds) // 2
+    registered = {middle: clouds[middle]}
+    for i in sorted(range(len(clouds)), key=lambda i: abs(i - middle))[1:]:
+        target = np.concatenate([cloud.points for cloud in registered.values()])
+        result = _core.icp(
+            clouds[i].points,
+            target,
+            numbers.max_correspondence_distance * radius,
+            max_iterations=numbers.max_iterations,
+            tolerance=numbers.tolerance,
+        )
+        if result.stop in ("too few correspondences", "degenerate"):
+            run.warnings.append(f"view {clouds[i].number} kept its pose: {result.stop} to register it")
+        registered[i] = clouds[i].moved(result.transformation)
+    return [registered[i] for i in range(len(clouds))]
+
+
+def _traced(axis_points: Array, radius: float, config: Config) -> tuple[Array, ...]:
+    """Trace chains (section V-A) and leave out the short ones."""
+    numbers = config.tracing
+    chains = _core.trace_chains(axis_points, numbers.near * radius, numbers.far * radius)
+    traced = (axis_points[chain] for chain in chains)
+    long_enough = tuple(c for c in traced if topology.path_length(c)[-1] >= numbers.min_length * radius)
+    if not long_enough:
+        raise NotEnoughDataError("views: the points make no chain; is the radius right, in metres?")
+    return long_enough

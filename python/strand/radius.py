@@ -1,0 +1,75 @@
+"""The strings' radius from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand._core import NotEnoughDataError
+from strand.config import Config
+from strand.outliers import without_outliers
+from strand.tubefit import TubeFit
+from strand.tubes import Clouds, fit_arcs
+from strand.view import View
+
+# the radii that the search starts from, metres, and the largest it accepts
+_STARTS = (2e-3, 4e-3, 8e-3)
+_LARGEST = 20e-3
+
+
+def estimate_radius(views: Sequence[View], config: Config) -> float:
+    """Find the radius to start from: the one that explains most of the middle view.
+
+    From several starts, arcs are traced in the view with the middle number and fitted with the radius free;
+    what is kept explains most points with the least scatter.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Cropped to the extraction range.
+    config : Config
+
+    Returns
+    -------
+    float
+        Metres.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If no start leads to tubes.
+    """
+    seen = [view for view in views if len(view.points)]
+    best: tuple[float, float] | None = None
+    if seen:
+        view = seen[len(seen) // 2]
+        for start in _STARTS:
+            try:
+                value, radius = _refined(view, start, config)
+            except NotEnoughDataError:
+                continue
+            if radius < _LARGEST and (best is None or value > best[0]):
+                best = (value, radius)
+    if best is None:
+        raise NotEnoughDataError("views: the middle one shows no tube that would give a radius")
+    return best[1]
+
+
+def _refined(view: View, radius: float, config: Config) -> tuple[float, float]:
+    """Share of points explained less their scatter in radii, and the radius, after a few fits."""
+    value = 0.0
+    for _ in range(3):
+        kept = without_outliers(view, radius, config.filter)
+        if len(kept.points) < 50:
+            raise NotEnoughDataError("views: too few points for a radius")
+        clouds = Clouds.of([kept])
+        fit = fit_arcs(clouds, np.eye(4)[None], radius, config, fit_radius=True)
+        value = _explained(fit) - fit.sigma / fit.radius
+        radius = float(np.clip(fit.radius, 0.6 * radius, 1.6 * radius))
+    return value, radius
+
+
+def _explained(fit: TubeFit) -> float:
+    """Share of the points that lie on a tube."""
+    return float((fit.explained & (np.abs(fit.residual) < 0.35 * fit.radius)).mean())

@@ -1,0 +1,86 @@
+"""What is known of each node: its covariance, and the points and views that saw it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.config import Config
+from strand.curve import Curve, basis
+from strand.model import Chain
+from strand.tubefit import TubeFit
+from strand.view import Array
+
+
+def described(
+    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], config: Config
+) -> list[Chain]:
+    """Make chains of fitted curves.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    parts : sequence of (Curve or None)
+        The stretch of each curve that is string; None leaves it out.
+    closed : sequence of bool
+        Whether each goes on from its end to its start.
+    config : Config
+
+    Returns
+    -------
+    list of Chain
+        In the curves' order.
+    """
+    chains = []
+    supports = fit.explained & (np.abs(fit.residual) < fit.band)
+    for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
+        if part is None:
+            continue
+        s = part.nodes(config.tubes.node_spacing * fit.radius)
+        mine = supports & (fit.curve == number)
+        counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
+        chains.append(
+            Chain(
+                part.at(s)[0],
+                fit.radius,
+                ring,
+                None if ring else part,
+                node_covariance(fit.covariances[number], part.parameter(s)),
+                counts,
+                views,
+            )
+        )
+    return chains
+
+
+def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Count the points, and the views they come from, that are nearest to each node."""
+    spacing = nodes[1] - nodes[0]
+    nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
+    counts = np.bincount(nearest, minlength=len(nodes))
+    pairs = np.unique(np.stack([nearest, view], axis=1), axis=0)
+    return counts, np.bincount(pairs[:, 0], minlength=len(nodes))
+
+
+def node_covariance(covariance: Array, parameter: Array) -> Array:
+    """Covariance of places of a spline.
+
+    Parameters
+    ----------
+    covariance : (n, 4, 3, 3) ndarray
+        Of each control point with itself and the next three, m^2.
+    parameter : (M,) ndarray
+
+    Returns
+    -------
+    (M, 3, 3) ndarray
+        sum_ij B_i B_j C_ij, m^2.
+    """
+    first, weights = basis(parameter, len(covariance))
+    total = np.zeros((len(parameter), 3, 3))
+    for i in range(4):
+        for j in range(i, 4):
+            block = (weights[:, i] * weights[:, j])[:, None, None] * covariance[first + i, j - i]
+            total += block if i == j else block + block.transpose(0, 2, 1)
+    return total

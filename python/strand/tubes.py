@@ -1,0 +1,274 @@
+"""Tubes traced through oriented points and fitted together with the poses: the default method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from strand import _core
+from strand._core import NotEnoughDataError
+from strand.config import Config, Poses
+from strand.ends import string_parts
+from strand.linking import link, part_at_contacts
+from strand.stages import Found, Run
+from strand.support import described
+from strand.topology import path_length
+from strand.tubefit import TubeFit, fit_tubes, moved
+from strand.view import Array, View, rigid_motion
+
+# arcs of the reference view with fewer nodes are too short to register other views to, if there are others
+_REFERENCE_NODES = 8
+# how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
+_ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Clouds:
+    """What the fit works on: every view's points in the world frame as reported.
+
+    Attributes
+    ----------
+    points : list of (N_v, 3) ndarray
+        Metres.
+    viewpoints : (V, 3) ndarray
+        The cameras' centres, metres.
+    reference : int
+        The view that stays where it is.
+    """
+
+    points: list[Array]
+    viewpoints: Array
+    reference: int
+
+    @classmethod
+    def of(cls, views: Sequence[View]) -> Clouds:
+        """Return the views' points; the middle view is the reference."""
+        viewpoints = np.array([view.viewpoint for view in views])
+        return cls([view.world_points for view in views], viewpoints, len(views) // 2)
+
+
+def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
+    """Trace arcs through the points of all views at corrected poses."""
+    points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
+    cameras = [
+        np.tile(moved(centre[None], motion), (len(cloud), 1))
+        for centre, motion, cloud in zip(clouds.viewpoints, motions, clouds.points, strict=True)
+    ]
+    arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
+    return [nodes for nodes, _ in arcs]
+
+
+def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
+    """Corrections of the poses that put all views on the tubes of the reference view."""
+    still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
+    if len(clouds.points) == 1:
+        return still
+    alone = Clouds([clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0)
+    arcs = trace(alone, still[:1], radius, min_nodes=4)
+    arcs = [arc for arc in arcs if len(arc) >= _REFERENCE_NODES] or arcs
+    if not arcs:
+        return still
+    curves = [_core.spline_through(arc, config.tubes.spacing * radius, 0.0) for arc in arcs]
+    fit = fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        curves,
+        still,
+        radius,
+        pose_sd=_pose_sd(config),
+        reference=clouds.reference,
+        fit_curves=False,
+        band=(1.0, 0.5),
+        iterations=10,
+    )
+    return fit.motions
+
+
+def fit_arcs(
+    clouds: Clouds, motions: Array, radius: float, config: Config, fit_radius: bool = False
+) -> TubeFit:
+    """Trace arcs and fit them with the poses, more than once.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there is nothing like a tube of this radius in the points.
+    """
+    fit = None
+    for last in (False,) * (config.tubes.rounds - 1) + (True,):
+        arcs = trace(clouds, motions, radius, min_nodes=3)
+        if not arcs:
+            raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
+        margin, spacing = _ARC_MARGIN * radius, config.tubes.spacing * radius
+        fit = fit_tubes(
+            clouds.points,
+            clouds.viewpoints,
+            [_core.spline_through(arc, spacing, margin) for arc in arcs],
+            motions,
+            radius,
+            pose_sd=_pose_sd(config),
+            reference=_free(clouds),
+            fit_radius=fit_radius and last,
+            iterations=12 if last else 8,
+        )
+        motions, radius = fit.motions, fit.radius
+    assert fit is not None
+    return fit
+
+
+def fit_strings(
+    clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
+) -> TubeFit:
+    """Fit whole strings with the poses: first forgivingly, then along the rays."""
+    margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
+    curves = [_core.spline_through(nodes, spacing, margin) for nodes in chains]
+    for along_ray in (False, True):
+        fit = fit_tubes(
+            clouds.points,
+            clouds.viewpoints,
+            curves,
+            motions,
+            radius,
+            pose_sd=_pose_sd(config),
+            reference=_free(clouds),
+            fit_radius=fit_radius and along_ray,
+            along_ray=along_ray,
+            band=(0.5, 0.5 if along_ray else 0.4),
+            iterations=8 if along_ray else 12,
+        )
+        curves, motions, radius = fit.curves, fit.motions, fit.radius
+    return fit
+
+
+def find_strings(
+    views: Sequence[View],
+    numbers: Sequence[int],
+    radius: float,
+    ropes: int | None,
+    config: Config,
+    run: Run,
+    fit_radius: bool = False,
+) -> Found:
+    """Trace, register, fit and link on filtered views that all see something.
+
+    Parameters
+    ----------
+    views : sequence of View
+    numbers : sequence of int
+        What each is called in warnings.
+    radius : float
+        Metres; the start, if it is fitted.
+    ropes : int or None
+        Not used to link: every end is judged by the cost of its joins.
+    config : Config
+    run : Run
+    fit_radius : bool
+        Whether the radius is fitted too.
+
+    Returns
+    -------
+    Found
+        Its stages are "registered" (points at the corrected poses), "arcs" (what was seen of the strings
+        before they were linked) and "fit" (the last `TubeFit`).
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there is nothing like a tube of this radius in the points.
+    """
+    clouds = Clouds.of(views)
+    with run.stage("register"):
+        motions = registered_roughly(clouds, radius, config)
+    with run.stage("arcs"):
+        fit = fit_arcs(clouds, motions, radius, config, fit_radius)
+        radius = fit.radius
+        parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
+        arcs = [
+            part.at(part.nodes(0.5 * radius))[0]
+            for part in parts
+            if part.length > config.tubes.min_arc * radius
+        ]
+    with run.stage("link"):
+        linked = link(part_at_contacts(arcs, radius, config.linking), radius, config.linking)
+        linked = [pair for pair in linked if path_length(pair[0])[-1] > config.linking.min_length * radius]
+        if not linked:
+            raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+    with run.stage("fit"):
+        fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
+    with run.stage("ends"):
+        chains = described(fit, string_parts(fit, exclusive=True), [closed for _, closed in linked], config)
+    _warn_of_open_poses(fit, numbers, config.poses, run)
+    ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
+    stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
+    poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
+    return Found(chains, poses, list(fit.pose_sd), stages)
+
+
+def register_views(views: Sequence[View], radius: float, config: Config | None = None) -> tuple[Array, Array]:
+    """Register all views of strings together.
+
+    Every view's points are matched with tubes around shared curves, whose shape is found with the poses; so
+    views from opposite sides do not pull into each other, and directions that the data do not fix stay at the
+    reported poses.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Views of strings alone: cropped to the extraction range, outliers removed. The middle one stays where
+        it is.
+    radius : float
+        The strings' radius, metres.
+    config : Config, optional
+        Its `poses` say how well the reported poses are known.
+
+    Returns
+    -------
+    poses : (V, 4, 4) ndarray
+        Camera-to-world poses.
+    pose_sd : (V, 6) ndarray
+        Standard deviations of the corrections in the world frame: rotation vector, radians, and translation,
+        metres, of the points' centroid; 0 for the middle view. Near the reported poses' own where the data
+        leave a direction open.
+
+    Raises
+    ------
+    ValueError
+        If there are no views.
+    strand.NotEnoughDataError
+        If there is nothing like a tube of this radius in the points.
+    """
+    config = Config() if config is None else config
+    if not len(views):
+        raise ValueError("views: expected at least one View, got none")
+    clouds = Clouds.of(views)
+    fit = fit_arcs(clouds, registered_roughly(clouds, radius, config), radius, config)
+    poses = [
+        rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
+    ]
+    return np.array(poses), fit.pose_sd
+
+
+def _pose_sd(config: Config) -> tuple[float, float]:
+    return config.poses.rotation_sd, config.poses.translation_sd
+
+
+def _free(clouds: Clouds) -> int | None:
+    """Return the reference view, or None where it is the only one: then no pose is free."""
+    return clouds.reference if len(clouds.points) > 1 else None
+
+
+def _warn_of_open_poses(fit: TubeFit, numbers: Sequence[int], poses: Poses, run: Run) -> None:
+    """Name the views with a direction that the data hardly fix."""
+    limits = np.repeat([poses.rotation_sd, poses.translation_sd], 3)
+    for number, sd in zip(numbers, fit.pose_sd, strict=True):
+        if (sd > 0.8 * limits).any():
+            kinds = [
+                ("rotation", (sd[:3] > 0.8 * limits[:3]).any()),
+                ("translation", (sd[3:] > 0.8 * limits[3:]).any()),
+            ]
+            what = " and ".join(name for name, is_open in kinds if is_open)
+            run.warnings.append(
+                f"view {number}: the data leave a direction of its {what} open; it stays as reported there"
+            )

@@ -1,0 +1,186 @@
+//! Symmetric systems that are banded but for a few bordering unknowns.
+//!
+//! A spline's normal equations couple a control point with three on each side; poses and radius are coupled with all of
+//! them. Eliminating the band first leaves a small dense system for the border, so the cost grows with the length of
+//! the string and not with its square.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// Entries of a row left of and on the diagonal: three control points and its own coordinates.
+pub const WIDTH: usize = 12;
+
+/// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]], A banded with n rows, D dense with m.
+#[derive(Debug, Clone)]
+pub struct Bordered {
+    /// Row i of A: columns i + 1 − WIDTH to i.
+    band: Vec<[f64; WIDTH]>,
+    /// C, row by row.
+    border: Vec<f64>,
+    corner: DMatrix<f64>,
+}
+
+/// A factored [`Bordered`].
+pub struct Factor {
+    /// L of A = L Lᵀ, with the reciprocals of its diagonal.
+    band: Vec<[f64; WIDTH]>,
+    /// W = L⁻¹ C, row by row.
+    border: Vec<f64>,
+    /// Of the Schur complement D − Wᵀ W.
+    corner: Cholesky<f64, Dyn>,
+}
+
+impl Bordered {
+    /// A zero matrix with `n` banded and `m` bordering rows.
+    pub fn zeros(n: usize, m: usize) -> Self {
+        Self { band: vec![[0.0; WIDTH]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
+    }
+
+    /// Adds to an entry of A; `row` ≥ `column` > `row` − WIDTH.
+    #[inline]
+    pub fn add_band(&mut self, row: usize, column: usize, value: f64) {
+        self.band[row][column + WIDTH - 1 - row] += value;
+    }
+
+    /// Adds to an entry of C.
+    #[inline]
+    pub fn add_border(&mut self, row: usize, column: usize, value: f64) {
+        let m = self.corner.nrows();
+        self.border[row * m + column] += value;
+    }
+
+    /// Adds to an entry of D on or below its diagonal.
+    #[inline]
+    pub fn add_corner(&mut self, row: usize, column: usize, value: f64) {
+        self.corner[(row, column)] += value;
+    }
+
+    /// Cholesky factors; none if the matrix is not positive definite.
+    pub fn factor(mut self) -> Option<Factor> {
+        let (n, m) = (self.band.len(), self.corner.nrows());
+        for i in 0..n {
+            let low = i.saturating_sub(WIDTH - 1);
+            for j in low..=i {
+                let start = low.max(j.saturating_sub(WIDTH - 1));
+                let mut sum = self.band[i][j + WIDTH - 1 - i];
+                for k in start..j {
+                    sum -= self.band[i][k + WIDTH - 1 - i] * self.band[j][k + WIDTH - 1 - j];
+                }
+                if j < i {
+                    // the diagonal holds reciprocals
+                    self.band[i][j + WIDTH - 1 - i] = sum * self.band[j][WIDTH - 1];
+                } else if sum > 0.0 && sum.is_finite() {
+                    self.band[i][WIDTH - 1] = sum.sqrt().recip();
+                } else {
+                    return None;
+                }
+            }
+            let (done, rest) = self.border.split_at_mut(i * m);
+            let row = &mut rest[..m];
+            for k in low..i {
+                let l = self.band[i][k + WIDTH - 1 - i];
+                if l != 0.0 {
+                    for (x, above) in row.iter_mut().zip(&done[k * m..(k + 1) * m]) {
+                        *x -= l * above;
+                    }
+                }
+            }
+            for x in row.iter_mut() {
+                *x *= self.band[i][WIDTH - 1];
+            }
+            for a in 0..m {
+                for b in 0..=a {
+                    self.corner[(a, b)] -= row[a] * row[b];
+                }
+            }
+        }
+        Some(Factor { band: self.band, border: self.border, corner: self.corner.cholesky()? })
+    }
+}
+
+impl Factor {
+    /// Solves for a right-hand side: the unknowns of the band, and those of the border.
+    pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (n, m) = (band.len(), border.len());
+        let mut x = band.to_vec();
+        for i in 0..n {
+            for k in i.saturating_sub(WIDTH - 1)..i {
+                x[i] -= self.band[i][k + WIDTH - 1 - i] * x[k];
+            }
+            x[i] *= self.band[i][WIDTH - 1];
+        }
+        let mut rest = DVector::from_column_slice(border);
+        for i in 0..n {
+            for a in 0..m {
+                rest[a] -= self.border[i * m + a] * x[i];
+            }
+        }
+        let y = self.corner.solve(&rest);
+        for i in 0..n {
+            for a in 0..m {
+                x[i] -= self.border[i * m + a] * y[a];
+            }
+        }
+        for i in (0..n).rev() {
+            x[i] *= self.band[i][WIDTH - 1];
+            let value = x[i];
+            for k in i.saturating_sub(WIDTH - 1)..i {
+                x[k] -= self.band[i][k + WIDTH - 1 - i] * value;
+            }
+        }
+        (x, y.iter().copied().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_solution_satisfies_the_dense_system(n in 1usize..60, m in 0usize..6, seed in 0u64..1000) {
+            let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
+            let mut random = || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+            };
+            let mut matrix = Bordered::zeros(n, m);
+            let mut dense = DMatrix::<f64>::zeros(n + m, n + m);
+            for i in 0..n + m {
+                for j in 0..=i {
+                    let mut value = random();
+                    if i == j {
+                        value += 20.0;
+                    }
+                    if i >= n && j >= n {
+                        matrix.add_corner(i - n, j - n, value);
+                    } else if i >= n {
+                        matrix.add_border(j, i - n, value);
+                    } else if i - j < WIDTH {
+                        matrix.add_band(i, j, value);
+                    } else {
+                        continue;
+                    }
+                    dense[(i, j)] = value;
+                    dense[(j, i)] = value;
+                }
+            }
+            let right = DVector::from_fn(n + m, |_, _| random());
+            let factor = matrix.factor().unwrap();
+            let (x, y) = factor.solve(&right.as_slice()[..n], &right.as_slice()[n..]);
+            let solution = DVector::from_iterator(n + m, x.into_iter().chain(y));
+            prop_assert!((dense * solution - right).amax() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_has_no_factor() {
+        let mut matrix = Bordered::zeros(3, 0);
+        for i in 0..3 {
+            matrix.add_band(i, i, if i == 1 { -1.0 } else { 1.0 });
+        }
+        assert!(matrix.factor().is_none());
+    }
+}

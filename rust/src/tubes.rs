@@ -1,0 +1,277 @@
+//! Arcs of tubes traced through oriented points.
+//!
+//! Where strands touch, an average over a neighbourhood mixes them. A tube fitted to the points that face their
+//! cameras, with nothing inside it, does not: of two strands in contact each has the other outside.
+
+use rayon::prelude::*;
+
+use crate::error::{Result, check_finite, check_positive, check_same_length};
+use crate::geometry::{Moments, dot, eigen_symmetric, squared_distance, sub};
+use crate::index::Grid;
+use crate::normals::Viewpoints;
+use crate::tubelet::{Freedom, Patch, Support, Tubelet, advance, fit, frame, normalized};
+use crate::{Point, parallel};
+
+/// How far from a tubelet's centre points can matter to it, in radii.
+const PATCH: f64 = 2.6;
+/// Distance between the nodes of an arc, in radii.
+const STEP: f64 = 0.5;
+/// Directions tried at a seed.
+const DIRECTIONS: usize = 6;
+/// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
+const SEEDS_PER_TASK: usize = 16;
+
+/// What a seed may become: any direction, no bend.
+const FIRST_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.8, steps: 3, prior: [1.0, 1.0, 0.0] };
+const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, prior: [1.0, 1.0, 0.0] };
+/// What a step may change.
+const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
+
+/// A stretch of string along which its surface was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arc {
+    /// Nodes of the axis, half a radius apart, metres.
+    pub nodes: Vec<Point>,
+    /// Points that support each node: on the surface, facing their camera, within a radius ahead of it.
+    pub support: Vec<f64>,
+}
+
+/// When arcs begin and end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TubeOptions {
+    /// Arcs with fewer nodes are left out.
+    pub min_nodes: usize,
+    /// Share of the scores' 90th percentile that a seed must reach.
+    pub min_score: f64,
+    /// Seeds nearer than this to a node are skipped, in radii.
+    pub clearance: f64,
+}
+
+impl Default for TubeOptions {
+    fn default() -> Self {
+        Self { min_nodes: 4, min_score: 0.25, clearance: 0.7 }
+    }
+}
+
+/// Traces arcs of tubes of a known radius through surface points.
+///
+/// Tubelets are fitted at seeds on a grid of 0.8 r, in several directions. From the best one that is still free the
+/// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
+/// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
+/// reached. An arc claims its points, and the next best seed follows.
+///
+/// `known` are axis points that count as reached from the start; empty for none.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
+/// each point, or `radius` is not positive.
+pub fn trace_tubes(
+    points: &[Point],
+    viewpoints: Viewpoints,
+    radius: f64,
+    known: &[Point],
+    options: &TubeOptions,
+) -> Result<Vec<Arc>> {
+    check_finite("points", points)?;
+    check_finite("known", known)?;
+    check_positive("radius", radius)?;
+    if let Viewpoints::Each(all) = viewpoints {
+        check_same_length("viewpoints", all.len(), "points", points.len())?;
+        check_finite("viewpoints", all)?;
+    } else if let Viewpoints::One(one) = viewpoints {
+        check_finite("viewpoints", &[one])?;
+    }
+    let to_camera: Vec<Point> = (0..points.len())
+        .map(|i| match viewpoints {
+            Viewpoints::One(c) => normalized(sub(c, points[i])),
+            Viewpoints::Each(all) => normalized(sub(all[i], points[i])),
+        })
+        .collect();
+    Ok(parallel::run(|| {
+        let grid = Grid::new(points, PATCH * radius);
+        let to_camera = grid.gather(&to_camera);
+        let mut tracer =
+            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: known.to_vec() };
+        tracer.trace(options)
+    }))
+}
+
+struct Tracer {
+    grid: Grid,
+    /// Directions to the cameras and what is not claimed, in the grid's order.
+    to_camera: Vec<Point>,
+    free: Vec<bool>,
+    radius: f64,
+    /// Nodes of all arcs so far.
+    nodes: Vec<Point>,
+}
+
+struct Seed {
+    tubelet: Tubelet,
+    support: Support,
+}
+
+impl Tracer {
+    fn trace(&mut self, options: &TubeOptions) -> Vec<Arc> {
+        let mut seeds = self.seeds();
+        seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
+        let Some(best) = seeds.get(seeds.len() / 10) else { return Vec::new() };
+        let enough = options.min_score * best.support.score;
+        let mut arcs = Vec::new();
+        for seed in seeds {
+            if seed.support.score < enough {
+                break;
+            }
+            if self.taken(seed.tubelet.center, options.clearance) {
+                continue;
+            }
+            // what is left of its points may no longer be a tube
+            let (tubelet, support) =
+                fit(&self.patch(seed.tubelet.center), seed.tubelet, self.radius, &SECOND_LOOK);
+            let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
+            if support.score < (0.6 * seed.support.score).max(enough)
+                || moved > 0.5 * self.radius
+                || self.taken(tubelet.center, options.clearance)
+            {
+                continue;
+            }
+            let density = support.inliers as f64 / 3.0;
+            let ahead = self.march(tubelet, density, &[]);
+            let passed: Vec<Point> = ahead.iter().skip(3).map(|step| step.0.center).collect();
+            let back = self.march(tubelet.reversed(), density, &passed);
+            let mut steps: Vec<(Tubelet, f64)> = back.into_iter().rev().collect();
+            steps.push((tubelet, density));
+            steps.extend(ahead);
+            if steps.len() >= options.min_nodes {
+                self.claim(&steps);
+                let (nodes, support): (Vec<Point>, Vec<f64>) =
+                    steps.iter().map(|(tubelet, support)| (tubelet.center, *support)).unzip();
+                self.nodes.extend(&nodes);
+                arcs.push(Arc { nodes, support });
+            }
+        }
+        arcs
+    }
+
+    /// Free points near a place, in the grid's order.
+    fn patch(&self, center: Point) -> Patch {
+        let mut patch = Patch::default();
+        self.grid.visit_near(center, |i, p, _| {
+            if self.free[i] {
+                patch.points.push((p, self.to_camera[i]));
+            }
+            true
+        });
+        patch
+    }
+
+    fn taken(&self, center: Point, clearance: f64) -> bool {
+        let limit = (clearance * self.radius).powi(2);
+        self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
+    }
+
+    /// Tubelets at one point of each cell of 0.8 r, the best of several directions.
+    fn seeds(&self) -> Vec<Seed> {
+        let chosen = self.grid.sample(0.8 * self.radius);
+        let fitted: Vec<Vec<Option<Seed>>> = chosen
+            .par_chunks(SEEDS_PER_TASK)
+            .map(|positions| positions.iter().map(|&i| self.seed(i)).collect())
+            .collect();
+        fitted.into_iter().flatten().flatten().filter(|seed| seed.support.inliers >= 8).collect()
+    }
+
+    fn seed(&self, position: usize) -> Option<Seed> {
+        let p = self.grid.point(position);
+        let limit = (1.3 * self.radius).powi(2);
+        let mut moments = Moments::default();
+        self.grid.visit_near(p, |_, q, squared| {
+            if squared <= limit {
+                moments.add(sub(q, p));
+            }
+            true
+        });
+        if moments.count() < 6 {
+            return None;
+        }
+        let mut normal = eigen_symmetric(&moments.covariance()).vectors[0];
+        if dot(normal, self.to_camera[position]) < 0.0 {
+            normal = normal.map(|x| -x);
+        }
+        let center = advance(p, -self.radius, normal);
+        let patch = self.patch(center);
+        let (f1, f2) = frame(normal);
+        let rough = (0..DIRECTIONS).map(|k| {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+            let tangent = std::array::from_fn(|i| cos * f1[i] + sin * f2[i]);
+            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, self.radius, &FIRST_LOOK)
+        });
+        let (tubelet, _) = rough.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
+        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, self.radius, &SECOND_LOOK);
+        Some(Seed { tubelet, support })
+    }
+
+    /// Follows the axis one way; `passed` are further nodes that may not be run into.
+    fn march(&self, start: Tubelet, density: f64, passed: &[Point]) -> Vec<(Tubelet, f64)> {
+        let r = self.radius;
+        let mut steps: Vec<(Tubelet, f64)> = Vec::new();
+        let (mut last, mut usual) = (start, density);
+        loop {
+            let expected = last.ahead(STEP * r);
+            let patch = self.patch(expected.center);
+            let (tubelet, support) = fit(&patch, expected, r, &MARCH);
+            let ahead = support_ahead(&patch, &tubelet, r);
+            let straight = dot(tubelet.tangent, last.tangent) > 0.5f64.cos();
+            let jump = squared_distance(tubelet.center, expected.center).sqrt();
+            let limit = (0.6 * r).powi(2);
+            let collides = |node: &Point| squared_distance(*node, tubelet.center) < limit;
+            let own = steps.len().saturating_sub(8);
+            if ahead < (0.22 * usual).max(3.0)
+                || !straight
+                || jump >= 0.6 * r
+                || support.inside as f64 >= 0.5 * support.inliers as f64 + 2.0
+                || self.nodes.iter().any(collides)
+                || passed.iter().any(collides)
+                || steps[..own].iter().any(|step| collides(&step.0.center))
+            {
+                return steps;
+            }
+            usual = 0.8 * usual + 0.2 * ahead;
+            steps.push((tubelet, ahead));
+            last = tubelet;
+            let bend = dot(last.curvature, last.curvature).sqrt();
+            if bend > 0.5 / r {
+                last.curvature = last.curvature.map(|x| x * 0.5 / r / bend);
+            }
+        }
+    }
+
+    /// Takes the points of an arc out of the search.
+    fn claim(&mut self, steps: &[(Tubelet, f64)]) {
+        let r = self.radius;
+        for (tubelet, _) in steps {
+            let straight = Tubelet { curvature: [0.0; 3], ..*tubelet };
+            let Self { grid, to_camera, free, .. } = self;
+            grid.visit_near(tubelet.center, |i, p, _| {
+                let offset = straight.offset(p);
+                if offset.along.abs() <= 0.6 * r
+                    && offset.distance < 1.45 * r
+                    && (offset.distance < 0.5 * r || dot(offset.outward, to_camera[i]) > -0.2)
+                {
+                    free[i] = false;
+                }
+                true
+            });
+        }
+    }
+}
+
+/// Points on the surface, facing their camera, within a radius ahead of a tubelet's centre.
+fn support_ahead(patch: &Patch, tubelet: &Tubelet, radius: f64) -> f64 {
+    let supports = |&&(p, to_camera): &&(Point, Point)| {
+        let offset = tubelet.offset(p);
+        (0.0..=radius).contains(&offset.along)
+            && (offset.distance - radius).abs() < 0.4 * radius
+            && dot(offset.outward, to_camera) > 0.0
+    };
+    patch.points.iter().filter(supports).count() as f64
+}
