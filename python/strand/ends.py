@@ -63,7 +63,11 @@ def _end(s: Array, length: float, radius: float) -> float:
     far = max(far, near + radius)
     inside = np.count_nonzero((s >= near) & (s < far))
     beyond = np.count_nonzero((s < near) & (s > about - _REACH * radius))
-    end = near - beyond * (far - near) / inside if inside else about
+    if not inside:
+        return about
+    density = inside / (far - near)
+    # where another strand hides part of the inside, the density is too low: no end lies beyond all points
+    end = max(near - beyond / density, s[1] - 1.0 / density)
     return float(np.clip(end, max(about - _REACH * radius, 0.0), about + _REACH * radius))
 
 

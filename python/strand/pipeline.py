@@ -15,7 +15,7 @@ from strand.model import Chain, Model
 from strand.outliers import without_outliers
 from strand.radius import estimate_radius
 from strand.stages import Run
-from strand.view import View
+from strand.view import View, extraction_range
 
 
 def reconstruct(
@@ -67,12 +67,13 @@ def reconstruct(
     config = Config() if config is None else config
     views, radius, ropes = _checked(views, radius, ropes, config)
     run = Run(progress)
+    box = None if bounds is None else extraction_range(bounds)
     with run.stage("extract"):
-        raw = [view if bounds is None else view.crop(bounds) for view in views]
+        raw = [view if box is None else view.crop(box) for view in views]
     start = radius
     if start is None:
         with run.stage("radius"):
-            start = estimate_radius(raw, config)
+            start = estimate_radius(raw, box, config)
     with run.stage("filter"):
         filtered = [without_outliers(view, start, config.filter) for view in raw]
     used = _used(raw, filtered, run)
@@ -80,7 +81,7 @@ def reconstruct(
     if config.method == "published":
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
-        found = tubes.find_strings(seen, used, start, ropes, config, run, fit_radius=radius is None)
+        found = tubes.find_strings(seen, used, box, start, config, run, fit_radius=radius is None)
     chains = _chosen(found.chains, ropes, run)
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)

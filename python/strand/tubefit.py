@@ -88,6 +88,7 @@ def fit_tubes(
     along_ray: bool = False,
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
+    bounds: tuple[Array, Array] | None = None,
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
 
@@ -120,6 +121,9 @@ def fit_tubes(
         Tukey's limit at the first and the last iteration, in radii; never under three standard deviations.
     iterations : int
         Most Gauss-Newton steps.
+    bounds : pair of (3,) ndarray, optional
+        The extraction range, metres: noise carries points out of it but none in, so points whose place on the
+        tube lies within two standard deviations of its faces have no part.
 
     Returns
     -------
@@ -145,6 +149,7 @@ def fit_tubes(
         along_ray=along_ray,
         band=list(band),
         iterations=iterations,
+        bounds=None if bounds is None else [corner.tolist() for corner in bounds],
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
@@ -16,12 +17,14 @@ from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
 from strand.tubefit import TubeFit, fit_tubes, moved
-from strand.view import Array, View, rigid_motion
+from strand.view import Array, View, extraction_range, rigid_motion
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+Bounds = tuple[Array, Array] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +39,20 @@ class Clouds:
         The cameras' centres, metres.
     reference : int
         The view that stays where it is.
+    bounds : pair of (3,) ndarray or None
+        The extraction range that the points were cut to, metres.
     """
 
     points: list[Array]
     viewpoints: Array
     reference: int
+    bounds: Bounds
 
     @classmethod
-    def of(cls, views: Sequence[View]) -> Clouds:
+    def of(cls, views: Sequence[View], bounds: Bounds) -> Clouds:
         """Return the views' points; the middle view is the reference."""
         viewpoints = np.array([view.viewpoint for view in views])
-        return cls([view.world_points for view in views], viewpoints, len(views) // 2)
+        return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
 
 def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
@@ -65,7 +71,9 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
     still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
     if len(clouds.points) == 1:
         return still
-    alone = Clouds([clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0)
+    alone = Clouds(
+        [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
+    )
     arcs = trace(alone, still[:1], radius, min_nodes=4)
     arcs = [arc for arc in arcs if len(arc) >= _REFERENCE_NODES] or arcs
     if not arcs:
@@ -112,6 +120,7 @@ def fit_arcs(
             reference=_free(clouds),
             fit_radius=fit_radius and last,
             iterations=12 if last else 8,
+            bounds=clouds.bounds if fit_radius else None,
         )
         motions, radius = fit.motions, fit.radius
     assert fit is not None
@@ -137,6 +146,7 @@ def fit_strings(
             along_ray=along_ray,
             band=(0.5, 0.5 if along_ray else 0.4),
             iterations=8 if along_ray else 12,
+            bounds=clouds.bounds if fit_radius else None,
         )
         curves, motions, radius = fit.curves, fit.motions, fit.radius
     return fit
@@ -145,11 +155,11 @@ def fit_strings(
 def find_strings(
     views: Sequence[View],
     numbers: Sequence[int],
+    bounds: Bounds,
     radius: float,
-    ropes: int | None,
     config: Config,
     run: Run,
-    fit_radius: bool = False,
+    fit_radius: bool,
 ) -> Found:
     """Trace, register, fit and link on filtered views that all see something.
 
@@ -158,10 +168,10 @@ def find_strings(
     views : sequence of View
     numbers : sequence of int
         What each is called in warnings.
+    bounds : pair of (3,) ndarray or None
+        The extraction range that they were cut to, metres.
     radius : float
         Metres; the start, if it is fitted.
-    ropes : int or None
-        Not used to link: every end is judged by the cost of its joins.
     config : Config
     run : Run
     fit_radius : bool
@@ -178,7 +188,7 @@ def find_strings(
     strand.NotEnoughDataError
         If there is nothing like a tube of this radius in the points.
     """
-    clouds = Clouds.of(views)
+    clouds = Clouds.of(views, bounds)
     with run.stage("register"):
         motions = registered_roughly(clouds, radius, config)
     with run.stage("arcs"):
@@ -206,7 +216,12 @@ def find_strings(
     return Found(chains, poses, list(fit.pose_sd), stages)
 
 
-def register_views(views: Sequence[View], radius: float, config: Config | None = None) -> tuple[Array, Array]:
+def register_views(
+    views: Sequence[View],
+    radius: float,
+    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+    config: Config | None = None,
+) -> tuple[Array, Array]:
     """Register all views of strings together.
 
     Every view's points are matched with tubes around shared curves, whose shape is found with the poses; so
@@ -216,10 +231,12 @@ def register_views(views: Sequence[View], radius: float, config: Config | None =
     Parameters
     ----------
     views : sequence of View
-        Views of strings alone: cropped to the extraction range, outliers removed. The middle one stays where
-        it is.
+        Views of strings alone, outliers removed. The middle one stays where it is.
     radius : float
         The strings' radius, metres.
+    bounds : pair of (3,) array_like, optional
+        The extraction range: low and high corner of an axis-aligned box in the world frame, metres; views are
+        cropped to it.
     config : Config, optional
         Its `poses` say how well the reported poses are known.
 
@@ -242,7 +259,9 @@ def register_views(views: Sequence[View], radius: float, config: Config | None =
     config = Config() if config is None else config
     if not len(views):
         raise ValueError("views: expected at least one View, got none")
-    clouds = Clouds.of(views)
+    if bounds is not None:
+        views = [view.crop(bounds) for view in views]
+    clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
     fit = fit_arcs(clouds, registered_roughly(clouds, radius, config), radius, config)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)

@@ -600,7 +600,7 @@ fn trace_tubes<'py>(
 /// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
-                    band, iterations))]
+                    band, iterations, bounds))]
 #[allow(clippy::too_many_arguments)]
 fn fit_tubes<'py>(
     py: Python<'py>,
@@ -616,6 +616,7 @@ fn fit_tubes<'py>(
     along_ray: bool,
     band: [f64; 2],
     iterations: usize,
+    bounds: Option<[Point; 2]>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -641,6 +642,7 @@ fn fit_tubes<'py>(
         residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
         band,
         iterations,
+        bounds,
     };
     let fit = py.detach(|| {
         let views: Vec<crate::TubeView> = points

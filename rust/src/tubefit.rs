@@ -63,6 +63,9 @@ pub struct TubeFitOptions {
     pub band: [f64; 2],
     /// Most Gauss–Newton steps.
     pub iterations: usize,
+    /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
+    /// place on the tube lies within two standard deviations of its faces have no part.
+    pub bounds: Option<[Point; 2]>,
 }
 
 /// Where a point ended.
@@ -211,9 +214,9 @@ impl State<'_> {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned =
                 (options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0)) * self.radius;
-            let least = if iteration > 2 { 3.0 * self.sigma } else { 0.6 * self.radius };
-            let band = planned.max(least).min(0.9 * self.radius);
-            let terms = self.terms(options.residual, band);
+            let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
+            let band = planned.max(least).min(1.2 * self.radius);
+            let terms = self.terms(options, band);
             self.measure(&terms, band);
             if iteration == options.iterations {
                 return self.result(terms, band, iteration, options);
@@ -221,7 +224,7 @@ impl State<'_> {
             let step = self.step(&terms, start_radius, options)?;
             iteration += 1;
             if iteration > 4 && step < 2e-3 * self.radius {
-                let terms = self.terms(options.residual, band);
+                let terms = self.terms(options, band);
                 return self.result(terms, band, iteration, options);
             }
         }
@@ -248,7 +251,7 @@ impl State<'_> {
     }
 
     /// The feet of all points at the current curves, poses and radius.
-    fn terms(&self, residual: Residual, band: f64) -> Vec<Vec<Term>> {
+    fn terms(&self, options: &TubeFitOptions, band: f64) -> Vec<Vec<Term>> {
         let samples: Vec<Sample> = self
             .curves
             .iter()
@@ -277,10 +280,12 @@ impl State<'_> {
                             .map(|&p| {
                                 let moved = motion.apply(p);
                                 let to_camera = normalized(sub(camera, moved));
-                                Term {
-                                    moved,
-                                    foot: self.foot(moved, to_camera, &grid, &samples, residual, band),
+                                let mut foot =
+                                    self.foot(moved, to_camera, &grid, &samples, options.residual, band);
+                                if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
+                                    foot.weight = 0.0;
                                 }
+                                Term { moved, foot }
                             })
                             .collect()
                     })
@@ -288,6 +293,14 @@ impl State<'_> {
                 tasks.into_iter().flatten().collect()
             })
             .collect()
+    }
+
+    /// Whether noise may have carried points out of the extraction range at a foot.
+    fn is_cut(&self, foot: &Foot, [low, high]: [Point; 2]) -> bool {
+        let axis = self.curves[foot.curve].at(foot.parameter).position;
+        let surface = advance(axis, self.radius, foot.outward);
+        let margin = 2.0 * self.sigma;
+        (0..3).any(|k| surface[k] < low[k] + margin || surface[k] > high[k] - margin)
     }
 
     /// The curve and the place that explain a point best.
