@@ -139,14 +139,14 @@ class Chain:
         ValueError
             If `s` is not finite.
         """
-        s = np.asarray(s, dtype=np.float64)
-        if not np.isfinite(s).all():
+        at = np.asarray(s, dtype=np.float64)
+        if not np.isfinite(at).all():
             raise ValueError("s: expected finite arc lengths, got NaN or infinity")
         if self.curve is not None:
             return self.curve.at(s.ravel())[0].reshape(*s.shape, 3)
         if self.closed:
-            s = np.mod(s, self.length)
-        return np.stack([np.interp(s, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
+            at = np.mod(at, self.length)
+        return np.stack([np.interp(at, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
 
     def nearest(self, p: ArrayLike) -> tuple[float, float]:
         """Closest place of the centreline to a point.

@@ -271,7 +271,7 @@ class View:
         v, u = np.nonzero(finite & (image > 0))
         z = image[v, u]
         points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
-        return cls(points, np.eye(4) if pose is None else pose, int(image.size - finite.sum()))
+        return cls(points, np.eye(4) if pose is None else np.asarray(pose), int(image.size - finite.sum()))
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike) -> View:

@@ -1,7 +1,6 @@
 //! Axis points from surface points and normals (section IV-D, eq. 16–18).
 
-use crate::error::{Error, Result, check_finite, check_positive, check_same_length};
-use crate::geometry::dot;
+use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
 use crate::index::Grid;
 use crate::{Point, parallel};
 
@@ -21,8 +20,8 @@ pub struct Centerline {
 /// Points whose normal is the zero vector take no part.
 ///
 /// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, a normal is neither of unit
-/// length nor zero, the lengths of the arrays differ, or `radius` is not positive.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, a normal is neither of
+/// unit length nor zero, the lengths of the arrays differ, or `radius` is not positive.
 pub fn centerline(
     points: &[Point],
     normals: &[Point],
@@ -31,20 +30,9 @@ pub fn centerline(
 ) -> Result<Centerline> {
     check_finite("points", points)?;
     check_same_length("normals", normals.len(), "points", points.len())?;
-    check_finite("normals", normals)?;
+    check_normals("normals", normals)?;
     check_positive("radius", radius)?;
-    let mut indices = Vec::with_capacity(points.len());
-    for (i, &n) in normals.iter().enumerate() {
-        let squared_length = dot(n, n);
-        if (squared_length - 1.0).abs() < 1e-3 {
-            indices.push(i);
-        } else if squared_length != 0.0 {
-            return Err(Error::invalid(
-                "normals",
-                format!("expected unit or zero vectors, but row {i} is {n:?}"),
-            ));
-        }
-    }
+    let indices: Vec<usize> = (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).collect();
     let surface: Vec<Point> = indices.iter().map(|&i| points[i]).collect();
     let offsets: Vec<Point> = indices.iter().map(|&i| normals[i].map(|x| -radius * x)).collect();
     let means = parallel::run(|| {

@@ -1,6 +1,7 @@
 //! What can go wrong, and the checks that all kernels share.
 
 use crate::Point;
+use crate::geometry::dot;
 
 /// Why a kernel gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -37,10 +38,11 @@ impl Error {
 /// The result of a kernel.
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Coordinates and lengths stay below this, so that squared distances stay well inside f64.
+const LARGEST: f64 = 1e100;
+
 /// Refuses coordinates that are NaN, infinite or so large that their squares overflow.
 pub(crate) fn check_finite(name: &'static str, points: &[Point]) -> Result<()> {
-    // squared distances of such points stay well inside f64
-    const LARGEST: f64 = 1e100;
     match points.iter().position(|p| !p.iter().all(|x| x.abs() < LARGEST)) {
         None => Ok(()),
         Some(row) => Err(Error::invalid(
@@ -50,12 +52,24 @@ pub(crate) fn check_finite(name: &'static str, points: &[Point]) -> Result<()> {
     }
 }
 
-/// Refuses a number that is not finite and above zero.
+/// Refuses a length that is not above zero, or as large as no coordinate may be.
 pub(crate) fn check_positive(name: &'static str, value: f64) -> Result<()> {
-    if value.is_finite() && value > 0.0 {
+    if value > 0.0 && value < LARGEST {
         Ok(())
     } else {
-        Err(Error::invalid(name, format!("expected a positive number, got {value}")))
+        Err(Error::invalid(name, format!("expected a positive number below {LARGEST:e}, got {value:?}")))
+    }
+}
+
+/// Refuses normals that are neither of unit length, to single precision and a little more, nor zero.
+pub(crate) fn check_normals(name: &'static str, normals: &[Point]) -> Result<()> {
+    check_finite(name, normals)?;
+    match normals.iter().position(|&n| n != [0.0; 3] && (dot(n, n) - 1.0).abs() >= 1e-3) {
+        None => Ok(()),
+        Some(row) => Err(Error::invalid(
+            name,
+            format!("expected unit or zero vectors, but row {row} is {:?}", normals[row]),
+        )),
     }
 }
 

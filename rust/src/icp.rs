@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use rayon::prelude::*;
 
-use crate::error::{Error, Result, check_finite, check_positive, check_same_length};
+use crate::error::{Error, Result, check_finite, check_normals, check_positive, check_same_length};
 use crate::geometry::{RigidMotion, dot, squared_distance, sub};
 use crate::index::Tree;
 use crate::{Point, parallel};
@@ -73,7 +73,8 @@ pub struct IcpResult {
 ///
 /// # Errors
 /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, a limit is out of range, or the
-/// normals are not one for each target point; [`NotEnoughData`](Error::NotEnoughData) if a cloud is empty.
+/// normals are not one for each target point, of unit length or zero; [`NotEnoughData`](Error::NotEnoughData)
+/// if a cloud is empty.
 pub fn icp(
     source: &[Point],
     target: &[Point],
@@ -91,7 +92,7 @@ pub fn icp(
     }
     if let Objective::PointToPlane(normals) = objective {
         check_same_length("target_normals", normals.len(), "target points", target.len())?;
-        check_finite("target_normals", normals)?;
+        check_normals("target_normals", normals)?;
     }
     for (name, cloud) in [("source", source), ("target", target)] {
         if cloud.is_empty() {
@@ -121,7 +122,8 @@ struct Pair {
 fn iterate(problem: &Problem, options: &IcpOptions) -> IcpResult {
     let reach = options.max_correspondence_distance;
     let mut pose = options.start;
-    let (mut pairs, mut fitness, mut rmse) = problem.pair(&pose, reach);
+    let mut partners = vec![None; problem.source.len()];
+    let (mut pairs, mut fitness, mut rmse) = problem.pair(&pose, reach, &mut partners);
     let mut iterations = 0;
     let stop = loop {
         if iterations == options.max_iterations {
@@ -134,7 +136,7 @@ fn iterate(problem: &Problem, options: &IcpOptions) -> IcpResult {
         pose = update.after(&pose);
         iterations += 1;
         let (previous_fitness, previous_rmse) = (fitness, rmse);
-        (pairs, fitness, rmse) = problem.pair(&pose, reach);
+        (pairs, fitness, rmse) = problem.pair(&pose, reach, &mut partners);
         if (fitness - previous_fitness).abs() <= options.tolerance
             && (rmse - previous_rmse).abs() <= options.tolerance * reach
         {
@@ -153,18 +155,27 @@ fn iterate(problem: &Problem, options: &IcpOptions) -> IcpResult {
 
 impl Problem<'_> {
     /// Correspondences at a pose, with fitness and inlier RMSE.
-    fn pair(&self, pose: &RigidMotion, reach: f64) -> (Vec<Pair>, f64, f64) {
+    ///
+    /// `partners` holds the target points that the source points were paired with before: the nearest one is no
+    /// farther, so searches need not look beyond them.
+    fn pair(&self, pose: &RigidMotion, reach: f64, partners: &mut [Option<usize>]) -> (Vec<Pair>, f64, f64) {
         let tasks: Vec<(Vec<Pair>, f64)> = self
             .source
             .par_chunks(POINTS_PER_TASK)
-            .map(|points| {
+            .zip(partners.par_chunks_mut(POINTS_PER_TASK))
+            .map(|(points, partners)| {
                 let mut pairs = Vec::with_capacity(points.len());
                 let mut squares = 0.0;
-                for &x in points {
+                for (&x, partner) in points.iter().zip(partners) {
                     let moved = pose.apply(x);
-                    if let Some((target, _)) = self.tree.nearest_within(moved, reach) {
+                    let limit = match *partner {
+                        Some(before) => squared_distance(self.target[before], moved).min(reach * reach),
+                        None => reach * reach,
+                    };
+                    if let Some((target, squared)) = self.tree.nearest_within(moved, limit) {
+                        *partner = Some(target);
                         pairs.push(Pair { moved, target });
-                        squares += squared_distance(moved, self.target[target]);
+                        squares += squared;
                     }
                 }
                 (pairs, squares)
@@ -208,7 +219,9 @@ impl Problem<'_> {
         let from = Self::sum(pairs, moved) / n;
         let to = Self::sum(pairs, target) / n;
         let covariance = Self::sum(pairs, |pair| (target(pair) - to) * (moved(pair) - from).transpose());
-        let svd = covariance.try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
+        // relative to its largest entry, so that squares neither overflow nor vanish
+        let size = covariance.amax().max(f64::MIN_POSITIVE);
+        let svd = (covariance / size).try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
         let (u, v_t) = (svd.u.ok_or(Stop::Degenerate)?, svd.v_t.ok_or(Stop::Degenerate)?);
         // on a line (or in a point) the rotation about it is free
         if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
@@ -247,7 +260,8 @@ impl Problem<'_> {
         let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
         let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
         let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;
-        if cholesky.l().diagonal().min() < 1e-7 {
+        // the terms of a flat wall are all equal, and so are their roundings: 1e3 of them leave 1e-6
+        if cholesky.l().diagonal().min() < 1e-5 {
             return Err(Stop::Degenerate);
         }
         let x = cholesky.solve(&right.component_mul(&scale)).component_mul(&scale);

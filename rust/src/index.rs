@@ -1,4 +1,4 @@
-//! Neighbour search: the only user of kiddo, and the only place that knows a grid.
+//! Neighbour search: the only place that knows a grid or a tree.
 //!
 //! Two structures for two questions. "Which points lie within a radius of each point" is asked of all points
 //! at once with one radius: [`Grid`] sorts the points by cell and sweeps them. "Which is the nearest" has no
@@ -7,16 +7,19 @@
 use std::num::NonZeroUsize;
 use std::ops::Range;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use crate::Point;
-use crate::geometry::squared_distance;
+use crate::geometry::{dot, squared_distance, sub};
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
 /// Cells a task works through; fixed, so that results do not depend on the number of threads.
 const CELLS_PER_TASK: usize = 64;
+/// Most points in a leaf of a tree.
+const LEAF: usize = 16;
+/// Points of a subtree that one task builds.
+const POINTS_PER_TASK: usize = 4096;
 
 /// Points sorted by the cells of a uniform grid, whose cells are at least one search radius wide.
 ///
@@ -83,8 +86,10 @@ impl Grid {
         }
         let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
         // a little wider than the radius, so that rounding never puts two neighbours two cells apart; and
-        // wide enough that the cells of the longest axis can be numbered
-        let cell = (radius * (1.0 + 1e-6)).max(extent / f64::from(1u32 << (AXIS_BITS - 2)));
+        // wide enough that the cells of the longest axis can be numbered, and that 1 / cell is finite
+        let cell = (radius * (1.0 + 1e-6))
+            .max(extent / f64::from(1u32 << (AXIS_BITS - 2)))
+            .max(4.0 * f64::MIN_POSITIVE);
         let mut grid = Self {
             radius,
             low,
@@ -227,31 +232,179 @@ impl Sweep {
     }
 }
 
-/// A k-d tree over finite points.
+/// A k-d tree over finite points, halved across the longest side of their box down to small leaves.
+///
+/// The points are kept in the leaves' order, and a subtree is a run of them.
 pub struct Tree {
-    tree: ImmutableKdTree<f64, 3>,
+    /// Cuts, each before those of its lower and then of its upper half.
+    cuts: Vec<Cut>,
+    points: Vec<Point>,
+    order: Vec<u32>,
+    low: Point,
+    high: Point,
+}
+
+/// Where a run of points is halved.
+struct Cut {
+    axis: usize,
+    /// The upper end of the lower half along the axis, and the lower end of the upper half.
+    ends: [f64; 2],
+    /// Where the upper half's cuts are, counted from this one.
+    upper: usize,
+}
+
+/// What a search has found so far.
+trait Found {
+    /// Points at this squared distance or farther are of no interest.
+    fn bound(&self) -> f64;
+    /// Takes a point that is nearer than the bound.
+    fn add(&mut self, squared: f64, position: usize);
+}
+
+/// The nearest point: its squared distance (the bound, until there is one) and its position.
+struct Nearest(f64, Option<usize>);
+
+impl Found for Nearest {
+    #[inline]
+    fn bound(&self) -> f64 {
+        self.0
+    }
+
+    #[inline]
+    fn add(&mut self, squared: f64, position: usize) {
+        *self = Self(squared, Some(position));
+    }
+}
+
+/// The nearest points, nearest first.
+struct SeveralNearest {
+    found: Vec<(f64, u32)>,
+    count: usize,
+}
+
+impl Found for SeveralNearest {
+    #[inline]
+    fn bound(&self) -> f64 {
+        if self.found.len() < self.count { f64::INFINITY } else { self.found[self.count - 1].0 }
+    }
+
+    #[inline]
+    fn add(&mut self, squared: f64, position: usize) {
+        self.found.truncate(self.count - 1);
+        let mut place = self.found.len();
+        self.found.push((squared, position as u32));
+        while place > 0 && self.found[place - 1].0 > squared {
+            self.found[place] = self.found[place - 1];
+            place -= 1;
+        }
+        self.found[place] = (squared, position as u32);
+    }
 }
 
 impl Tree {
     /// Builds the tree.
     pub fn new(points: &[Point]) -> Self {
-        let tree = ImmutableKdTree::new_from_slice(points)
-            .expect("an immutable tree holds any number of points below 2^32");
-        Self { tree }
+        let mut keyed: Vec<(Point, u32)> = points.iter().zip(0..).map(|(&p, i)| (p, i)).collect();
+        let cuts = halve(&mut keyed);
+        let (points, order): (Vec<Point>, Vec<u32>) = keyed.into_iter().unzip();
+        let (low, high) = bounds(points.iter());
+        Self { cuts, points, order, low, high }
     }
 
-    /// The nearest point within `radius` (boundary included): its index and squared distance.
+    /// The nearest point whose squared distance is not above `limit`: its index and squared distance.
     #[inline]
-    pub fn nearest_within(&self, center: Point, radius: f64) -> Option<(usize, f64)> {
-        let found = self.tree.query(&center).nearest_one::<SquaredEuclidean<f64>>().execute();
-        (found.distance <= radius * radius).then_some((found.item as usize, found.distance))
+    pub fn nearest_within(&self, center: Point, limit: f64) -> Option<(usize, f64)> {
+        let mut found = Nearest(limit.next_up(), None);
+        self.search(center, &mut found);
+        found.1.map(|position| (self.order[position] as usize, found.0))
     }
 
     /// The `count` nearest points, nearest first: their indices.
     pub fn nearest(&self, center: Point, count: NonZeroUsize) -> impl Iterator<Item = usize> {
-        let found = self.tree.query(&center).nearest_n::<SquaredEuclidean<f64>>(count).execute();
-        found.into_iter().map(|neighbor| neighbor.item as usize)
+        let count = count.get().min(self.points.len());
+        let mut several = SeveralNearest { found: Vec::with_capacity(count), count };
+        if count > 0 {
+            self.search(center, &mut several);
+        }
+        several.found.into_iter().map(|(_, position)| self.order[position as usize] as usize)
     }
+
+    #[inline]
+    fn search(&self, center: Point, found: &mut impl Found) {
+        let gaps = std::array::from_fn(|k| (self.low[k] - center[k]).max(center[k] - self.high[k]).max(0.0));
+        self.descend(center, found, 0, 0, self.points.len(), gaps);
+    }
+
+    /// Searches a run of points whose box is `gaps` away from the centre along the axes.
+    fn descend(
+        &self,
+        center: Point,
+        found: &mut impl Found,
+        cut: usize,
+        start: usize,
+        end: usize,
+        gaps: Point,
+    ) {
+        if end - start <= LEAF {
+            for (position, &q) in (start..end).zip(&self.points[start..end]) {
+                let squared = squared_distance(q, center);
+                if squared < found.bound() {
+                    found.add(squared, position);
+                }
+            }
+            return;
+        }
+        let Cut { axis, ends, upper } = self.cuts[cut];
+        let middle = start + (end - start) / 2;
+        let (above, below) = (center[axis] - ends[0], ends[1] - center[axis]);
+        let mut far = gaps;
+        // gaps are summed as distances are, so that rounding cannot put a box beyond one of its points;
+        // two branches, not a choice of values: the processor then reads on before it knows the outcome
+        if above < below {
+            self.descend(center, found, cut + 1, start, middle, gaps);
+            far[axis] = below.max(gaps[axis]);
+            if dot(far, far) < found.bound() {
+                self.descend(center, found, cut + upper, middle, end, far);
+            }
+        } else {
+            self.descend(center, found, cut + upper, middle, end, gaps);
+            far[axis] = above.max(gaps[axis]);
+            if dot(far, far) < found.bound() {
+                self.descend(center, found, cut + 1, start, middle, far);
+            }
+        }
+    }
+}
+
+/// Sorts points into the leaves of a tree and gives its cuts.
+fn halve(points: &mut [(Point, u32)]) -> Vec<Cut> {
+    if points.len() <= LEAF {
+        return Vec::new();
+    }
+    let (low, high) = bounds(points.iter().map(|(p, _)| p));
+    let sides = sub(high, low);
+    let axis = (0..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest });
+    let middle = points.len() / 2;
+    points.select_nth_unstable_by(middle, |(p, i), (q, j)| p[axis].total_cmp(&q[axis]).then(i.cmp(j)));
+    let upper_end = points[middle].0[axis];
+    let (lower, upper) = points.split_at_mut(middle);
+    let lower_end = lower.iter().fold(f64::NEG_INFINITY, |end, (p, _)| end.max(p[axis]));
+    let (lower, upper) = if middle > POINTS_PER_TASK {
+        rayon::join(|| halve(lower), || halve(upper))
+    } else {
+        (halve(lower), halve(upper))
+    };
+    let mut cuts = vec![Cut { axis, ends: [lower_end, upper_end], upper: 1 + lower.len() }];
+    cuts.extend(lower);
+    cuts.extend(upper);
+    cuts
+}
+
+/// The box around points.
+fn bounds<'a>(points: impl Iterator<Item = &'a Point>) -> (Point, Point) {
+    points.fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
+        (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
+    })
 }
 
 #[cfg(test)]
@@ -301,13 +454,10 @@ mod tests {
                 .nearest(center, NonZeroUsize::new(count).unwrap())
                 .map(|i| squared_distance(points[i], center))
                 .collect();
-            prop_assert_eq!(found.len(), count.min(points.len()));
-            for (got, want) in found.iter().zip(&expected) {
-                prop_assert!((got - want).abs() <= 1e-12 * want.max(1.0));
-            }
-            let nearest = expected[0].sqrt();
-            prop_assert!(tree.nearest_within(center, nearest * (1.0 + 1e-9) + 1e-12).is_some());
-            prop_assert!(tree.nearest_within(center, nearest * (1.0 - 1e-9) - 1e-12).is_none() || nearest == 0.0);
+            prop_assert_eq!(&found[..], &expected[..count.min(points.len())]);
+            let nearest = expected[0];
+            prop_assert_eq!(tree.nearest_within(center, nearest).map(|(_, squared)| squared), Some(nearest));
+            prop_assert!(nearest == 0.0 || tree.nearest_within(center, nearest.next_down()).is_none());
         }
     }
 

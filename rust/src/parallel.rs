@@ -8,20 +8,25 @@ use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+/// A pool, and the one that was built before it.
 struct ProcessPool {
     process: u32,
     threads: usize,
     pool: ThreadPool,
+    older: *const ProcessPool,
 }
 
-static CURRENT: AtomicPtr<ProcessPool> = AtomicPtr::new(std::ptr::null_mut());
+/// The pool that was built last.
+static NEWEST: AtomicPtr<ProcessPool> = AtomicPtr::new(std::ptr::null_mut());
 static WANTED_THREADS: AtomicUsize = AtomicUsize::new(0);
+/// More threads than any machine can use here; tens of thousands would take minutes to start.
+const MOST_THREADS: usize = 256;
 
-/// Sets how many threads the kernels use from now on; 0 means one for each core.
+/// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core.
 ///
 /// Results do not depend on it.
 pub fn set_num_threads(threads: usize) {
-    WANTED_THREADS.store(threads, Ordering::Relaxed);
+    WANTED_THREADS.store(threads.min(MOST_THREADS), Ordering::Relaxed);
 }
 
 /// How many threads the kernels use.
@@ -44,32 +49,42 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// The pool of this process with the wanted number of threads.
 ///
 /// Lock-free, because a lock that another thread holds at the moment of a fork stays locked in the child.
-/// Pools that were replaced are left to the process: a worker may still be inside one.
+/// Pools are never ended: a worker may be inside one, and its number of threads may be wanted again.
 fn pool() -> Option<&'static ThreadPool> {
     let (process, threads) = (std::process::id(), num_threads());
-    let current = CURRENT.load(Ordering::Acquire);
-    // SAFETY: the pointer is null or came from Box::leak below, and is never freed
-    if let Some(found) = unsafe { current.as_ref() }
-        && found.process == process
-        && found.threads == threads
-    {
-        return Some(&found.pool);
+    let mut newest = NEWEST.load(Ordering::Acquire);
+    let mut next: *const ProcessPool = newest;
+    // SAFETY: a pointer in the list is null or came from Box::leak below, and is never freed
+    while let Some(built) = unsafe { next.as_ref() } {
+        if built.process == process && built.threads == threads {
+            return Some(&built.pool);
+        }
+        next = built.older;
     }
     let pool =
         ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("strand-{i}")).build().ok()?;
-    let made: &'static ProcessPool = Box::leak(Box::new(ProcessPool { process, threads, pool }));
-    CURRENT.store(std::ptr::from_ref(made).cast_mut(), Ordering::Release);
+    let made = Box::leak(Box::new(ProcessPool { process, threads, pool, older: newest }));
+    while let Err(newer) = NEWEST.compare_exchange(newest, made, Ordering::AcqRel, Ordering::Acquire) {
+        newest = newer;
+        made.older = newer;
+    }
     Some(&made.pool)
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn the_pool_has_the_wanted_number_of_threads() {
+    fn the_pool_has_the_wanted_number_of_threads_and_is_built_once() {
         for threads in [1, 3, 2] {
             super::set_num_threads(threads);
             assert_eq!(super::run(rayon::current_num_threads), threads);
         }
+        let address = || super::pool().map(std::ptr::from_ref);
+        let two = address();
+        super::set_num_threads(3);
+        assert_ne!(address(), two);
+        super::set_num_threads(2);
+        assert_eq!(address(), two);
         super::set_num_threads(0);
         assert!(super::num_threads() >= 1);
     }

@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArr
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{IntoPyDict, PyDict};
+use pyo3::types::PyDict;
 
 use crate::{Error, IcpOptions, Neighbors, Objective, Point, RigidMotion, Stop, Viewpoints};
 
@@ -29,15 +29,15 @@ impl<'py> FloatArray<'py> {
     fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
         let py = value.py();
         let numpy = py.import("numpy")?;
-        let array = numpy.call_method1("asarray", (value,))?;
+        let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
         let dtype = array.getattr("dtype")?;
         if dtype.getattr("kind")?.extract::<String>()? != "f" {
             return Err(PyTypeError::new_err(format!(
                 "{name}: expected floating point numbers, got dtype {dtype}"
             )));
         }
-        let options = [("dtype", "float64"), ("order", "C")].into_py_dict(py)?;
-        let array = numpy.call_method("asarray", (array,), Some(&options))?;
+        // C order and alignment, copied only where the array lacks either
+        let array = numpy.call_method1("require", (array, "float64", "CA"))?;
         Ok(Self(array.extract()?))
     }
 
@@ -50,7 +50,7 @@ impl<'py> FloatArray<'py> {
     }
 
     fn slice(&self) -> PyResult<&[f64]> {
-        // asarray with order="C" made it so; as_slice alone would accept Fortran order too
+        // numpy.require made it so; as_slice alone would accept Fortran order too
         debug_assert!(self.0.is_c_contiguous());
         self.0.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))
     }
@@ -58,6 +58,20 @@ impl<'py> FloatArray<'py> {
 
 fn wrong_shape(name: &str, want: &str, got: &[usize]) -> PyErr {
     PyValueError::new_err(format!("{name}: expected shape {want}, got {got:?}"))
+}
+
+/// An error of NumPy about an argument's value, with the argument's name.
+fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
+    if error.is_instance_of::<PyValueError>(py) {
+        PyValueError::new_err(format!("{name}: {}", error.value(py)))
+    } else {
+        error
+    }
+}
+
+/// A real number.
+fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    value.extract().map_err(|_| PyTypeError::new_err(format!("{name}: expected a number, got {value}")))
 }
 
 /// A whole number that is not negative.
@@ -181,13 +195,14 @@ fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<Bound<'_, PyArra
 fn radius_outlier_mask<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
     let array = FloatArray::new("points", points)?;
     let points = array.rows("points", "(N, 3)")?;
     let min_neighbors = count("min_neighbors", min_neighbors)?;
+    let radius = number("radius", radius)?;
     let rows = Rows::new(nonfinite, &[points])?;
     let mask = py.detach(|| crate::radius_outlier_mask(&rows.select(points), radius, min_neighbors))?;
     Ok(PyArray1::from_vec(py, rows.scatter(mask, false)))
@@ -220,11 +235,12 @@ fn radius_outlier_mask<'py>(
 fn count_neighbors<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
     let array = FloatArray::new("points", points)?;
     let points = array.rows("points", "(N, 3)")?;
+    let radius = number("radius", radius)?;
     let rows = Rows::new(nonfinite, &[points])?;
     let counts = py.detach(|| crate::count_neighbors(&rows.select(points), radius))?;
     let counts = counts.into_iter().map(|count| count as i64).collect();
@@ -275,7 +291,7 @@ fn estimate_normals<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     k: Option<&Bound<'py, PyAny>>,
-    radius: Option<f64>,
+    radius: Option<&Bound<'py, PyAny>>,
     viewpoint: Option<&Bound<'py, PyAny>>,
     variation: bool,
     nonfinite: &str,
@@ -284,7 +300,7 @@ fn estimate_normals<'py>(
     let points = array.rows("points", "(N, 3)")?;
     let neighbors = match (k, radius) {
         (Some(k), None) => Neighbors::Nearest(count("k", k)?),
-        (None, Some(radius)) => Neighbors::Within(radius),
+        (None, Some(radius)) => Neighbors::Within(number("radius", radius)?),
         _ => return Err(PyTypeError::new_err("expected exactly one of k and radius")),
     };
     let viewpoint = viewpoint.map(|value| FloatArray::new("viewpoint", value)).transpose()?;
@@ -416,13 +432,13 @@ impl IcpResult {
 /// TypeError
 ///     If an array does not hold floating point numbers.
 /// ValueError
-///     If a shape is wrong, a coordinate is not finite, `start` is not a rigid motion, or a limit is out of
-///     range.
+///     If a shape is wrong, a coordinate is not finite, a normal is neither of unit length nor zero, `start`
+///     is not a rigid motion, or a limit is out of range.
 /// strand.NotEnoughDataError
 ///     If a cloud is empty.
 #[pyfunction]
 #[pyo3(signature = (source, target, max_correspondence_distance, *, start = None, target_normals = None,
-                    max_iterations = None, tolerance = 1e-6, nonfinite = "raise"),
+                    max_iterations = None, tolerance = None, nonfinite = "raise"),
        text_signature = "(source, target, max_correspondence_distance, *, start=None, target_normals=None, \
                          max_iterations=30, tolerance=1e-06, nonfinite='raise')")]
 #[allow(clippy::too_many_arguments)]
@@ -430,11 +446,11 @@ fn icp<'py>(
     py: Python<'py>,
     source: &Bound<'py, PyAny>,
     target: &Bound<'py, PyAny>,
-    max_correspondence_distance: f64,
+    max_correspondence_distance: &Bound<'py, PyAny>,
     start: Option<&Bound<'py, PyAny>>,
     target_normals: Option<&Bound<'py, PyAny>>,
     max_iterations: Option<&Bound<'py, PyAny>>,
-    tolerance: f64,
+    tolerance: Option<&Bound<'py, PyAny>>,
     nonfinite: &str,
 ) -> PyResult<IcpResult> {
     let (source, target) = (FloatArray::new("source", source)?, FloatArray::new("target", target)?);
@@ -446,9 +462,9 @@ fn icp<'py>(
     }
     let options = IcpOptions {
         start: start.map_or(Ok(RigidMotion::identity()), |value| motion("start", value))?,
-        max_correspondence_distance,
+        max_correspondence_distance: number("max_correspondence_distance", max_correspondence_distance)?,
         max_iterations: max_iterations.map_or(Ok(30), |value| count("max_iterations", value))?,
-        tolerance,
+        tolerance: tolerance.map_or(Ok(1e-6), |value| number("tolerance", value))?,
     };
     let source_rows = Rows::new(nonfinite, &[source])?;
     let target_rows = Rows::new(nonfinite, &[target, normals.unwrap_or(target)])?;
@@ -499,13 +515,14 @@ fn centerline<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     normals: &Bound<'py, PyAny>,
-    radius: f64,
+    radius: &Bound<'py, PyAny>,
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>)> {
     let (points, normals) = (FloatArray::new("points", points)?, FloatArray::new("normals", normals)?);
     let (points, normals) = (points.rows("points", "(N, 3)")?, normals.rows("normals", "(N, 3)")?);
     require_same_length("normals", normals.len(), points.len())?;
+    let radius = number("radius", radius)?;
     let min_neighbors = count("min_neighbors", min_neighbors)?;
     let rows = Rows::new(nonfinite, &[points, normals])?;
     let result =
@@ -551,13 +568,14 @@ fn centerline<'py>(
 fn trace_chains<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    near: f64,
-    far: f64,
+    near: &Bound<'py, PyAny>,
+    far: &Bound<'py, PyAny>,
     start: Option<&Bound<'py, PyAny>>,
     nonfinite: &str,
 ) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
     let array = FloatArray::new("points", points)?;
     let points = array.rows("points", "(N, 3)")?;
+    let (near, far) = (number("near", near)?, number("far", far)?);
     let rows = Rows::new(nonfinite, &[points])?;
     let start = start.map(|value| count("start", value)).transpose()?;
     let start = match (start, &rows.kept) {
@@ -729,7 +747,7 @@ fn spline_through<'py>(
 /// Parameters
 /// ----------
 /// threads : int
-///     The number of threads; 0 for one for each core.
+///     The number of threads, at most 256; 0 for one for each core.
 ///
 /// Raises
 /// ------

@@ -1,0 +1,321 @@
+"""Compare strand's kernels with their peers on the same arrays in one process, and print a table.
+
+python benches/compare.py [--points 12000 100000 1000000] [--repeats 7] [--markdown FILE] [--slow]
+
+strand and its peers run by turns (A B C A B C ...), so that whatever else the machine does falls on all of
+them; a time is the median of the turns. It covers a kernel's work with its search structures, not the
+making of the peers' own point clouds from the arrays. Answers are compared as well: the exit code is 1 if
+any of them differ. Runs on Linux.
+"""
+# ruff: noqa: E402
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+THREADS = 2
+# Open3D has no setting for its threads: they are as many as the processors it may use when it is imported
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:THREADS])
+
+import numpy as np
+import open3d as o3d
+import small_gicp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import strand
+from strand.io import write_bytes
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+Timed = tuple[float, Any]  # seconds, answer
+
+RADIUS = 4.2e-3  # metres, of the rope
+SPACING = 0.4e-3  # metres between points of the surface
+NOISE = 0.3e-3  # metres, standard deviation along each axis
+BEND, PITCH = 0.05, 0.5  # metres, amplitude and period of the rope's curve
+FILTER_RADIUS = RADIUS / 2
+FILTER_NEIGHBORS = 45  # about half of what a point on top of the rope has: its flanks are dropped
+NEAREST = 16
+REACH = RADIUS / 2  # of ICP's correspondences
+ITERATIONS = 20
+CENTERLINE_NEIGHBORS = 20
+NEAR, FAR = RADIUS, 2.5 * RADIUS  # of the tracing
+SCIPY_POINTS = 12_000  # above this SciPy's centreline takes long: 13 s for 100000
+SCIPY_LOT = 1000  # queries at a time: SciPy's neighbours are Python integers
+PAUSE = 0.02  # seconds before each run: the threads of OpenMP and BLAS spin for a while after their work
+
+
+def rope(count: int, seed: int) -> Array:
+    """(count, 3) Points of a rope in the plane z = 0 as cameras above it see them, in order along it."""
+    rng = np.random.default_rng(seed)
+    across = round(math.pi * RADIUS / SPACING)
+    row, column = np.divmod(np.arange(count), across)
+    x = (row + rng.random(count)) * SPACING
+    angle = (column + rng.random(count)) * math.pi / across
+    wave = 2 * math.pi / PITCH
+    slope = BEND * wave * np.cos(wave * x)
+    side = np.stack([-slope, np.ones(count), np.zeros(count)], axis=1) / np.hypot(1.0, slope)[:, None]
+    axis = np.stack([x, BEND * np.sin(wave * x), np.zeros(count)], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    surface = axis + RADIUS * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
+    return np.asarray(surface + rng.normal(scale=NOISE, size=(count, 3)))
+
+
+def misplaced(points: Array) -> Array:
+    """The points as a camera with a small pose error puts them."""
+    return np.asarray(points @ strand.rotation_xyz(math.radians(2.0), 0.0, 0.0).T + [3e-4, 5e-4, -4e-4])
+
+
+def timed(work: Callable[[], T]) -> tuple[float, T]:
+    time.sleep(PAUSE)
+    start = time.perf_counter()
+    result = work()
+    return time.perf_counter() - start, result
+
+
+def open3d_cloud(points: Array) -> Any:
+    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+
+
+def open3d_mask(points: Array) -> Timed:
+    cloud = open3d_cloud(points)
+    seconds, (_, kept) = timed(lambda: cloud.remove_radius_outlier(FILTER_NEIGHBORS, FILTER_RADIUS))
+    mask = np.zeros(len(points), dtype=bool)
+    mask[np.asarray(kept)] = True
+    return seconds, mask
+
+
+def open3d_normals(points: Array, search: Any) -> Timed:
+    cloud = open3d_cloud(points)
+    seconds, _ = timed(lambda: cloud.estimate_normals(search))
+    return seconds, np.asarray(cloud.normals)
+
+
+def small_gicp_normals(points: Array) -> Timed:
+    cloud = small_gicp.PointCloud(points)
+
+    def work() -> None:
+        tree = small_gicp.KdTree(cloud, num_threads=THREADS)
+        small_gicp.estimate_normals(cloud, tree, num_neighbors=NEAREST, num_threads=THREADS)
+
+    seconds, _ = timed(work)
+    return seconds, cloud.normals()[:, :3]
+
+
+def strand_icp(source: Array, target: Array) -> Timed:
+    seconds, result = timed(
+        lambda: strand.icp(source, target, REACH, max_iterations=ITERATIONS, tolerance=0.0)
+    )
+    if result.iterations != ITERATIONS:
+        raise RuntimeError(f"strand.icp ended after {result.iterations} iterations: {result.stop}")
+    return seconds, result.transformation
+
+
+def open3d_icp(source: Array, target: Array) -> Timed:
+    registration = o3d.pipelines.registration
+    moved, still = open3d_cloud(source), open3d_cloud(target)
+    criteria = registration.ICPConvergenceCriteria(0.0, 0.0, ITERATIONS)
+    objective = registration.TransformationEstimationPointToPoint()
+    seconds, result = timed(
+        lambda: registration.registration_icp(moved, still, REACH, np.eye(4), objective, criteria)
+    )
+    return seconds, result.transformation
+
+
+def small_gicp_icp(source: Array, target: Array) -> Timed:
+    moved, still = small_gicp.PointCloud(source), small_gicp.PointCloud(target)
+    seconds, result = timed(
+        lambda: small_gicp.align(
+            still,
+            moved,
+            small_gicp.KdTree(still, num_threads=THREADS),
+            registration_type="ICP",
+            max_correspondence_distance=REACH,
+            max_iterations=ITERATIONS,
+            rotation_epsilon=0.0,
+            translation_epsilon=0.0,
+            num_threads=THREADS,
+        )
+    )
+    return seconds, result.T_target_source
+
+
+def scipy_centerline(points: Array, normals: Array) -> Timed:
+    def work() -> tuple[Array, NDArray[np.int64]]:
+        tree = cKDTree(points)
+        axis = points - RADIUS * normals
+        means, indices = [], []
+        for first in range(0, len(points), SCIPY_LOT):
+            lot = points[first : first + SCIPY_LOT]
+            around = tree.query_ball_point(lot, 2 * RADIUS, workers=THREADS)
+            for i, neighbors in enumerate(around, start=first):
+                if len(neighbors) >= CENTERLINE_NEIGHBORS:
+                    means.append(axis[neighbors].mean(axis=0))
+                    indices.append(i)
+        return np.array(means), np.array(indices)
+
+    return timed(work)
+
+
+def same_mask(ours: NDArray[np.bool_], theirs: NDArray[np.bool_]) -> tuple[bool, str]:
+    different = int((ours != theirs).sum())
+    return different == 0, f"{different} of {len(ours)} differ, {int(ours.sum())} kept"
+
+
+def same_normals(ours: Array, theirs: Array) -> tuple[bool, str]:
+    """Up to sign; a normal that only one of them has counts as far off."""
+    chord = np.minimum(np.linalg.norm(ours - theirs, axis=1), np.linalg.norm(ours + theirs, axis=1))
+    worst = math.degrees(float(chord.max()))
+    return worst < 0.01, f"within {worst:.1e}°"
+
+
+def same_motion(source: Array, tolerance: float) -> Callable[[Array, Array], tuple[bool, str]]:
+    """Whether two motions bring every source point to the same place, metres."""
+
+    def check(ours: Array, theirs: Array) -> tuple[bool, str]:
+        apart = ours[:3] - theirs[:3]
+        worst = float(np.linalg.norm(source @ apart[:, :3].T + apart[:, 3], axis=1).max())
+        return worst < tolerance, f"within {worst:.1e} m"
+
+    return check
+
+
+def same_centerline(ours: Any, theirs: Any) -> tuple[bool, str]:
+    if not np.array_equal(ours[1], theirs[1]):
+        return False, "axis points at other points"
+    worst = float(np.abs(ours[0] - theirs[0]).max())
+    return worst < 1e-9, f"within {worst:.1e} m"
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another library's kernel, and whether its answer is ours and by how much it differs."""
+
+    name: str
+    run: Callable[[], Timed]
+    compare: Callable[[Any, Any], tuple[bool, str]]
+
+
+@dataclass(frozen=True)
+class Stage:
+    name: str
+    run: Callable[[], Timed]
+    peers: list[Peer] = field(default_factory=list)
+    repeats: int | None = None  # fewer turns than asked for, where one takes long
+
+
+def stages(count: int, slow: bool) -> list[Stage]:
+    points, source = rope(count, seed=1), misplaced(rope(count, seed=2))
+    viewpoint = np.array([0.0, 0.0, 1.0])
+    nearest = o3d.geometry.KDTreeSearchParamKNN(NEAREST)
+    within = o3d.geometry.KDTreeSearchParamRadius(FILTER_RADIUS)
+    normals = strand.estimate_normals(points, radius=FILTER_RADIUS, viewpoint=viewpoint)
+    axis_points, _ = strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)
+    scipy_peer = Peer("SciPy", lambda: scipy_centerline(points, normals), same_centerline)
+    above = count > SCIPY_POINTS
+    return [
+        Stage(
+            "radius filter",
+            lambda: timed(lambda: strand.radius_outlier_mask(points, FILTER_RADIUS, FILTER_NEIGHBORS)),
+            [Peer("Open3D", lambda: open3d_mask(points), same_mask)],
+        ),
+        Stage(
+            f"normals, {NEAREST} nearest",
+            lambda: timed(lambda: strand.estimate_normals(points, k=NEAREST, viewpoint=viewpoint)),
+            [
+                Peer("Open3D", lambda: open3d_normals(points, nearest), same_normals),
+                Peer("small_gicp", lambda: small_gicp_normals(points), same_normals),
+            ],
+        ),
+        Stage(
+            "normals, radius",
+            lambda: timed(lambda: strand.estimate_normals(points, radius=FILTER_RADIUS, viewpoint=viewpoint)),
+            [Peer("Open3D", lambda: open3d_normals(points, within), same_normals)],
+        ),
+        Stage(
+            f"ICP, {ITERATIONS} iterations",
+            lambda: strand_icp(source, points),
+            [
+                Peer("Open3D", lambda: open3d_icp(source, points), same_motion(source, 1e-9)),
+                # linearised steps instead of a closed form: on its way to the same optimum it is elsewhere
+                Peer("small_gicp", lambda: small_gicp_icp(source, points), same_motion(source, SPACING / 10)),
+            ],
+        ),
+        Stage(
+            "centreline",
+            lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
+            [scipy_peer] if slow or not above else [],
+            repeats=1 if slow and above else None,
+        ),
+        Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
+    ]
+
+
+def take_turns(runs: list[Callable[[], Timed]], repeats: int) -> tuple[list[float], list[Any]]:
+    """Median seconds of each, and their answers."""
+    turns = [[run() for run in runs] for _ in range(repeats)]
+    seconds = [statistics.median(turn[i][0] for turn in turns) for i in range(len(runs))]
+    return seconds, [answer for _, answer in turns[-1]]
+
+
+def rows(stage: Stage, count: int, repeats: int) -> tuple[bool, list[str]]:
+    """Whether the answers of a stage agree, and its lines of the table."""
+    (ours, *theirs), (answer, *others) = take_turns(
+        [stage.run, *(peer.run for peer in stage.peers)], stage.repeats or repeats
+    )
+    start = f"| {count} | {stage.name} | {ours * 1e3:.1f} |"
+    if not stage.peers:
+        return True, [f"{start} | | | |"]
+    good, lines = True, []
+    for peer, seconds, other in zip(stage.peers, theirs, others, strict=True):
+        agree, text = peer.compare(answer, other)
+        good &= agree
+        verdict = "agree" if agree else "DIFFER"
+        lines.append(
+            f"{start} {peer.name} | {seconds * 1e3:.1f} | {seconds / ours:.2f} | {verdict}: {text} |"
+        )
+    return good, lines
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--points", type=int, nargs="+", default=[12_000, 100_000, 1_000_000])
+    parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
+    parser.add_argument("--markdown", type=Path, help="write the table to this file too")
+    parser.add_argument("--slow", action="store_true", help="SciPy's centreline for large clouds too, once")
+    arguments = parser.parse_args()
+    strand.set_num_threads(THREADS)
+    lines = [
+        f"{THREADS} threads each: strand {strand.__version__} (set_num_threads), Open3D {o3d.__version__} "
+        f"(processors it may use), small_gicp {version('small_gicp')} (num_threads), "
+        f"SciPy {version('scipy')} (workers).",
+        "",
+        "| points | stage | strand ms | peer | peer ms | peer / strand | answers |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    print(*lines, sep="\n", flush=True)
+    good = True
+    for count in arguments.points:
+        for stage in stages(count, arguments.slow):
+            agree, more = rows(stage, count, arguments.repeats)
+            print(*more, sep="\n", flush=True)
+            good &= agree
+            lines += more
+    if arguments.markdown:
+        write_bytes(arguments.markdown, ("\n".join(lines) + "\n").encode())
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+//! Every kernel on a rope's surface: a coiled tube of radius 4.2 mm, one point per 0.4 x 0.4 mm of it.
+//!
+//! `cargo bench --bench kernels`, or a part of it: `cargo bench --bench kernels -- --quick normals/10000`.
+
+use std::f64::consts::TAU;
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use nalgebra::Vector3;
+use strand::{
+    IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, count_neighbors,
+    estimate_normals, icp, radius_outlier_mask, trace_chains,
+};
+
+/// Of the rope, metres.
+const RADIUS: f64 = 0.0042;
+/// Of the surface that belongs to one point, square metres.
+const PATCH: f64 = 0.0004 * 0.0004;
+/// Radius and rise per turn of the coil, metres.
+const COIL: (f64, f64) = (0.1, 0.03);
+
+/// A depth camera's cloud of a rope, and where each point would be on the axis.
+struct Rope {
+    points: Vec<Point>,
+    normals: Vec<Point>,
+    axis: Vec<Point>,
+}
+
+impl Rope {
+    /// Points anywhere on the surface, in no order, with 0.1 mm of noise along the normal.
+    fn new(count: usize, mut random: impl FnMut() -> f64) -> Self {
+        let length = count as f64 * PATCH / (TAU * RADIUS);
+        let (radius, rise) = (COIL.0, COIL.1 / TAU);
+        let per_radian = radius.hypot(rise);
+        let mut rope = Self { points: Vec::with_capacity(count), normals: Vec::new(), axis: Vec::new() };
+        for _ in 0..count {
+            let turn = random() * length / per_radian;
+            let (sine, cosine) = turn.sin_cos();
+            let axis = Vector3::new(radius * cosine, radius * sine, rise * turn);
+            let outward = Vector3::new(cosine, sine, 0.0);
+            let along = Vector3::new(-radius * sine, radius * cosine, rise) / per_radian;
+            let around = TAU * random();
+            let normal = outward * around.cos() + along.cross(&outward) * around.sin();
+            let noise = normal * (1e-4 * (random() + random() - 1.0));
+            rope.points.push((axis + normal * RADIUS + noise).into());
+            rope.normals.push(normal.into());
+            rope.axis.push((axis + noise).into());
+        }
+        rope
+    }
+}
+
+/// Numbers in [0, 1), the same in every run (splitmix64, Steele et al. 2014).
+fn generator(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Times a kernel on ropes of 10⁴, 10⁵ and 10⁶ points.
+fn bench<T>(criterion: &mut Criterion, name: &str, kernel: impl Fn(&Rope) -> T) {
+    let mut group = criterion.benchmark_group(name);
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    group.sampling_mode(SamplingMode::Flat);
+    for count in [10_000, 100_000, 1_000_000] {
+        let rope = Rope::new(count, generator(1));
+        group.throughput(Throughput::Elements(count as u64));
+        group.bench_function(BenchmarkId::from_parameter(count), |bencher| {
+            bencher.iter(|| kernel(black_box(&rope)));
+        });
+    }
+    group.finish();
+}
+
+fn filter(criterion: &mut Criterion) {
+    bench(criterion, "radius_outlier_mask", |rope| radius_outlier_mask(&rope.points, RADIUS, 20));
+    bench(criterion, "count_neighbors", |rope| count_neighbors(&rope.points, RADIUS));
+}
+
+fn normals(criterion: &mut Criterion) {
+    let camera = Viewpoints::One([0.0, 0.0, 1.0]);
+    bench(criterion, "normals/k=30", |rope| estimate_normals(&rope.points, Neighbors::Nearest(30), camera));
+    let radius = Neighbors::Within(0.5 * RADIUS);
+    bench(criterion, "normals/radius", |rope| estimate_normals(&rope.points, radius, camera));
+}
+
+/// Three updates of the pose from a start that is 0.4 mm off.
+fn registration(criterion: &mut Criterion) {
+    let options = IcpOptions {
+        start: RigidMotion { translation: Vector3::new(2e-4, -2e-4, 3e-4), ..RigidMotion::identity() },
+        max_correspondence_distance: 0.5 * RADIUS,
+        max_iterations: 3,
+        tolerance: 0.0,
+    };
+    bench(criterion, "icp/point to point", |rope| {
+        icp(&rope.points, &rope.points, Objective::PointToPoint, &options)
+    });
+    bench(criterion, "icp/point to plane", |rope| {
+        icp(&rope.points, &rope.points, Objective::PointToPlane(&rope.normals), &options)
+    });
+}
+
+fn axis_points(criterion: &mut Criterion) {
+    bench(criterion, "centerline", |rope| centerline(&rope.points, &rope.normals, RADIUS, 20));
+}
+
+fn tracing(criterion: &mut Criterion) {
+    bench(criterion, "trace_chains", |rope| trace_chains(&rope.axis, RADIUS, 2.5 * RADIUS, None));
+}
+
+criterion_group!(kernels, filter, normals, registration, axis_points, tracing);
+criterion_main!(kernels);

@@ -1,0 +1,111 @@
+"""The kernels in Rust. Their documentation is in the docstrings of the compiled module."""
+
+from typing import Literal, SupportsIndex, final, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "IcpResult",
+    "NotEnoughDataError",
+    "StrandError",
+    "__version__",
+    "centerline",
+    "count_neighbors",
+    "estimate_normals",
+    "icp",
+    "num_threads",
+    "radius_outlier_mask",
+    "set_num_threads",
+    "trace_chains",
+]
+
+__version__: str
+
+class StrandError(Exception): ...
+class NotEnoughDataError(StrandError): ...
+
+@final
+class IcpResult:
+    @property
+    def transformation(self) -> NDArray[np.float64]: ...
+    @property
+    def fitness(self) -> float: ...
+    @property
+    def inlier_rmse(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def stop(self) -> Literal["tolerance", "iterations", "too few correspondences", "degenerate"]: ...
+
+def radius_outlier_mask(
+    points: ArrayLike,
+    radius: float,
+    min_neighbors: SupportsIndex,
+    *,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> NDArray[np.bool_]: ...
+def count_neighbors(
+    points: ArrayLike, radius: float, *, nonfinite: Literal["raise", "drop"] = "raise"
+) -> NDArray[np.int64]: ...
+@overload
+def estimate_normals(
+    points: ArrayLike,
+    k: SupportsIndex | None = None,
+    radius: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    *,
+    variation: Literal[False] = False,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> NDArray[np.float64]: ...
+@overload
+def estimate_normals(
+    points: ArrayLike,
+    k: SupportsIndex | None = None,
+    radius: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    *,
+    variation: Literal[True],
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+@overload
+def estimate_normals(
+    points: ArrayLike,
+    k: SupportsIndex | None = None,
+    radius: float | None = None,
+    viewpoint: ArrayLike | None = None,
+    *,
+    variation: bool,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> NDArray[np.float64] | tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def icp(
+    source: ArrayLike,
+    target: ArrayLike,
+    max_correspondence_distance: float,
+    *,
+    start: ArrayLike | None = None,
+    target_normals: ArrayLike | None = None,
+    max_iterations: SupportsIndex = 30,
+    tolerance: float = 1e-6,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> IcpResult: ...
+def centerline(
+    points: ArrayLike,
+    normals: ArrayLike,
+    radius: float,
+    min_neighbors: SupportsIndex,
+    *,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
+def trace_chains(
+    points: ArrayLike,
+    near: float,
+    far: float,
+    *,
+    start: SupportsIndex | None = None,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> list[NDArray[np.int64]]: ...
+def set_num_threads(threads: SupportsIndex) -> None: ...
+def num_threads() -> int: ...

@@ -1,0 +1,73 @@
+"""The README's commands and examples."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import strand
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))
+
+
+def test_the_example_runs_as_it_stands(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", PYTHON[0]], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"\d+ nodes, (39\d|40\d) mm, middle at \[.*\]\n", done.stdout)
+    assert len(strand.load(tmp_path / "rope.json").chains) == 1
+    assert len(PYTHON[0].strip().splitlines()) <= 12
+
+
+def test_the_kernels_run_as_they_stand():
+    scene = strand.synthetic.scene("arc", seed=0)
+    source, target = (view.crop(scene.bounds).world_points for view in scene.views[2:4])
+    names = {
+        "strand": strand,
+        "points": target,
+        "camera_centre": scene.views[3].viewpoint,
+        "source": source,
+        "target": target,
+    }
+    exec(PYTHON[1], names)
+    assert names["mask"].mean() > 0.5
+    assert names["result"].fitness > 0.5
+    assert len(names["axis_points"]) > 100
+    assert max(len(chain) for chain in names["chains"]) > 10
+
+
+def test_the_commands_exist():
+    assert re.findall(r"^\./run (\w+)", SHELL, re.MULTILINE) == ["demo", "test"]
+    done = subprocess.run([ROOT / "run"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "./run demo" in done.stderr
+    scripts = re.findall(r"`?python (benches/\w+\.py)", README)
+    assert scripts
+    for script in scripts:
+        assert (ROOT / script).is_file()
+
+
+@pytest.mark.parametrize("link", re.findall(r"\]\((?!https?:)([^)#]+)\)", README))
+def test_the_links_lead_somewhere(link):
+    assert (ROOT / link).is_file()
+
+
+def test_the_command_line_reconstructs_a_recorded_scene(tmp_path):
+    command = re.search(r"^strand (reconstruct SCENE .*)$", SHELL, re.MULTILINE).group(1)
+    strand.synthetic.scene("arc", seed=1).save(tmp_path / "SCENE.npz")
+    words = command.replace("SCENE", "SCENE.npz").split()
+    done = subprocess.run(
+        [sys.executable, "-m", "strand", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    (chain,) = strand.load(tmp_path / "model.json").chains
+    assert np.isclose(chain.length, 0.4, rtol=0.02)
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 9
