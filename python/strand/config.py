@@ -247,7 +247,7 @@ class Tubes:
         Distance between a chain's nodes, in string radii.
     """
 
-    spacing: float = 2.0
+    spacing: float = 2.5
     rounds: int = 2
     min_arc: float = 1.0
     node_spacing: float = 0.25

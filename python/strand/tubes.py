@@ -145,7 +145,7 @@ def fit_strings(
             fit_radius=fit_radius and along_ray,
             along_ray=along_ray,
             band=(0.5, 0.5 if along_ray else 0.4),
-            iterations=8 if along_ray else 12,
+            iterations=15 if along_ray else 12,
             bounds=clouds.bounds if fit_radius else None,
         )
         curves, motions, radius = fit.curves, fit.motions, fit.radius

@@ -223,7 +223,7 @@ impl State<'_> {
             }
             let step = self.step(&terms, start_radius, options)?;
             iteration += 1;
-            if iteration > 4 && step < 2e-3 * self.radius {
+            if iteration > 4 && step < 2e-4 * self.radius {
                 let terms = self.terms(options, band);
                 return self.result(terms, band, iteration, options);
             }
