@@ -1,4 +1,4 @@
-"""Reconstruct the simulated copy of the paper's string for several seeds and print the paper's counts and the errors.
+"""Run the published method on the simulated copy of the paper's string: counts and errors by seed.
 
 python benches/demo.py [--seeds 10]
 """
@@ -18,10 +18,12 @@ def main() -> int:
     arguments = parser.parse_args()
     print("| seed | chains traced | segments | whole strings | length error % | RMS mm |")
     print("|---|---|---|---|---|---|")
-    good = 0
+    published, good = strand.Config.published(), 0
     for seed in range(arguments.seeds):
         scene = strand.synthetic.scene("paper", seed=seed)
-        model = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1, keep_stages=True)
+        model = strand.reconstruct(
+            scene.views, scene.radius, scene.bounds, ropes=1, config=published, keep_stages=True
+        )
         counts = report.chain_counts(model)
         accuracy = report.accuracy(model.chains[0], scene.truth[0])
         print(

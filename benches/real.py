@@ -13,8 +13,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import strand
 from PIL import Image
+
+import strand
 from strand import figures
 
 RADIUS = 0.006
@@ -24,8 +25,10 @@ def load_view(folder: Path, frame: str) -> strand.View:
     camera = json.loads((folder / "intrinsics.json").read_text())
     intrinsics = np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
     depth = np.asarray(Image.open(folder / f"depth_{frame}.png")) * 1e-3
-    # the camera looks along z with y down: turned about x, the picture stands upright in plan
-    return strand.View.from_depth(depth, intrinsics, strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.0]))
+    # turned about x, so that the picture stands upright in plan
+    return strand.View.from_depth(
+        depth, intrinsics, strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.0])
+    )
 
 
 def main() -> int:

@@ -289,15 +289,15 @@ fn the_iteration_limit_ends_it() {
 fn it_ends_at_the_first_update_that_changes_little() {
     let (target, _) = hills(800, 43);
     let (source, _) = hills(500, 44);
-    let limits = IcpOptions { tolerance: 0.0, ..options(0.05) };
-    let course: Vec<IcpResult> = (0..30)
-        .map(|max_iterations| IcpOptions { max_iterations, ..limits })
-        .map(|limits| icp(&source, &target, Objective::PointToPoint, &limits).unwrap())
-        .collect();
-    for tolerance in [3e-2, 1e-2, 3e-3, 1e-3] {
+    for (reach, tolerance) in [(0.05, 1e-2), (0.05, 1e-3), (0.25, 3e-3), (0.25, 1e-3), (0.25, 3e-4)] {
+        let limits = IcpOptions { tolerance: 0.0, ..options(reach) };
+        let course: Vec<IcpResult> = (0..30)
+            .map(|max_iterations| IcpOptions { max_iterations, ..limits })
+            .map(|limits| icp(&source, &target, Objective::PointToPoint, &limits).unwrap())
+            .collect();
         let little = |pair: &[IcpResult]| {
             (pair[1].fitness - pair[0].fitness).abs() <= tolerance
-                && (pair[1].inlier_rmse - pair[0].inlier_rmse).abs() <= tolerance * 0.05
+                && (pair[1].inlier_rmse - pair[0].inlier_rmse).abs() <= tolerance * reach
         };
         let first = 1 + course.windows(2).position(little).unwrap();
         let limits = IcpOptions { tolerance, ..limits };

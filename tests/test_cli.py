@@ -18,7 +18,8 @@ from strand import cli
 from strand.cli import main
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
-STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
+STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
+PUBLISHED_STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
 SCENE = strand.synthetic.scene("arc", views=3)
 
 
@@ -56,7 +57,7 @@ def test_demo_prints_stages_counts_and_errors(demo):
     code, out, err, _ = demo
     assert code == 0
     names = re.findall(r"^(\w+) +\d+ +\d+ +\d+\.\d$", out, re.MULTILINE)
-    assert names == STAGES
+    assert names == PUBLISHED_STAGES
     points = [tuple(map(int, row)) for row in re.findall(r"^\w+ +(\d+) +(\d+) +\d+\.\d$", out, re.MULTILINE)]
     assert points[0][0] > points[0][1] > 1000
     assert all(before[1] == after[0] for before, after in pairwise(points))
@@ -71,7 +72,7 @@ def test_demo_prints_stages_counts_and_errors(demo):
         r"^string 1: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", out, re.MULTILINE
     )
     assert [line for line in err.splitlines() if "warning" not in line] == [
-        f"strand: {name}" for name in STAGES
+        f"strand: {name}" for name in PUBLISHED_STAGES
     ]
 
 
@@ -108,6 +109,33 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     ]
     want = strand.reconstruct(SCENE.views, radius=SCENE.radius, bounds=SCENE.bounds, ropes=1)
     np.testing.assert_array_equal(chain.points, want.chains[0].points)
+    assert "estimated" not in out
+
+
+def test_radius_is_estimated_and_printed_if_nobody_gives_it(tmp_path, capsys):
+    write_folder(tmp_path, radius="")
+    assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "a.json")]) == 0
+    out, err = capsys.readouterr()
+    (shown,) = re.findall(r"^radius: (\d\.\d\d) mm, estimated from the points$", out, re.MULTILINE)
+    (chain,) = strand.load(tmp_path / "a.json").chains
+    assert shown == f"{1e3 * chain.radius:.2f}"
+    assert float(shown) == pytest.approx(4.2, rel=0.05)
+    assert "strand: radius" in err.splitlines()
+
+
+def test_published_method_by_its_name(scene_npz, tmp_path, capsys):
+    (tmp_path / "a.toml").write_text('method = "published"\n')
+    command = ["-o", str(tmp_path / "a.json"), "--config", str(tmp_path / "a.toml")]
+    assert main(["reconstruct", str(scene_npz), *command, "--figures", str(tmp_path / "figures")]) == 0
+    out = capsys.readouterr().out
+    assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*PUBLISHED_STAGES, "total"]
+    assert len(list((tmp_path / "figures").iterdir())) == 9
+    write_folder(tmp_path, radius="")
+    assert main(["reconstruct", str(tmp_path), *command]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "strand: error: radius: the published method needs it, and the scene has none; give --radius"
+    ]
+    assert main(["reconstruct", str(tmp_path), *command, "--radius", "4.2mm"]) == 0
 
 
 def test_reconstruct_folder_is_the_same_as_its_archive(scene_npz, tmp_path):
@@ -134,7 +162,7 @@ def test_options_reach_the_reconstruction(scene_npz, tmp_path, monkeypatch):
     assert given["views"] == 3
     assert given["radius"] == SCENE.radius
     np.testing.assert_array_equal(given["bounds"], SCENE.bounds)
-    assert (given["ropes"], given["config"], given["keep_stages"]) == (None, None, False)
+    assert (given["ropes"], given["config"], given["keep_stages"]) == (None, strand.Config(), False)
     command += ["--radius", "5mm", "--ropes", "2", "--config", str(tmp_path / "a.toml")]
     command += ["--bounds", "-0.2", "-.1", "1mm", "20cm", "0.1", "0.05"]
     assert main(command) == 0
@@ -315,5 +343,5 @@ def test_progress_bar_on_a_terminal(scene_npz, tmp_path):
     os.close(ours)
     assert process.wait() == 0
     assert b"\x1b[" in shown
-    assert b"reconnect" in shown
+    assert b"ends" in shown
     assert b"strand: extract" not in shown

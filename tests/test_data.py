@@ -14,6 +14,7 @@ import strand
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 REAL = SHARED / "real" / "mp2cdlo"
+PUBLISHED = strand.Config.published()
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def measure():
 )
 def test_the_published_method_holds_on_plain_strings_and_steep_crossings(measure, name):
     scene = strand.load_scene(SHARED / "scenes" / f"{name}.npz")
-    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=strand.Config.published())
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=PUBLISHED)
     score = measure.score([chain.points for chain in model.chains], scene.truth, scene.radius)
     assert score["topology_ok"]
     assert score["rms"] < 1e-3
@@ -41,7 +42,9 @@ def test_the_published_method_holds_on_plain_strings_and_steep_crossings(measure
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_papers_string_is_cut_in_seven_and_made_whole(measure, seed):
     scene = strand.synthetic.scene("paper", seed=seed)
-    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1, keep_stages=True)
+    model = strand.reconstruct(
+        scene.views, scene.radius, scene.bounds, ropes=1, config=PUBLISHED, keep_stages=True
+    )
     assert len(model.stages["segments"]) == 7
     assert len(model.chains) == 1
     score = measure.score([chain.points for chain in model.chains], scene.truth, scene.radius)
@@ -59,12 +62,13 @@ FRAMES = {
 
 
 @pytest.mark.parametrize("frame", FRAMES)
-def test_a_real_rope_goes_from_gripper_to_gripper_straight_through_its_crossing(frame):
+@pytest.mark.parametrize("config", [strand.Config(), PUBLISHED], ids=["tubes", "published"])
+def test_a_real_rope_goes_from_gripper_to_gripper_straight_through_its_crossing(frame, config):
     camera = json.loads((REAL / "intrinsics.json").read_text())
     intrinsics = np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
     depth = np.asarray(Image.open(REAL / f"depth_{frame}.png")) * 1e-3
     view = strand.View.from_depth(depth, intrinsics)
-    model = strand.reconstruct([view], radius=0.006, ropes=1)
+    model = strand.reconstruct([view], radius=0.006, ropes=1, config=config)
     (chain,) = model.chains
     left, right, crossing = FRAMES[frame]
     ends = sorted([chain.points[0, :2].tolist(), chain.points[-1, :2].tolist()])

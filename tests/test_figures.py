@@ -6,6 +6,7 @@ from PIL import Image
 
 from strand import figures
 from strand.model import Chain, Model
+from strand.tubefit import TubeFit
 
 RADIUS = 0.004
 S = np.linspace(0.0, 0.2, 41)
@@ -39,19 +40,79 @@ def model_of(**changes):
     return Model(chains, poses, {}, (), stages | changes)
 
 
-def test_writes_one_figure_a_stage(tmp_path):
-    paths = figures.write_figures(model_of(), tmp_path / "new" / "folder", truth=[LINE.astype(np.float32)])
-    assert [path.name for path in paths] == [
-        "1-raw.png",
-        "2-filtered.png",
-        "3-normals.png",
-        "4-registered.png",
-        "5-axis-points.png",
-        "6-chains.png",
-        "7-separation.png",
-        "8-segments.png",
-        "9-strings.png",
-    ]
+def seen_chain(points=LINE, bridged=(20, 30), closed=False):
+    """A chain as the default method describes it, that no point supports in a stretch of its nodes."""
+    counts = np.full(len(points), 5)
+    counts[slice(*bridged)] = 0
+    covariance = np.tile(np.diag([1e-8, 4e-8, 9e-8]), (len(points), 1, 1))
+    return Chain(points, RADIUS, closed, None, covariance, counts, np.minimum(counts, 3))
+
+
+def tube_model_of(explained=0.9, **changes):
+    """A model of the default method."""
+    clouds = [tube(seed)[0] for seed in range(3)]
+    points = np.concatenate(clouds)
+    rng = np.random.default_rng(0)
+    count = len(points)
+    residual = rng.normal(0.0, 3e-4, count)
+    is_explained = rng.random(count) < explained
+    residual[~is_explained] = np.inf
+    fit = TubeFit(
+        curves=[LINE[::4]],
+        motions=np.tile(np.eye(4), (3, 1, 1)),
+        radius=RADIUS,
+        radius_sd=0.0,
+        sigma=3e-4,
+        band=1.5e-3,
+        points=points,
+        to_camera=np.tile([0.0, 0.0, 1.0], (count, 1)),
+        view=np.repeat(np.arange(3), count // 3),
+        curve=np.zeros(count, dtype=np.int64),
+        parameter=rng.uniform(0.0, 8.0, count),
+        residual=residual,
+        facing=np.ones(count),
+        weight=np.ones(count),
+        explained=is_explained,
+        pose_sd=np.zeros((3, 6)),
+        covariances=[],
+    )
+    stages = {
+        "raw": clouds,
+        "filtered": clouds,
+        "registered": clouds,
+        "arcs": (LINE[:20], LINE[30:]),
+        "fit": fit,
+    }
+    chains = changes.pop("chains", (seen_chain(),))
+    return Model(chains, model_of().poses, {}, (), stages | changes)
+
+
+PUBLISHED_FIGURES = [
+    "1-raw.png",
+    "2-filtered.png",
+    "3-normals.png",
+    "4-registered.png",
+    "5-axis-points.png",
+    "6-chains.png",
+    "7-separation.png",
+    "8-segments.png",
+    "9-strings.png",
+]
+FIGURES = [
+    "1-raw.png",
+    "2-filtered.png",
+    "3-registered.png",
+    "4-arcs.png",
+    "5-strings.png",
+    "6-residuals.png",
+    "7-uncertainty.png",
+]
+
+
+@pytest.mark.parametrize(("model", "names"), [(model_of(), PUBLISHED_FIGURES), (tube_model_of(), FIGURES)])
+def test_writes_one_figure_a_stage(tmp_path, model, names):
+    paths = figures.write_figures(model, tmp_path / "new" / "folder", truth=[LINE.astype(np.float32)])
+    assert [path.name for path in paths] == names
     assert sorted((tmp_path / "new" / "folder").iterdir()) == paths
     for path in paths:
         with Image.open(path) as image:
@@ -146,6 +207,47 @@ def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
 def test_draws_odd_models(draw, changes):
     figure = draw(model_of(**changes))
     figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize(
+    ("draw", "changes"),
+    [
+        (figures.arcs, {"arcs": ()}),
+        (figures.arcs, {"arcs": (LINE[:2],) * 12}),
+        (figures.strings, {"chains": ()}),
+        (figures.strings, {"chains": (seen_chain(bridged=(0, 41)),)}),
+        (figures.residuals, {"explained": 0.0}),
+        (figures.residuals, {"explained": 1.0}),
+        (figures.uncertainty, {"chains": ()}),
+        (figures.uncertainty, {"chains": (seen_chain(LINE[:2], bridged=(0, 2)),)}),
+        (figures.uncertainty, {"chains": (seen_chain(LINE[:30], closed=True), seen_chain()) * 10}),
+    ],
+)
+def test_draws_odd_models_of_the_default_method(draw, changes):
+    figure = draw(tube_model_of(**changes))
+    figure.draw_without_rendering()
+
+
+def test_residuals_are_on_a_scale_about_zero():
+    low, high = figures.residuals(tube_model_of()).axes[-1].get_ylim()
+    assert high == pytest.approx(3 * 0.3)
+    assert low == -high
+
+
+def test_uncertainty_is_that_of_the_worst_direction():
+    below, above = figures.uncertainty(tube_model_of()).axes
+    deviations, bridged = above.get_lines()
+    np.testing.assert_allclose(deviations.get_ydata(), 0.3)
+    np.testing.assert_allclose(bridged.get_xdata(), 1e3 * seen_chain().arc_length[20:30])
+    (marks,) = below.get_lines()
+    assert len(marks.get_xdata()) == 10
+
+
+@pytest.mark.parametrize(("bridged", "marked"), [((0, 0), False), ((20, 30), True)])
+def test_bridged_nodes_are_marked_and_named(bridged, marked):
+    for draw in (figures.strings, figures.uncertainty):
+        (legend,) = draw(tube_model_of(chains=(seen_chain(bridged=bridged),))).legends
+        assert ("node without points" in [text.get_text() for text in legend.get_texts()]) == marked
 
 
 def test_stray_points_do_not_make_a_figure_endless():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import strand
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,4 +71,4 @@ def test_the_command_line_reconstructs_a_recorded_scene(tmp_path):
     assert done.returncode == 0, done.stderr
     (chain,) = strand.load(tmp_path / "model.json").chains
     assert np.isclose(chain.length, 0.4, rtol=0.02)
-    assert len(list((tmp_path / "figures").glob("*.png"))) == 9
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 7

@@ -11,7 +11,8 @@ RADIUS = 0.004
 
 def model_of(*lines, **stages):
     chains = tuple(Chain(line, RADIUS) for line in lines)
-    return Model(chains, np.eye(4)[None], dict.fromkeys(report.STAGE_ARRAYS, 0.0015), (), stages)
+    names = report.STAGE_ARRAYS["tubes" if "arcs" in stages else "published"]
+    return Model(chains, np.eye(4)[None], dict.fromkeys(names, 0.0015), (), stages)
 
 
 def test_accuracy_of_a_shifted_chain():
@@ -61,8 +62,54 @@ def test_stages_and_counts():
     assert report.describe_stages([strand.View(LINE)], model).splitlines()[-1].split() == ["total", "12.0"]
 
 
+def test_stages_and_counts_of_the_default_method():
+    stages = {
+        "raw": (LINE, LINE[:9]),
+        "filtered": (LINE, LINE[:5]),
+        "registered": (LINE, LINE[:5]),
+        "arcs": (LINE[:12], LINE[:7]),
+        "fit": object(),
+    }
+    model = model_of(LINE[:9], **stages)
+    assert report.method(model) == "tubes"
+    assert report.describe_stages([strand.View(LINE), strand.View(LINE)], model).splitlines() == [
+        "stage     points in  points out    ms",
+        "extract          82          50   1.5",
+        "radius                            1.5",
+        "filter           50          46   1.5",
+        "register         46          46   1.5",
+        "arcs             46          19   1.5",
+        "link                              1.5",
+        "fit                               1.5",
+        "ends             19           9   1.5",
+        "total                            12.0",
+    ]
+    assert report.describe_counts(model).splitlines() == [
+        "               here",
+        "arcs seen         2",
+        "whole strings     1",
+    ]
+    del model.timings["radius"]
+    assert "radius" not in [count.name for count in report.stage_counts([], model)]
+
+
+@pytest.mark.parametrize("settings", [strand.Config(), strand.Config.published()])
+def test_every_stage_that_runs_is_known(settings):
+    scene = strand.synthetic.scene("arc", views=3)
+    radius = scene.radius if settings.method == "published" else None
+    names = []
+    model = strand.reconstruct(
+        scene.views, radius, scene.bounds, config=settings, keep_stages=True, progress=names.append
+    )
+    assert report.method(model) == settings.method
+    assert names == list(model.timings) == list(report.STAGE_ARRAYS[settings.method])
+    assert [count.name for count in report.stage_counts(scene.views, model)] == names
+    assert report.chain_counts(model)[-1] == len(model.chains)
+
+
 def test_stages_are_needed():
     for describe in (
+        report.method,
         report.chain_counts,
         report.describe_counts,
         lambda model: report.stage_counts([], model),

@@ -1,6 +1,7 @@
 """The kernels in Rust. Their documentation is in the docstrings of the compiled module."""
 
-from typing import Literal, SupportsIndex, final, overload
+from collections.abc import Sequence
+from typing import Any, Literal, SupportsIndex, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +14,14 @@ __all__ = [
     "centerline",
     "count_neighbors",
     "estimate_normals",
+    "fit_tubes",
     "icp",
     "num_threads",
     "radius_outlier_mask",
     "set_num_threads",
+    "spline_through",
     "trace_chains",
+    "trace_tubes",
 ]
 
 __version__: str
@@ -109,3 +113,28 @@ def trace_chains(
 ) -> list[NDArray[np.int64]]: ...
 def set_num_threads(threads: SupportsIndex) -> None: ...
 def num_threads() -> int: ...
+def trace_tubes(
+    points: ArrayLike,
+    viewpoint: ArrayLike,
+    radius: float,
+    *,
+    min_nodes: SupportsIndex = 4,
+    nonfinite: Literal["raise", "drop"] = "raise",
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]: ...
+def fit_tubes(
+    points: Sequence[ArrayLike],
+    viewpoints: ArrayLike,
+    curves: Sequence[ArrayLike],
+    motions: Sequence[ArrayLike],
+    radius: float,
+    *,
+    fit_curves: bool,
+    fit_radius: bool,
+    reference: int | None,
+    pose_sd: Sequence[float],
+    along_ray: bool,
+    band: Sequence[float],
+    iterations: int,
+    bounds: Sequence[Sequence[float]] | None,
+) -> dict[str, Any]: ...
+def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...

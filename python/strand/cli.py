@@ -112,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
         "--radius",
         type=_length,
         metavar="LENGTH",
-        help="the strings' radius, such as 4.2mm, if the scene has none",
+        help="the strings' radius, such as 4.2mm (default: the scene's; estimated if it has none)",
     )
     reconstruct.add_argument(
         "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
@@ -134,7 +134,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _demo(options: argparse.Namespace) -> None:
     made = synthetic.scene("paper", seed=options.seed)
-    with _progress() as progress:
+    with _progress(len(report.STAGE_ARRAYS["published"])) as progress:
         model = strand.reconstruct(
             made.views,
             radius=made.radius,
@@ -160,17 +160,26 @@ def _reconstruct(options: argparse.Namespace) -> None:
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
-    with _progress() as progress:
+    radius = recorded.radius if options.radius is None else options.radius
+    settings = strand.Config() if options.config is None else config.load(options.config)
+    stages = set(report.STAGE_ARRAYS[settings.method])
+    if radius is not None:
+        stages.discard("radius")
+    elif settings.method == "published":
+        raise ValueError("radius: the published method needs it, and the scene has none; give --radius")
+    with _progress(len(stages)) as progress:
         model = strand.reconstruct(
             recorded.views,
-            radius=recorded.radius if options.radius is None else options.radius,
+            radius=radius,
             bounds=bounds,
             ropes=options.ropes,
-            config=None if options.config is None else config.load(options.config),
+            config=settings,
             keep_stages=options.figures is not None,
             progress=progress,
         )
     _warn(model)
+    if radius is None and model.chains:
+        print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the points", end="\n\n")
     print(report.describe_chains(model), end="\n\n")
     print(report.describe_timings(model), end="\n\n")
     model.save(options.out)
@@ -188,8 +197,8 @@ def _length(text: str) -> float:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """Show the stages on stderr as they start: a bar on a terminal, plain lines elsewhere or without rich."""
+def _progress(stages: int) -> Iterator[Callable[[str], None]]:
+    """Show so many stages on stderr as they start: a bar on a terminal, lines elsewhere or without rich."""
     if not sys.stderr.isatty() or find_spec("rich") is None:
         yield lambda stage: print(f"strand: {stage}", file=sys.stderr, flush=True)
         return
@@ -197,7 +206,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
     rich = io.extra("rich.progress")
     columns = (rich.SpinnerColumn(), rich.TextColumn("{task.description:<10}"), rich.BarColumn())
     with rich.Progress(*columns, console=console, transient=True) as display:
-        task = display.add_task("", total=len(report.STAGE_ARRAYS), completed=-1)
+        task = display.add_task("", total=stages, completed=-1)
         yield lambda stage: display.update(task, description=stage, advance=1)
 
 

@@ -36,7 +36,8 @@ def evaluate(control: Array, parameter: ArrayLike) -> tuple[Array, Array, Array]
     s = 1.0 - t
     slope = np.stack([-s * s, 3 * t * t - 4 * t, -3 * t * t + 2 * t + 1, t * t], axis=1) / 2
     bend = np.stack([s, 3 * t - 2, 1 - 3 * t, t], axis=1)
-    return tuple(np.einsum("mk,mkj->mj", w, near) for w in (weights, slope, bend))  # type: ignore[return-value]
+    position, slope, bend = (np.einsum("mk,mkj->mj", w, near) for w in (weights, slope, bend))
+    return position, slope, bend
 
 
 def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
@@ -77,7 +78,8 @@ class Curve:
             raise ValueError(f"control: expected at least four points, got {len(control)}")
         if not 0 <= self.start < self.stop <= len(control) - 3:
             raise ValueError(
-                f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, got {self.start}, {self.stop}"
+                f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, "
+                f"got {self.start} and {self.stop}"
             )
         object.__setattr__(self, "control", control)
         object.__setattr__(self, "start", float(self.start))
@@ -107,12 +109,12 @@ class Curve:
     def parameter(self, s: ArrayLike) -> Array:
         """Parameter of the spline at arc length `s`, metres, held at the ends."""
         u, arc = self._table
-        return np.asarray(np.interp(s, arc, u))
+        return np.asarray(np.interp(np.asarray(s), arc, u))
 
     def arc_length(self, parameter: ArrayLike) -> Array:
         """Arc length at a parameter of the spline, metres, held at the ends."""
         u, arc = self._table
-        return np.asarray(np.interp(parameter, u, arc))
+        return np.asarray(np.interp(np.asarray(parameter), u, arc))
 
     def part(self, start: float, stop: float) -> Curve:
         """Return the stretch between two arc lengths, metres."""

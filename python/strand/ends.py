@@ -16,8 +16,8 @@ _BIN, _NEAR_END, _INSIDE, _REACH = 0.5, 7.0, (1.0, 5.0), 1.5
 def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     """Cut each fitted curve to the stretch that its points support.
 
-    With n points for each metre of string and m points past L0 - r, where L0 is about where they give out, the
-    end is at L0 - r + m / n: unbiased, where a threshold on the density is not.
+    With n points for each metre of string and m points past L0 - r, where L0 is about where they give out,
+    the end is at L0 - r + m / n: unbiased, where a threshold on the density is not.
 
     Parameters
     ----------

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from strand import io
-from strand.model import Model
+from strand import io, report
+from strand.model import Chain, Model
 from strand.view import Array
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ DIMENSION = "#777777"
 INK = "#202020"
 MAX_POINTS = 15_000
 MAX_NORMALS = 800
-MAX_NAMES = 8  # legend entries of chains, and panels of separations
+MAX_NAMES = 8  # legend entries of chains, and panels of separations and uncertainties
 
 
 @dataclass(frozen=True)
@@ -177,9 +177,10 @@ def write_figures(
 ) -> list[Path]:
     """Draw what every stage made, one PNG file a figure.
 
-    Raw points, filtered points, normals, registered points, axis points and chains (fig. 6 a-f), the
-    separation d* over the nodes with the cuts (fig. 11), the segments with their ends (fig. 12) and
-    the whole strings (fig. 13).
+    Raw points, filtered points, registered points, the arcs seen, the whole strings, the residuals of the fit
+    and the uncertainty of the nodes. By the published method raw points, filtered points, normals, registered
+    points, axis points and chains (fig. 6 a-f), the separation d* over the nodes with the cuts (fig. 11), the
+    segments with their ends (fig. 12) and the whole strings (fig. 13).
 
     Parameters
     ----------
@@ -204,20 +205,30 @@ def write_figures(
     OSError
         If a file cannot be written.
     """
-    if not model.stages:
-        raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
     centrelines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
-    figures: dict[str, Callable[[], Figure]] = {
-        "1-raw.png": lambda: raw(model),
-        "2-filtered.png": lambda: filtered(model),
-        "3-normals.png": lambda: normals(model),
-        "4-registered.png": lambda: registered(model),
-        "5-axis-points.png": lambda: axis_points(model),
-        "6-chains.png": lambda: chains(model),
-        "7-separation.png": lambda: separation(model),
-        "8-segments.png": lambda: segments(model),
-        "9-strings.png": lambda: strings(model, centrelines),
-    }
+    figures: dict[str, Callable[[], Figure]]
+    if report.method(model) == "published":
+        figures = {
+            "1-raw.png": lambda: raw(model),
+            "2-filtered.png": lambda: filtered(model),
+            "3-normals.png": lambda: normals(model),
+            "4-registered.png": lambda: registered(model),
+            "5-axis-points.png": lambda: axis_points(model),
+            "6-chains.png": lambda: chains(model),
+            "7-separation.png": lambda: separation(model),
+            "8-segments.png": lambda: segments(model),
+            "9-strings.png": lambda: strings(model, centrelines),
+        }
+    else:
+        figures = {
+            "1-raw.png": lambda: raw(model),
+            "2-filtered.png": lambda: filtered(model),
+            "3-registered.png": lambda: registered(model),
+            "4-arcs.png": lambda: arcs(model),
+            "5-strings.png": lambda: strings(model, centrelines),
+            "6-residuals.png": lambda: residuals(model),
+            "7-uncertainty.png": lambda: uncertainty(model),
+        }
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     for name, draw in figures.items():
@@ -369,12 +380,18 @@ def segments(model: Model) -> Figure:
 
 
 def strings(model: Model, truth: Sequence[Array] = ()) -> Figure:
-    """Whole strings, coloured by arc length, over the registered points (fig. 13)."""
+    """Whole strings, coloured by arc length, over the registered points (fig. 13).
+
+    Nodes that no point supports, where a string bridges a gap, are dotted.
+    """
     cloud = np.vstack(model.stages["registered"])
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:4])
     title = f"{count} whole {'string' if count == 1 else 'strings'}: {lengths}{', …' if count > 4 else ''}"
     legend = [_dot("registered points", GREY), _dot("string's end", PALETTE[3], edge=INK)]
+    bridged = np.vstack([np.empty((0, 3)), *(chain.points[_bridged(chain)] for chain in model.chains)])
+    if len(bridged):
+        legend.append(_dot("node without points", "white", edge=INK))
     if truth:
         legend.append(io.extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth"))
     sheet = _sheet(model, cloud, title, legend, bar=True)
@@ -387,12 +404,102 @@ def strings(model: Model, truth: Sequence[Array] = ()) -> Figure:
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
         lines.append((path, colours(1e3 * (np.cumsum(steps) - steps / 2))))
     sheet.lines(lines, width=3.0)
+    sheet.markers(bridged, "o", "white", size=2.5)
     for line in truth:
         where = sheet.plan.of(line)
         for axes, across, up, _ in sheet.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     sheet.markers(_string_ends(model), "o", PALETTE[3])
     return sheet.figure
+
+
+def arcs(model: Model) -> Figure:
+    """Arcs that the views saw of the strings, with their ends, before they were linked."""
+    parts, cloud = model.stages["arcs"], np.vstack(model.stages["registered"])
+    legend = [_dot("arc's end", "white", edge=INK), _dot("registered points", GREY)]
+    sheet = _sheet(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
+    sheet.points(cloud, GREY)
+    sheet.lines(_coloured(parts))
+    sheet.markers(_ends(parts), "o", "white")
+    sheet.numbers(parts)
+    return sheet.figure
+
+
+def residuals(model: Model) -> Figure:
+    """Distances of the points from the fitted surface: what is left after the fit, and where.
+
+    A patch of one colour is something that the tubes or the poses do not describe; noise alone is mixed.
+    """
+    fit = model.stages["fit"]
+    share = 100.0 * float(np.mean(fit.explained))
+    title = f"Residuals: sd {fit.sigma * 1e3:.2f} mm, {share:.1f} % of {len(fit.points):,} points explained"
+    legend = [] if fit.explained.all() else [_dot("point that no tube explains", INK)]
+    sheet = _sheet(model, fit.points, title, legend, bar=True, elevation=False)
+    limit = max(3e3 * fit.sigma, 1e-6)
+    colours = sheet.scale(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
+    explained = np.flatnonzero(fit.explained)
+    # in no order: the nearer points are those that noise carries outwards, and would hide the others
+    some = np.random.default_rng(0).permutation(explained)[:MAX_POINTS]
+    axes, across, up, _ = sheet.panels[0]
+    where = sheet.plan.of(fit.points[some])
+    hues = colours(1e3 * fit.residual[some])
+    axes.scatter(where[:, across], where[:, up], s=4.0, c=hues, linewidths=0, antialiaseds=False)
+    sheet.points(fit.points[~fit.explained], INK, size=4.0)
+    return sheet.figure
+
+
+def uncertainty(model: Model) -> Figure:
+    """Draw the nodes' standard deviation in their worst direction, and how many points see them."""
+    shown = sorted(sorted(range(len(model.chains)), key=lambda i: -model.chains[i].length)[:MAX_NAMES])
+    title = "Standard deviation of the nodes, and the points that see them"
+    if len(shown) < len(model.chains):
+        title += f" (the {len(shown)} longest of {len(model.chains)})"
+    legend = [_stroke("in the worst direction", PALETTE[0])]
+    if any(_bridged(model.chains[i]).any() for i in shown):
+        legend.append(_dot("node without points", PALETTE[3]))
+    upper, lower, between, gap = 1.5, 0.7, 0.12, 0.55
+    pitch = upper + between + lower + gap
+    figure, foot = _figure(title, max(pitch * len(shown) - 0.25, 1.0), legend)
+    ticker = io.extra("matplotlib.ticker")
+    deviations = {i: 1e3 * _deviations(model.chains[i]) for i in shown}
+    highest = max((float(values.max()) for values in deviations.values()), default=1.0)
+    farthest = max((1e3 * model.chains[i].length for i in shown), default=1.0)
+    for row, i in enumerate(reversed(shown)):
+        chain, bottom = model.chains[i], foot + pitch * row
+        s, without = 1e3 * chain.arc_length, _bridged(chain)
+        below = _panel(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, lower)
+        above = _panel(figure, LEFT, bottom + lower + between, WIDTH - LEFT - RIGHT, upper)
+        assert chain.points_seen is not None
+        below.fill_between(s, chain.points_seen, step="mid", color=GREY, lw=0)
+        below.plot(s[without], np.zeros(int(without.sum())), "o", ms=3, color=PALETTE[3], clip_on=False)
+        above.plot(s, deviations[i], color=PALETTE[0], lw=1.6)
+        above.plot(s[without], deviations[i][without], "o", ms=3, color=PALETTE[3])
+        for axes in (above, below):
+            axes.set(xlim=(-0.01 * farthest, 1.01 * farthest))
+        above.set(ylim=(0, 1.08 * highest))
+        above.yaxis.set_major_locator(ticker.MaxNLocator(4, steps=[1, 2, 5, 10]))
+        below.set(ylim=(0, None))
+        above.tick_params(labelbottom=False)
+        above.set_ylabel("sd / mm", fontsize=10)
+        below.set_ylabel("points", fontsize=10)
+        above.set_title(f"string {i + 1}", loc="left", fontsize=10, pad=3)
+        if row == 0:
+            below.set_xlabel("arc length / mm", fontsize=10)
+    return figure
+
+
+def _deviations(chain: Chain) -> Array:
+    """(M,) Standard deviation of each node in its worst direction, metres."""
+    assert chain.covariance is not None
+    variances = np.linalg.eigvalsh(chain.covariance)[:, -1]
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+
+
+def _bridged(chain: Chain) -> NDArray[np.bool_]:
+    """(M,) Which nodes no point supports, as far as that is known."""
+    if chain.points_seen is None:
+        return np.zeros(len(chain.points), dtype=bool)
+    return np.asarray(chain.points_seen == 0)
 
 
 def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:

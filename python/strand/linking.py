@@ -18,7 +18,9 @@ _UNIT = 1e6
 
 
 def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> list[Array]:
-    """Cut arcs where another's end lies inside them: two strands cannot be there, so a trace took a wrong turn.
+    """Cut arcs where another's end lies inside them.
+
+    Two strands cannot be in one place, so a trace took a wrong turn there.
 
     Parameters
     ----------
@@ -55,7 +57,7 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> l
 
 
 def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) -> float:
-    """Cost of the curve that leaves the end p in a direction and meets the end q, whose own direction is `arrive`.
+    """Cost of the curve that leaves the end p along `leave` and meets the end q, which points along `arrive`.
 
     For a gap L bent by the angles a and b at its two ends it is 2 (a^2 + b^2), the bending energy of a cubic
     (8 r / L) (a^2 + b^2 - a b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways

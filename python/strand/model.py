@@ -132,7 +132,7 @@ class Chain:
         Returns
         -------
         (..., 3) ndarray
-            Points on the straight segments between nodes, metres.
+            Places of `curve`, or on the straight segments between nodes without one, metres.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class Chain:
         if not np.isfinite(at).all():
             raise ValueError("s: expected finite arc lengths, got NaN or infinity")
         if self.curve is not None:
-            return self.curve.at(s.ravel())[0].reshape(*s.shape, 3)
+            return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
         if self.closed:
             at = np.mod(at, self.length)
         return np.stack([np.interp(at, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
@@ -224,7 +224,7 @@ class Model:
     pose_sd: Array = field(default_factory=lambda: np.empty((0, 6)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write chains, poses, timings and warnings to a JSON file, whole or not at all.
+        """Write chains, poses, their deviations, timings and warnings to a JSON file, whole or not at all.
 
         The arrays between the stages are not written.
 
@@ -244,15 +244,41 @@ class Model:
                 "format": "strand model",
                 "version": 1,
                 "units": "metres, radians, seconds",
-                "chains": [
-                    {"points": chain.points.tolist(), "radius": chain.radius, "closed": chain.closed}
-                    for chain in self.chains
-                ],
+                "chains": [_chain_data(chain) for chain in self.chains],
                 "poses": self.poses.tolist(),
+                "pose_sd": [None if np.isnan(sd).any() else sd.tolist() for sd in self.pose_sd],
                 "timings": self.timings,
                 "warnings": list(self.warnings),
             },
         )
+
+
+def _chain_data(chain: Chain) -> dict[str, Any]:
+    """Everything that a chain holds, in JSON's types."""
+    data: dict[str, Any] = {"points": chain.points.tolist(), "radius": chain.radius, "closed": chain.closed}
+    if chain.curve is not None:
+        curve = chain.curve
+        data["curve"] = {"control": curve.control.tolist(), "start": curve.start, "stop": curve.stop}
+    for name in ("covariance", "points_seen", "views_seen"):
+        value = getattr(chain, name)
+        if value is not None:
+            data[name] = value.tolist()
+    return data
+
+
+def _chain(data: dict[str, Any]) -> Chain:
+    """Make a chain of what `_chain_data` gave."""
+    curve = data.get("curve")
+    return Chain(
+        np.asarray(data["points"], dtype=np.float64),
+        data["radius"],
+        bool(data["closed"]),
+        None if curve is None else Curve(np.asarray(curve["control"], float), curve["start"], curve["stop"]),
+        *(
+            np.asarray(data[name], dtype=kind) if name in data else None
+            for name, kind in (("covariance", float), ("points_seen", int), ("views_seen", int))
+        ),
+    )
 
 
 def load(path: str | os.PathLike[str]) -> Model:
@@ -266,7 +292,7 @@ def load(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With the same chains, poses, timings and warnings, bit for bit; without stages.
+        With the same chains, poses, deviations, timings and warnings, bit for bit; without stages.
 
     Raises
     ------
@@ -281,11 +307,11 @@ def load(path: str | os.PathLike[str]) -> Model:
     if data.get("version") != 1:
         raise io.FileFormatError(f"{path}: model version {data.get('version')!r}, this reads version 1")
     try:
-        chains = tuple(
-            Chain(np.asarray(c["points"], dtype=np.float64), c["radius"], bool(c["closed"]))
-            for c in data["chains"]
-        )
+        chains = tuple(_chain(chain) for chain in data["chains"])
         poses = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
-        return Model(chains, poses, dict(data["timings"]), tuple(data["warnings"]))
+        pose_sd = np.array([[np.nan] * 6 if sd is None else sd for sd in data["pose_sd"]], dtype=np.float64)
+        return Model(
+            chains, poses, dict(data["timings"]), tuple(data["warnings"]), {}, pose_sd.reshape(-1, 6)
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

@@ -34,18 +34,19 @@ def reconstruct(
     ----------
     views : sequence of View
         What the cameras saw. Registration keeps the middle one of those that see something where it is.
-    radius : float
-        The string's radius, metres.
+    radius : float, optional
+        The strings' radius, metres; estimated from the data if not given (not by the published method).
     bounds : pair of (3,) array_like of float, optional
         The extraction range: low and high corner of an axis-aligned box in the world frame, metres;
         everything if not given.
     ropes : int, optional
         How many ropes there are; as many as the data show if not given.
     config : Config, optional
-        The numbers of the method; `Config.published()` if not given.
+        The method and its numbers; `Config()`, tubes fitted to the points, if not given.
     keep_stages : bool
-        Keep the arrays between the stages, in `Model.stages`: "raw", "filtered", "normals" and
-        "registered" (a tuple of (N, 3) arrays, one for each view used), "axis_points" (M, 3), "traced"
+        Keep the arrays between the stages, in `Model.stages`: "raw", "filtered" and "registered" (a tuple of
+        (N, 3) arrays, one for each view used); "arcs" (what was seen of the strings before they were linked)
+        and "fit" (a `TubeFit`); or, of the published method, "normals", "axis_points" (M, 3), "traced"
         (chains before the split), "separation" (d* along each), "cuts" (its nodes that were cut at) and
         "segments".
     progress : callable, optional
@@ -60,7 +61,7 @@ def reconstruct(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If a number is out of range, there are no views, or `radius` is not given.
+        If a number is out of range, there are no views, or the published method is given no radius.
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     """

@@ -12,16 +12,38 @@ from numpy.typing import ArrayLike
 from strand.model import Chain, Model
 from strand.view import View
 
-# what each stage hands on, by its name in Model.stages; the last one hands on the model's chains
-STAGE_ARRAYS = {
-    "extract": "raw",
-    "filter": "filtered",
-    "normals": "normals",
-    "register": "registered",
-    "centerline": "axis_points",
-    "trace": "traced",
-    "split": "segments",
-    "reconnect": None,
+# each method's stages, and what they hand on by its name in Model.stages: None for stages that hand on no
+# points; the last one hands on the model's chains
+STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
+    "tubes": {
+        "extract": "raw",
+        "radius": None,
+        "filter": "filtered",
+        "register": "registered",
+        "arcs": "arcs",
+        "link": None,
+        "fit": None,
+        "ends": "chains",
+    },
+    "published": {
+        "extract": "raw",
+        "filter": "filtered",
+        "normals": "normals",
+        "register": "registered",
+        "centerline": "axis_points",
+        "trace": "traced",
+        "split": "segments",
+        "reconnect": "chains",
+    },
+}
+# what each method makes of the points on the way to whole strings, by its name in Model.stages
+COUNTED = {
+    "tubes": {"arcs": "arcs seen", "chains": "whole strings"},
+    "published": {
+        "traced": "chains traced",
+        "segments": "segments after the split",
+        "chains": "whole strings",
+    },
 }
 PAPER_COUNTS = (3, 7, 1)
 
@@ -34,15 +56,16 @@ class StageCount:
     ----------
     name : str
         The stage.
-    points_in, points_out : int
-        Points before and after it; chains count with all their nodes.
+    points_in, points_out : int or None
+        Points before and after it; arcs and chains count with all their nodes. None if it hands on no points:
+        it estimates the radius, or works on curves.
     seconds : float
         The time it took.
     """
 
     name: str
-    points_in: int
-    points_out: int
+    points_in: int | None
+    points_out: int | None
     seconds: float
 
 
@@ -62,6 +85,19 @@ class Accuracy:
     rms: float
 
 
+def method(model: Model) -> str:
+    """Name the method that made a model, as in `Config.method`.
+
+    Raises
+    ------
+    ValueError
+        If the model was made without its stages.
+    """
+    if not model.stages:
+        raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
+    return "published" if "traced" in model.stages else "tubes"
+
+
 def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
     """Count the points through the stages.
 
@@ -75,33 +111,49 @@ def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
     Returns
     -------
     tuple of StageCount
-        In the stages' order.
+        In the stages' order; without those that did not run.
 
     Raises
     ------
     ValueError
         If the model was made without its stages.
     """
-    _need_stages(model.stages)
+    arrays = _handed_on(model)
     counts = []
     before = sum(len(view.points) for view in views)
-    for name, key in STAGE_ARRAYS.items():
-        after = _points([c.points for c in model.chains] if key is None else model.stages[key])
+    for name, key in STAGE_ARRAYS[method(model)].items():
+        if name not in model.timings:
+            continue
+        if key is None:
+            counts.append(StageCount(name, None, None, model.timings[name]))
+            continue
+        after = _points(arrays[key])
         counts.append(StageCount(name, before, after, model.timings[name]))
         before = after
     return tuple(counts)
 
 
-def chain_counts(model: Model) -> tuple[int, int, int]:
-    """Count the chains traced, the segments after the split, and the whole strings.
+def chain_counts(model: Model) -> tuple[int, ...]:
+    """Count what became whole strings.
+
+    Parameters
+    ----------
+    model : Model
+        Made with `keep_stages=True`.
+
+    Returns
+    -------
+    tuple of int
+        The arcs seen and the whole strings; by the published method the chains traced, the segments after the
+        split, and the whole strings.
 
     Raises
     ------
     ValueError
         If the model was made without its stages.
     """
-    _need_stages(model.stages)
-    return len(model.stages["traced"]), len(model.stages["segments"]), len(model.chains)
+    arrays = _handed_on(model)
+    return tuple(len(arrays[key]) for key in COUNTED[method(model)])
 
 
 def accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
@@ -137,17 +189,19 @@ def accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
 def describe_stages(views: Sequence[View], model: Model) -> str:
     """Table of the stages: points in, points out, milliseconds."""
     rows = [
-        (count.name, f"{count.points_in}", f"{count.points_out}", f"{count.seconds * 1e3:.1f}")
+        (count.name, _shown(count.points_in), _shown(count.points_out), f"{count.seconds * 1e3:.1f}")
         for count in stage_counts(views, model)
     ]
     return _table([("stage", "points in", "points out", "ms"), *rows, _total(model.timings, columns=4)])
 
 
 def describe_counts(model: Model) -> str:
-    """Table of the three counts that the paper gives, with the paper's beside them."""
-    names = ("chains traced", "segments after the split", "whole strings")
-    rows = zip(names, map(str, chain_counts(model)), map(str, PAPER_COUNTS), strict=True)
-    return _table([("", "here", "paper"), *rows])
+    """Table of the counts of `chain_counts`; by the published method with those of the paper beside them."""
+    made_by = method(model)
+    names, counts = COUNTED[made_by].values(), map(str, chain_counts(model))
+    if made_by == "published":
+        return _table([("", "here", "paper"), *zip(names, counts, map(str, PAPER_COUNTS), strict=True)])
+    return _table([("", "here"), *zip(names, counts, strict=True)])
 
 
 def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
@@ -187,9 +241,13 @@ def describe_timings(model: Model) -> str:
     return _table([("stage", "ms"), *rows, _total(model.timings, columns=2)])
 
 
-def _need_stages(stages: Mapping[str, Any]) -> None:
-    if not stages:
-        raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
+def _handed_on(model: Model) -> dict[str, Any]:
+    """Return the arrays between the stages, and those of the chains."""
+    return {**model.stages, "chains": tuple(chain.points for chain in model.chains)}
+
+
+def _shown(count: int | None) -> str:
+    return "" if count is None else f"{count}"
 
 
 def _points(stage: Any) -> int:

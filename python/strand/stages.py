@@ -40,8 +40,8 @@ class Found:
     poses : list of (4, 4) ndarray
         Registered camera-to-world poses of these views.
     pose_sd : list of (6,) ndarray
-        Standard deviations of the corrections: rotation vector, radians, and translation, metres; NaN where the
-        method knows none.
+        Standard deviations of the corrections: rotation vector, radians, and translation, metres; NaN where
+        the method knows none.
     stages : dict of str to object
         The arrays between the stages.
     """

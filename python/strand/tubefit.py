@@ -44,8 +44,8 @@ class TubeFit:
     explained : (N,) ndarray of bool
         Whether it is where the tube could have been seen.
     pose_sd : (V, 6) ndarray
-        Standard deviations of each correction: rotation vector, radians, and translation, metres; 0 for a view
-        that was held.
+        Standard deviations of each correction: rotation vector, radians, and translation, metres; 0 for a
+        view that was held.
     covariances : list of (n, 4, 3, 3) ndarray
         Covariance of each control point with itself and the next three, m^2; empty if curves were held.
     """

@@ -15,7 +15,7 @@ use crate::geometry::{dot, squared_distance, sub};
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
 /// Cells a task works through; fixed, so that results do not depend on the number of threads.
-const CELLS_PER_TASK: usize = 64;
+const CELLS_PER_TASK: usize = 8;
 /// Most points in a leaf of a tree.
 const LEAF: usize = 16;
 /// Points of a subtree that one task builds.

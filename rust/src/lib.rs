@@ -1,7 +1,8 @@
 //! From depth-camera point clouds of strings, ropes, cables and hoses to ordered 3D centrelines.
 //!
 //! The kernels of the pipeline, each usable alone, in the order in which data flow through them:
-//! [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`].
+//! [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`] for the published
+//! method, [`trace_tubes`] → [`fit_tubes`] for tubes fitted together with the cameras' poses.
 //! Slices go in and values come out; nothing is printed, read from files or kept between calls.
 //!
 //! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
@@ -53,4 +54,4 @@ pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::Spline;
 pub use tubefit::{Foot, Residual, TubeFit, TubeFitOptions, TubeView, fit_tubes};
-pub use tubes::{Arc, TubeOptions, trace_tubes};
+pub use tubes::{Arc, trace_tubes};

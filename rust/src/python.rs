@@ -158,6 +158,18 @@ fn require_same_length(name: &str, got: usize, want: usize) -> PyResult<()> {
     }
 }
 
+/// One camera's centre, or one for each of `count` points.
+fn viewpoints<'a>(array: &'a FloatArray, count: usize) -> PyResult<(Point, Option<&'a [Point]>)> {
+    const SHAPE: &str = "(3,) or (N, 3)";
+    if array.0.ndim() == 2 {
+        let rows = array.rows("viewpoint", SHAPE)?;
+        require_same_length("viewpoint", rows.len(), count)?;
+        return Ok(([0.0; 3], Some(rows)));
+    }
+    let one = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
+    Ok((one.ok_or_else(|| wrong_shape("viewpoint", SHAPE, array.0.shape()))?, None))
+}
+
 fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<Bound<'_, PyArray2<f64>>> {
     let rows = points.len();
     PyArray1::from_vec(py, points.into_flattened()).reshape([rows, 3])
@@ -304,22 +316,9 @@ fn estimate_normals<'py>(
         _ => return Err(PyTypeError::new_err("expected exactly one of k and radius")),
     };
     let viewpoint = viewpoint.map(|value| FloatArray::new("viewpoint", value)).transpose()?;
-    let each = match &viewpoint {
-        Some(array) if array.0.ndim() == 2 => {
-            let rows = array.rows("viewpoint", "(3,) or (N, 3)")?;
-            require_same_length("viewpoint", rows.len(), points.len())?;
-            Some(rows)
-        }
-        _ => None,
-    };
-    let one: Point = match &viewpoint {
-        Some(array) if each.is_none() => array
-            .slice()?
-            .try_into()
-            .ok()
-            .filter(|_| array.0.ndim() == 1)
-            .ok_or_else(|| wrong_shape("viewpoint", "(3,) or (N, 3)", array.0.shape()))?,
-        _ => [0.0; 3],
+    let (one, each) = match &viewpoint {
+        Some(array) => viewpoints(array, points.len())?,
+        None => ([0.0; 3], None),
     };
     let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
     let result = py.detach(|| {
@@ -588,28 +587,61 @@ fn trace_chains<'py>(
     Ok(chains.into_iter().map(|chain| PyArray1::from_vec(py, rows.original(chain))).collect())
 }
 
-/// Trace arcs of tubes through oriented surface points.
+/// Trace arcs of tubes through surface points.
+///
+/// Short bent tubes are fitted to the points that face their cameras, with none inside, and followed both ways from
+/// the best: neither bends nor strands that touch are smeared.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     Surface points of strings, metres, any frame.
+/// viewpoint : (3,) or (N, 3) array_like of float
+///     The camera's centre, or one for each point, metres, in the points' frame.
+/// radius : float
+///     The strings' radius, metres.
+/// min_nodes : int
+///     Arcs with fewer nodes are left out.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///
+/// Returns
+/// -------
+/// list of ((M, 3) ndarray, (M,) ndarray)
+///     For each arc its nodes on the axis in order, half a radius apart, metres, and how many points support each:
+///     on the surface, facing their camera, within a radius ahead of it. Where strands cross or hide each other
+///     an arc ends; the best supported arcs come first.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If an array does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, `radius` is not positive, or `min_nodes` is negative.
 #[pyfunction]
-#[pyo3(signature = (points, viewpoints, radius, *, known = None, min_nodes = 4, min_score = 0.25, clearance = 0.7))]
-#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+#[pyo3(signature = (points, viewpoint, radius, *, min_nodes = None, nonfinite = "raise"),
+       text_signature = "(points, viewpoint, radius, *, min_nodes=4, nonfinite='raise')")]
+#[allow(clippy::type_complexity)]
 fn trace_tubes<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    viewpoints: &Bound<'py, PyAny>,
-    radius: f64,
-    known: Option<&Bound<'py, PyAny>>,
-    min_nodes: usize,
-    min_score: f64,
-    clearance: f64,
+    viewpoint: &Bound<'py, PyAny>,
+    radius: &Bound<'py, PyAny>,
+    min_nodes: Option<&Bound<'py, PyAny>>,
+    nonfinite: &str,
 ) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
-    let (points, viewpoints) =
-        (FloatArray::new("points", points)?, FloatArray::new("viewpoints", viewpoints)?);
-    let (points, viewpoints) = (points.rows("points", "(N, 3)")?, viewpoints.rows("viewpoints", "(N, 3)")?);
-    let known = known.map(|value| FloatArray::new("known", value)).transpose()?;
-    let known = known.as_ref().map(|array| array.rows("known", "(K, 3)")).transpose()?.unwrap_or_default();
-    let options = crate::TubeOptions { min_nodes, min_score, clearance };
-    let arcs =
-        py.detach(|| crate::trace_tubes(points, Viewpoints::Each(viewpoints), radius, known, &options))?;
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let radius = number("radius", radius)?;
+    let min_nodes = min_nodes.map_or(Ok(4), |value| count("min_nodes", value))?;
+    let array = FloatArray::new("viewpoint", viewpoint)?;
+    let (one, each) = viewpoints(&array, points.len())?;
+    let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
+    let arcs = py.detach(|| {
+        let each = each.map(|each| rows.select(each));
+        let viewpoints = each.as_deref().map_or(Viewpoints::One(one), Viewpoints::Each);
+        crate::trace_tubes(&rows.select(points), viewpoints, radius, min_nodes)
+    })?;
     arcs.into_iter()
         .map(|arc| Ok((points_array(py, arc.nodes)?, PyArray1::from_vec(py, arc.support))))
         .collect()

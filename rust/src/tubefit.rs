@@ -26,6 +26,8 @@ const REACH: f64 = 2.0;
 const THIRD_DIFFERENCE: f64 = 0.3;
 const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
+/// How far to both sides a curve's direction is taken where poses are concerned, in spans.
+const STRETCH: f64 = 2.0;
 
 /// What one camera saw.
 #[derive(Debug, Clone, Copy)]
@@ -145,6 +147,8 @@ struct Sample {
 #[derive(Clone, Copy)]
 struct Term {
     moved: Point,
+    /// The outward normal as far as poses are concerned, see [`State::settled`].
+    settled: Point,
     foot: Foot,
 }
 
@@ -178,6 +182,21 @@ pub fn fit_tubes(
     }
     if motions.len() != views.len() {
         return Err(Error::invalid("motions", format!("expected one for each of {} views", views.len())));
+    }
+    if options.reference.is_some_and(|reference| reference >= views.len()) {
+        return Err(Error::invalid(
+            "reference",
+            format!("expected the number of one of {} views", views.len()),
+        ));
+    }
+    for sd in options.pose_sd {
+        check_positive("pose_sd", sd)?;
+    }
+    for band in options.band {
+        check_positive("band", band)?;
+    }
+    for curve in curves {
+        check_finite("curves", &curve.control)?;
     }
     let all: Vec<Point> = views.iter().map(|view| centroid(view.points)).collect();
     let center = centroid(&all);
@@ -285,7 +304,7 @@ impl State<'_> {
                                 if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
                                     foot.weight = 0.0;
                                 }
-                                Term { moved, foot }
+                                Term { moved, settled: self.settled(&foot), foot }
                             })
                             .collect()
                     })
@@ -293,6 +312,18 @@ impl State<'_> {
                 tasks.into_iter().flatten().collect()
             })
             .collect()
+    }
+
+    /// The outward normal at a foot, at a right angle to the curve's direction over several radii.
+    ///
+    /// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's
+    /// wavering a view could slide until the noise fits best, and the normal equations would count that as
+    /// information. The direction over a longer stretch hardly wavers, and in a bend it is the tangent.
+    fn settled(&self, foot: &Foot) -> Point {
+        let curve = &self.curves[foot.curve];
+        let place = |u: f64| curve.at(u.clamp(0.0, curve.end())).position;
+        let along = normalized(sub(place(foot.parameter + STRETCH), place(foot.parameter - STRETCH)));
+        normalized(advance(foot.outward, -dot(foot.outward, along), along))
     }
 
     /// Whether noise may have carried points out of the extraction range at a foot.
@@ -438,17 +469,17 @@ impl State<'_> {
         let mut used = 0usize;
         for (view, terms) in terms.iter().enumerate() {
             let column = layout.column(view);
-            for Term { moved, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
+            for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
                 used += 1;
                 let e = foot.outward;
                 let weight = foot.weight * scale;
                 let mut edge = [(0usize, 0.0f64); 7];
                 let mut edges = 0;
                 if let Some(column) = column {
-                    let turn = cross(sub(*moved, self.center), e);
+                    let turn = cross(sub(*moved, self.center), *settled);
                     for k in 0..3 {
                         edge[k] = (column + k, turn[k]);
-                        edge[3 + k] = (column + 3 + k, e[k]);
+                        edge[3 + k] = (column + 3 + k, settled[k]);
                     }
                     edges = 6;
                 }

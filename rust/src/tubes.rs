@@ -14,6 +14,10 @@ use crate::{Point, parallel};
 
 /// How far from a tubelet's centre points can matter to it, in radii.
 const PATCH: f64 = 2.6;
+/// Share of the seeds' 90th percentile of scores that a seed must reach.
+const LEAST_SCORE: f64 = 0.25;
+/// Seeds nearer than this to a node are skipped, in radii.
+const CLEARANCE: f64 = 0.7;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
 /// Directions tried at a seed.
@@ -36,31 +40,13 @@ pub struct Arc {
     pub support: Vec<f64>,
 }
 
-/// When arcs begin and end.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TubeOptions {
-    /// Arcs with fewer nodes are left out.
-    pub min_nodes: usize,
-    /// Share of the scores' 90th percentile that a seed must reach.
-    pub min_score: f64,
-    /// Seeds nearer than this to a node are skipped, in radii.
-    pub clearance: f64,
-}
-
-impl Default for TubeOptions {
-    fn default() -> Self {
-        Self { min_nodes: 4, min_score: 0.25, clearance: 0.7 }
-    }
-}
-
 /// Traces arcs of tubes of a known radius through surface points.
 ///
 /// Tubelets are fitted at seeds on a grid of 0.8 r, in several directions. From the best one that is still free the
 /// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
 /// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
-/// reached. An arc claims its points, and the next best seed follows.
-///
-/// `known` are axis points that count as reached from the start; empty for none.
+/// reached. An arc claims its points, and the next best seed follows. Arcs of fewer than `min_nodes` nodes are left
+/// out.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
@@ -69,17 +55,15 @@ pub fn trace_tubes(
     points: &[Point],
     viewpoints: Viewpoints,
     radius: f64,
-    known: &[Point],
-    options: &TubeOptions,
+    min_nodes: usize,
 ) -> Result<Vec<Arc>> {
     check_finite("points", points)?;
-    check_finite("known", known)?;
     check_positive("radius", radius)?;
     if let Viewpoints::Each(all) = viewpoints {
-        check_same_length("viewpoints", all.len(), "points", points.len())?;
-        check_finite("viewpoints", all)?;
+        check_same_length("viewpoint", all.len(), "points", points.len())?;
+        check_finite("viewpoint", all)?;
     } else if let Viewpoints::One(one) = viewpoints {
-        check_finite("viewpoints", &[one])?;
+        check_finite("viewpoint", &[one])?;
     }
     let to_camera: Vec<Point> = (0..points.len())
         .map(|i| match viewpoints {
@@ -91,8 +75,8 @@ pub fn trace_tubes(
         let grid = Grid::new(points, PATCH * radius);
         let to_camera = grid.gather(&to_camera);
         let mut tracer =
-            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: known.to_vec() };
-        tracer.trace(options)
+            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: Vec::new() };
+        tracer.trace(min_nodes)
     }))
 }
 
@@ -112,17 +96,17 @@ struct Seed {
 }
 
 impl Tracer {
-    fn trace(&mut self, options: &TubeOptions) -> Vec<Arc> {
+    fn trace(&mut self, min_nodes: usize) -> Vec<Arc> {
         let mut seeds = self.seeds();
         seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
         let Some(best) = seeds.get(seeds.len() / 10) else { return Vec::new() };
-        let enough = options.min_score * best.support.score;
+        let enough = LEAST_SCORE * best.support.score;
         let mut arcs = Vec::new();
         for seed in seeds {
             if seed.support.score < enough {
                 break;
             }
-            if self.taken(seed.tubelet.center, options.clearance) {
+            if self.taken(seed.tubelet.center) {
                 continue;
             }
             // what is left of its points may no longer be a tube
@@ -131,7 +115,7 @@ impl Tracer {
             let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
             if support.score < (0.6 * seed.support.score).max(enough)
                 || moved > 0.5 * self.radius
-                || self.taken(tubelet.center, options.clearance)
+                || self.taken(tubelet.center)
             {
                 continue;
             }
@@ -142,7 +126,7 @@ impl Tracer {
             let mut steps: Vec<(Tubelet, f64)> = back.into_iter().rev().collect();
             steps.push((tubelet, density));
             steps.extend(ahead);
-            if steps.len() >= options.min_nodes {
+            if steps.len() >= min_nodes {
                 self.claim(&steps);
                 let (nodes, support): (Vec<Point>, Vec<f64>) =
                     steps.iter().map(|(tubelet, support)| (tubelet.center, *support)).unzip();
@@ -165,8 +149,8 @@ impl Tracer {
         patch
     }
 
-    fn taken(&self, center: Point, clearance: f64) -> bool {
-        let limit = (clearance * self.radius).powi(2);
+    fn taken(&self, center: Point) -> bool {
+        let limit = (CLEARANCE * self.radius).powi(2);
         self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
     }
 

@@ -1,0 +1,216 @@
+"""Measure the views' poses and the curve that comes of them: ICP against the joint fit, and print tables.
+
+python benches/registration.py [FOLDER] [--seeds N]
+
+Simulated strings are seen by views of various numbers and distances, at poses that are wrong as those read
+off a stage are. A pose's error is how far it displaces the string's true points (root mean square), split
+into the part across the string and the part along it, and the angle that it is turned by. The middle view is
+exact by construction and not counted; figures are medians over the other views. The curve's error is the
+distance of the longest chain's nodes from the truth (root mean square), median over scenes.
+
+"reported" are the poses as read off the stage, with the joint method's curve when they are held there; "ICP"
+is `Config.published()`, "joint" the default. FOLDER holds .npz scenes with `poses_true`: then the same by
+depth noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import strand
+from strand.config import Poses
+from strand.synthetic import camera_pose, render_depth, sense
+
+Array = NDArray[np.float64]
+
+SHAPES = ("straight", "arc", "s", "paper")
+NOISE = 0.7e-3  # metres
+TURN_SD, SHIFT_SD = np.radians(0.5), 1.5e-3  # of the reported poses, in the table plane
+SPREADS = {
+    "two views, 30° apart": (-15, 15),
+    "two views, 60° apart": (-30, 30),
+    "two views, 90° apart": (-45, 45),
+    "two views, 180° apart": (-90, 90),
+    "three views, 45° apart": (-45, 0, 45),
+    "three views, 90° apart": (-90, 0, 90),
+    "seven views over 180°": (-90, -60, -30, 0, 30, 60, 90),
+    "one view": (0,),
+}
+METHODS = {
+    # so sure of the reported poses that they do not move
+    "reported": strand.Config(poses=Poses(rotation_sd=1e-7, translation_sd=1e-9)),
+    "ICP": strand.Config.published(),
+    "joint": strand.Config(),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Views of strings whose poses and centrelines are known."""
+
+    views: tuple[strand.View, ...]
+    poses_true: Array
+    bounds: tuple[Array, Array]
+    radius: float
+    truth: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one method made of one scene.
+
+    Attributes
+    ----------
+    poses : (V - 1, 3) ndarray
+        Displacement across and along the string, metres, and rotation, radians, of each free view.
+    curve : float
+        Metres; NaN where there is no answer.
+    """
+
+    poses: Array
+    curve: float
+
+
+def simulated(name: str, azimuths: Sequence[float], seed: int) -> Seen:
+    """Return a shape seen from some azimuths, degrees, with noise and wrong poses."""
+    laid = strand.synthetic.scene(name, seed=seed, noise=NOISE)
+    distance = float(np.linalg.norm(laid.poses_true[0, :3, 3]))
+    # the same errors of the poses whatever the distance between the views
+    stage, sensor = (np.random.default_rng([seed, SHAPES.index(name), part]) for part in range(2))
+    poses_true = np.stack([camera_pose(np.radians(azimuth), distance) for azimuth in azimuths])
+    views = []
+    for number, pose in enumerate(poses_true):
+        exact = render_depth(laid.truth, laid.radius, laid.intrinsics, pose, laid.depth.shape[:0:-1])
+        depth = sense(
+            exact, noise=NOISE, flying=0.05, step=laid.radius, depth_scale=laid.depth_scale, rng=sensor
+        )
+        turn, dx, dy = stage.normal(size=3) * (TURN_SD, SHIFT_SD, SHIFT_SD)
+        if number != len(azimuths) // 2:
+            pose = strand.pose_from_angles(0.0, 0.0, turn, [dx, dy, 0.0]) @ pose
+        views.append(strand.View.from_depth(depth * laid.depth_scale, laid.intrinsics, pose))
+    return Seen(tuple(views), poses_true, laid.bounds, laid.radius, laid.truth)
+
+
+def loaded(path: Path) -> tuple[Seen, float]:
+    """Return a scene of a file, and its depth noise, metres."""
+    scene = strand.load_scene(path)
+    if scene.bounds is None or scene.radius is None:
+        raise ValueError(f"{path}: expected a box and a radius")
+    with np.load(path) as arrays:
+        poses_true, noise = arrays["poses_true"].astype(np.float64), float(arrays["noise"])
+    return Seen(scene.views, poses_true, scene.bounds, scene.radius, scene.truth), noise
+
+
+def pose_errors(found: Iterable[Array], true: Sequence[Array], truth: Sequence[Array]) -> Array:
+    """(V - 1, 3) Displacement across and along, metres, and rotation, radians, of all but the middle view."""
+    points = np.concatenate(truth).astype(np.float64)
+    tangents = np.concatenate([np.gradient(nodes.astype(np.float64), axis=0) for nodes in truth])
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    rows = []
+    for number, (pose, pose_true) in enumerate(zip(found, true, strict=True)):
+        if number == len(true) // 2:
+            continue
+        error = pose @ np.linalg.inv(pose_true)
+        moved = points @ error[:3, :3].T + error[:3, 3] - points
+        along = (moved * tangents).sum(axis=1)
+        across = np.linalg.norm(moved - along[:, None] * tangents, axis=1)
+        # twice the angle's sine and cosine: the cosine alone says little of small angles
+        sine = np.linalg.norm(error[[2, 0, 1], [1, 2, 0]] - error[[1, 2, 0], [2, 0, 1]])
+        turn = np.arctan2(sine, np.trace(error[:3, :3]) - 1.0)
+        rows.append((np.sqrt((across**2).mean()), np.sqrt((along**2).mean()), turn))
+    return np.array(rows).reshape(-1, 3)
+
+
+def outcome(seen: Seen, config: strand.Config) -> Outcome:
+    """Reconstruct and measure."""
+    try:
+        model = strand.reconstruct(seen.views, seen.radius, seen.bounds, config=config)
+    except strand.StrandError:
+        return Outcome(np.full((len(seen.views) - 1, 3), np.nan), np.nan)
+    truth = np.concatenate(
+        [strand.Chain(nodes.astype(np.float64), seen.radius).at(_places(nodes)) for nodes in seen.truth]
+    )
+    distance, _ = cKDTree(truth).query(model.chains[0].points)
+    return Outcome(
+        pose_errors(model.poses, seen.poses_true, seen.truth), float(np.sqrt((distance**2).mean()))
+    )
+
+
+def _places(nodes: Array) -> Array:
+    """Arc lengths 0.05 mm apart."""
+    length = np.linalg.norm(np.diff(nodes.astype(np.float64), axis=0), axis=1).sum()
+    return np.linspace(0.0, length, int(length / 5e-5) + 2)
+
+
+def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None:
+    """Print a row for each group of scenes: the medians of every method, side by side."""
+    print(f"\n| {title} | across mm | along mm | rotation ° | curve mm | no answer |")
+    print("|---|---|---|---|---|---|")
+    for name, scenes in groups.items():
+        cells = []
+        for column, scale in ((0, 1e3), (1, 1e3), (2, np.degrees(1.0))):
+            medians = []
+            for method in METHODS:
+                errors = np.concatenate([scene[method].poses[:, column] for scene in scenes]) * scale
+                medians.append(f"{np.nanmedian(errors):.2f}" if np.isfinite(errors).any() else "–")
+            cells.append(" / ".join(medians))
+        curves = {method: [scene[method].curve for scene in scenes] for method in METHODS}
+        cells.append(" / ".join(f"{np.nanmedian(curve) * 1e3:.2f}" for curve in curves.values()))
+        cells.append(" / ".join(str(int(np.isnan(curve).sum())) for curve in curves.values()))
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, nargs="?", help="scenes with true poses")
+    parser.add_argument("--seeds", type=int, default=6, help="scenes of each shape and spread")
+    arguments = parser.parse_args()
+    print(f"every cell: {' / '.join(METHODS)}")
+    by_spread: dict[str, list[dict[str, Outcome]]] = defaultdict(list)
+    by_shape: dict[str, list[dict[str, Outcome]]] = defaultdict(list)
+    for spread, azimuths in SPREADS.items():
+        for name in SHAPES:
+            for seed in range(arguments.seeds):
+                seen = simulated(name, azimuths, seed)
+                outcomes = {method: outcome(seen, config) for method, config in METHODS.items()}
+                by_spread[spread].append(outcomes)
+                if len(azimuths) > 1:
+                    by_shape[name].append(outcomes)
+    print_table("views", by_spread)
+    print_table("shape, two views or more", by_shape)
+    if arguments.folder is None:
+        return 0
+    by_noise: dict[float, list[dict[str, Outcome]]] = defaultdict(list)
+    for path in sorted(arguments.folder.glob("*.npz")):
+        seen, noise = loaded(path)
+        by_noise[round(noise * 1e3, 3)].append(
+            {method: outcome(seen, config) for method, config in METHODS.items()}
+        )
+    if not by_noise:
+        print(f"{arguments.folder}: no .npz scenes", file=sys.stderr)
+        return 1
+    print_table("depth noise", {f"{noise} mm": by_noise[noise] for noise in sorted(by_noise)})
+    middle = by_noise.get(NOISE * 1e3, [])
+    if middle:
+        for method in METHODS:
+            across, along, turn = np.nanmedian(
+                np.concatenate([scene[method].poses for scene in middle]), axis=0
+            )
+            print(
+                f"{'' if method != 'reported' else chr(10)}median view error across / along / degrees at mid "
+                f"noise, {method}: {across * 1e3:.2f} mm / {along * 1e3:.2f} mm / {np.degrees(turn):.2f}"
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
