@@ -141,7 +141,8 @@ def outcome(seen: Seen, config: strand.Config) -> Outcome:
     )
     distance, _ = cKDTree(truth).query(model.chains[0].points)
     return Outcome(
-        pose_errors(model.poses, seen.poses_true, seen.truth), float(np.sqrt((distance**2).mean()))
+        pose_errors(list(model.poses), list(seen.poses_true), seen.truth),
+        float(np.sqrt((distance**2).mean())),
     )
 
 
