@@ -1,14 +1,16 @@
 //! The Python bindings: validate, release the GIL, call the core, map the error. No maths.
 
-use std::borrow::Cow;
+mod arguments;
+mod tubes;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use crate::{Error, IcpOptions, Neighbors, Objective, Point, RigidMotion, Stop, Viewpoints};
+use arguments::{FloatArray, Rows, count, motion, number, points_array, require_same_length, viewpoints};
+
+use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints};
 
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
@@ -20,159 +22,6 @@ impl From<Error> for PyErr {
             Error::NotEnoughData { .. } => NotEnoughDataError::new_err(error.to_string()),
         }
     }
-}
-
-/// A C-ordered float64 array made of an argument; borrowed where it already is one.
-struct FloatArray<'py>(PyReadonlyArrayDyn<'py, f64>);
-
-impl<'py> FloatArray<'py> {
-    fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let py = value.py();
-        let numpy = py.import("numpy")?;
-        let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
-        let dtype = array.getattr("dtype")?;
-        if dtype.getattr("kind")?.extract::<String>()? != "f" {
-            return Err(PyTypeError::new_err(format!(
-                "{name}: expected floating point numbers, got dtype {dtype}"
-            )));
-        }
-        // C order and alignment, copied only where the array lacks either
-        let array = numpy.call_method1("require", (array, "float64", "CA"))?;
-        Ok(Self(array.extract()?))
-    }
-
-    /// The array as rows of three; `shape` is what the error message asks for.
-    fn rows(&self, name: &str, shape: &str) -> PyResult<&[Point]> {
-        match self.0.shape() {
-            [_, 3] => Ok(self.slice()?.as_chunks().0),
-            other => Err(wrong_shape(name, shape, other)),
-        }
-    }
-
-    fn slice(&self) -> PyResult<&[f64]> {
-        // numpy.require made it so; as_slice alone would accept Fortran order too
-        debug_assert!(self.0.is_c_contiguous());
-        self.0.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))
-    }
-}
-
-fn wrong_shape(name: &str, want: &str, got: &[usize]) -> PyErr {
-    PyValueError::new_err(format!("{name}: expected shape {want}, got {got:?}"))
-}
-
-/// An error of NumPy about an argument's value, with the argument's name.
-fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
-    if error.is_instance_of::<PyValueError>(py) {
-        PyValueError::new_err(format!("{name}: {}", error.value(py)))
-    } else {
-        error
-    }
-}
-
-/// A real number.
-fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().map_err(|_| PyTypeError::new_err(format!("{name}: expected a number, got {value}")))
-}
-
-/// A whole number that is not negative.
-fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let number: i64 = value
-        .extract()
-        .map_err(|_| PyTypeError::new_err(format!("{name}: expected a whole number, got {value}")))?;
-    usize::try_from(number)
-        .map_err(|_| PyValueError::new_err(format!("{name}: expected a number >= 0, got {number}")))
-}
-
-fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {
-    let array = FloatArray::new(name, value)?;
-    if array.0.shape() != [4, 4] {
-        return Err(wrong_shape(name, "(4, 4)", array.0.shape()));
-    }
-    let rows: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| array.0.as_array()[[i, j]]));
-    RigidMotion::from_rows(&rows)
-        .map_err(|error| PyValueError::new_err(error.to_string().replacen("pose", name, 1)))
-}
-
-/// Which rows of the arguments a kernel sees.
-struct Rows {
-    /// Indices of the kept rows; none if all are kept.
-    kept: Option<Vec<usize>>,
-    total: usize,
-}
-
-impl Rows {
-    /// Decides on rows with NaN or infinity in any of `arrays`, which are of one length: `"raise"` leaves them for
-    /// the kernel to refuse, `"drop"` leaves them out.
-    fn new(nonfinite: &str, arrays: &[&[Point]]) -> PyResult<Self> {
-        let total = arrays[0].len();
-        let finite = |i: &usize| arrays.iter().all(|rows| rows[*i].iter().all(|x| x.is_finite()));
-        let kept = match nonfinite {
-            "raise" => None,
-            "drop" => Some((0..total).filter(finite).collect()),
-            other => {
-                return Err(PyValueError::new_err(format!(
-                    "nonfinite: expected \"raise\" or \"drop\", got \"{other}\""
-                )));
-            }
-        };
-        Ok(Self { kept, total })
-    }
-
-    fn select<'a>(&self, rows: &'a [Point]) -> Cow<'a, [Point]> {
-        match &self.kept {
-            None => Cow::Borrowed(rows),
-            Some(kept) => Cow::Owned(kept.iter().map(|&i| rows[i]).collect()),
-        }
-    }
-
-    /// Values of the kept rows, with `fill` at the others.
-    fn scatter<T: Copy>(&self, values: Vec<T>, fill: T) -> Vec<T> {
-        match &self.kept {
-            None => values,
-            Some(kept) => {
-                let mut all = vec![fill; self.total];
-                for (&i, value) in kept.iter().zip(values) {
-                    all[i] = value;
-                }
-                all
-            }
-        }
-    }
-
-    /// Indices among the kept rows, as indices of the argument's rows.
-    fn original(&self, indices: Vec<usize>) -> Vec<i64> {
-        match &self.kept {
-            None => indices.into_iter().map(|i| i as i64).collect(),
-            Some(kept) => indices.into_iter().map(|i| kept[i] as i64).collect(),
-        }
-    }
-}
-
-fn require_same_length(name: &str, got: usize, want: usize) -> PyResult<()> {
-    if got == want {
-        Ok(())
-    } else {
-        Err(PyValueError::new_err(format!(
-            "{name}: expected one row for each of the {want} points, got {got}"
-        )))
-    }
-}
-
-/// One camera's centre, or one for each of `count` points.
-fn viewpoints<'a>(array: &'a FloatArray, count: usize) -> PyResult<(Point, Option<&'a [Point]>)> {
-    const SHAPE: &str = "(3,) or (N, 3)";
-    if array.0.ndim() == 2 {
-        let rows = array.rows("viewpoint", SHAPE)?;
-        require_same_length("viewpoint", rows.len(), count)?;
-        return Ok(([0.0; 3], Some(rows)));
-    }
-    let one = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
-    Ok((one.ok_or_else(|| wrong_shape("viewpoint", SHAPE, array.0.shape()))?, None))
-}
-
-fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    let rows = points.len();
-    PyArray1::from_vec(py, points.into_flattened()).reshape([rows, 3])
 }
 
 /// Tell outliers: which points have enough neighbours within a searching radius (section IV-A).
@@ -587,191 +436,6 @@ fn trace_chains<'py>(
     Ok(chains.into_iter().map(|chain| PyArray1::from_vec(py, rows.original(chain))).collect())
 }
 
-/// Trace arcs of tubes through surface points.
-///
-/// Short bent tubes are fitted to the points that face their cameras, with none inside, and followed both ways from
-/// the best: neither bends nor strands that touch are smeared.
-///
-/// Parameters
-/// ----------
-/// points : (N, 3) array_like of float
-///     Surface points of strings, metres, any frame.
-/// viewpoint : (3,) or (N, 3) array_like of float
-///     The camera's centre, or one for each point, metres, in the points' frame.
-/// radius : float
-///     The strings' radius, metres.
-/// min_nodes : int
-///     Arcs with fewer nodes are left out.
-/// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
-///
-/// Returns
-/// -------
-/// list of ((M, 3) ndarray, (M,) ndarray)
-///     For each arc its nodes on the axis in order, half a radius apart, metres, and how many points support each:
-///     on the surface, facing their camera, within a radius ahead of it. Where strands cross or hide each other
-///     an arc ends; the best supported arcs come first.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If an array does not hold floating point numbers.
-/// ValueError
-///     If a shape is wrong, a coordinate is not finite, `radius` is not positive, or `min_nodes` is negative.
-#[pyfunction]
-#[pyo3(signature = (points, viewpoint, radius, *, min_nodes = None, nonfinite = "raise"),
-       text_signature = "(points, viewpoint, radius, *, min_nodes=4, nonfinite='raise')")]
-#[allow(clippy::type_complexity)]
-fn trace_tubes<'py>(
-    py: Python<'py>,
-    points: &Bound<'py, PyAny>,
-    viewpoint: &Bound<'py, PyAny>,
-    radius: &Bound<'py, PyAny>,
-    min_nodes: Option<&Bound<'py, PyAny>>,
-    nonfinite: &str,
-) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
-    let radius = number("radius", radius)?;
-    let min_nodes = min_nodes.map_or(Ok(4), |value| count("min_nodes", value))?;
-    let array = FloatArray::new("viewpoint", viewpoint)?;
-    let (one, each) = viewpoints(&array, points.len())?;
-    let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
-    let arcs = py.detach(|| {
-        let each = each.map(|each| rows.select(each));
-        let viewpoints = each.as_deref().map_or(Viewpoints::One(one), Viewpoints::Each);
-        crate::trace_tubes(&rows.select(points), viewpoints, radius, min_nodes)
-    })?;
-    arcs.into_iter()
-        .map(|arc| Ok((points_array(py, arc.nodes)?, PyArray1::from_vec(py, arc.support))))
-        .collect()
-}
-
-/// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
-#[pyfunction]
-#[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
-                    band, iterations, bounds))]
-#[allow(clippy::too_many_arguments)]
-fn fit_tubes<'py>(
-    py: Python<'py>,
-    points: Vec<Bound<'py, PyAny>>,
-    viewpoints: &Bound<'py, PyAny>,
-    curves: Vec<Bound<'py, PyAny>>,
-    motions: Vec<Bound<'py, PyAny>>,
-    radius: f64,
-    fit_curves: bool,
-    fit_radius: bool,
-    reference: Option<usize>,
-    pose_sd: [f64; 2],
-    along_ray: bool,
-    band: [f64; 2],
-    iterations: usize,
-    bounds: Option<[Point; 2]>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let arrays: Vec<FloatArray> =
-        points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
-    let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
-    let viewpoints = FloatArray::new("viewpoints", viewpoints)?;
-    let viewpoints = viewpoints.rows("viewpoints", "(V, 3)")?;
-    if viewpoints.len() != points.len() {
-        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), &[viewpoints.len(), 3]));
-    }
-    let curves: Vec<crate::Spline> = curves
-        .iter()
-        .map(|curve| {
-            let control = FloatArray::new("curves", curve)?.rows("curves", "(n, 3)")?.to_vec();
-            Ok(crate::Spline { control })
-        })
-        .collect::<PyResult<_>>()?;
-    let motions: Vec<RigidMotion> = motions.iter().map(|m| motion("motions", m)).collect::<PyResult<_>>()?;
-    let options = crate::TubeFitOptions {
-        fit_curves,
-        fit_radius,
-        reference,
-        pose_sd,
-        residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
-        band,
-        iterations,
-        bounds,
-    };
-    let fit = py.detach(|| {
-        let views: Vec<crate::TubeView> = points
-            .iter()
-            .zip(viewpoints)
-            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
-            .collect();
-        crate::fit_tubes(&views, &curves, &motions, radius, &options)
-    })?;
-    let result = PyDict::new(py);
-    let curves: Vec<_> =
-        fit.curves.into_iter().map(|curve| points_array(py, curve.control)).collect::<PyResult<_>>()?;
-    result.set_item("curves", curves)?;
-    let rows: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
-    let motions = PyArray1::from_slice(py, rows.as_flattened().as_flattened());
-    result.set_item("motions", motions.reshape([rows.len(), 4, 4])?)?;
-    result.set_item("radius", fit.radius)?;
-    result.set_item("sigma", fit.sigma)?;
-    result.set_item("band", fit.band)?;
-    let feet: Vec<&crate::Foot> = fit.feet.iter().flatten().collect();
-    result.set_item("curve", PyArray1::from_iter(py, feet.iter().map(|foot| foot.curve as i64)))?;
-    result.set_item("parameter", PyArray1::from_iter(py, feet.iter().map(|foot| foot.parameter)))?;
-    result.set_item("residual", PyArray1::from_iter(py, feet.iter().map(|foot| foot.residual)))?;
-    result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
-    result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
-    result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
-    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
-    result.set_item("radius_sd", fit.uncertainty.radius)?;
-    let covariances: Vec<_> = fit
-        .uncertainty
-        .curves
-        .iter()
-        .map(|curve| {
-            let flat = curve.as_flattened().as_flattened().as_flattened();
-            PyArray1::from_slice(py, flat).reshape([curve.len(), 4, 3, 3])
-        })
-        .collect::<PyResult<_>>()?;
-    result.set_item("covariances", covariances)?;
-    Ok(result)
-}
-
-/// Fit a uniform cubic B-spline through ordered nodes by least squares.
-///
-/// Parameters
-/// ----------
-/// nodes : (M, 3) array_like of float
-///     Ordered nodes, metres.
-/// spacing : float
-///     About how long the spline's spans are, metres.
-/// extension : float
-///     The curve is carried on straight by this at both ends, metres.
-///
-/// Returns
-/// -------
-/// (n, 3) ndarray
-///     Control points, metres, n >= 4; the parameter runs from 0 to n - 3.
-///
-/// Raises
-/// ------
-/// TypeError
-///     If `nodes` does not hold floating point numbers.
-/// ValueError
-///     If `nodes` is not (M, 3) or not finite, or a length is out of range.
-/// strand.NotEnoughDataError
-///     If there are fewer than two different nodes.
-#[pyfunction]
-fn spline_through<'py>(
-    py: Python<'py>,
-    nodes: &Bound<'py, PyAny>,
-    spacing: f64,
-    extension: f64,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let nodes = FloatArray::new("nodes", nodes)?;
-    let nodes = nodes.rows("nodes", "(M, 3)")?;
-    let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
-    points_array(py, spline.control)
-}
-
 /// Set how many threads the kernels use from now on.
 ///
 /// Results do not depend on it.
@@ -814,9 +478,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(icp, module)?)?;
     module.add_function(wrap_pyfunction!(centerline, module)?)?;
     module.add_function(wrap_pyfunction!(trace_chains, module)?)?;
-    module.add_function(wrap_pyfunction!(trace_tubes, module)?)?;
-    module.add_function(wrap_pyfunction!(fit_tubes, module)?)?;
-    module.add_function(wrap_pyfunction!(spline_through, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::fit_tubes, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::spline_through, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

@@ -1,0 +1,193 @@
+//! Bindings of the tube kernels.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arguments::{FloatArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape};
+use crate::{Point, RigidMotion, Viewpoints};
+
+/// Trace arcs of tubes through surface points.
+///
+/// Short bent tubes are fitted to the points that face their cameras, with none inside, and followed both ways from
+/// the best: neither bends nor strands that touch are smeared.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     Surface points of strings, metres, any frame.
+/// viewpoint : (3,) or (N, 3) array_like of float
+///     The camera's centre, or one for each point, metres, in the points' frame.
+/// radius : float
+///     The strings' radius, metres.
+/// min_nodes : int
+///     Arcs with fewer nodes are left out.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///
+/// Returns
+/// -------
+/// list of ((M, 3) ndarray, (M,) ndarray)
+///     For each arc its nodes on the axis in order, half a radius apart, metres, and how many points support each:
+///     on the surface, facing their camera, within a radius ahead of it. Where strands cross or hide each other
+///     an arc ends; the best supported arcs come first.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If an array does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, `radius` is not positive, or `min_nodes` is negative.
+#[pyfunction]
+#[pyo3(signature = (points, viewpoint, radius, *, min_nodes = None, nonfinite = "raise"),
+       text_signature = "(points, viewpoint, radius, *, min_nodes=4, nonfinite='raise')")]
+#[allow(clippy::type_complexity)]
+pub(super) fn trace_tubes<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    viewpoint: &Bound<'py, PyAny>,
+    radius: &Bound<'py, PyAny>,
+    min_nodes: Option<&Bound<'py, PyAny>>,
+    nonfinite: &str,
+) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let radius = number("radius", radius)?;
+    let min_nodes = min_nodes.map_or(Ok(4), |value| count("min_nodes", value))?;
+    let array = FloatArray::new("viewpoint", viewpoint)?;
+    let (one, each) = viewpoints(&array, points.len())?;
+    let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
+    let arcs = py.detach(|| {
+        let each = each.map(|each| rows.select(each));
+        let viewpoints = each.as_deref().map_or(Viewpoints::One(one), Viewpoints::Each);
+        crate::trace_tubes(&rows.select(points), viewpoints, radius, min_nodes)
+    })?;
+    arcs.into_iter()
+        .map(|arc| Ok((points_array(py, arc.nodes)?, PyArray1::from_vec(py, arc.support))))
+        .collect()
+}
+
+/// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
+#[pyfunction]
+#[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
+                    band, iterations, bounds))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn fit_tubes<'py>(
+    py: Python<'py>,
+    points: Vec<Bound<'py, PyAny>>,
+    viewpoints: &Bound<'py, PyAny>,
+    curves: Vec<Bound<'py, PyAny>>,
+    motions: Vec<Bound<'py, PyAny>>,
+    radius: f64,
+    fit_curves: bool,
+    fit_radius: bool,
+    reference: Option<usize>,
+    pose_sd: [f64; 2],
+    along_ray: bool,
+    band: [f64; 2],
+    iterations: usize,
+    bounds: Option<[Point; 2]>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let arrays: Vec<FloatArray> =
+        points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
+    let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
+    let viewpoints = FloatArray::new("viewpoints", viewpoints)?;
+    let viewpoints = viewpoints.rows("viewpoints", "(V, 3)")?;
+    if viewpoints.len() != points.len() {
+        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), &[viewpoints.len(), 3]));
+    }
+    let curves: Vec<crate::Spline> = curves
+        .iter()
+        .map(|curve| {
+            let control = FloatArray::new("curves", curve)?.rows("curves", "(n, 3)")?.to_vec();
+            Ok(crate::Spline { control })
+        })
+        .collect::<PyResult<_>>()?;
+    let motions: Vec<RigidMotion> = motions.iter().map(|m| motion("motions", m)).collect::<PyResult<_>>()?;
+    let options = crate::TubeFitOptions {
+        fit_curves,
+        fit_radius,
+        reference,
+        pose_sd,
+        residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
+        band,
+        iterations,
+        bounds,
+    };
+    let fit = py.detach(|| {
+        let views: Vec<crate::TubeView> = points
+            .iter()
+            .zip(viewpoints)
+            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
+            .collect();
+        crate::fit_tubes(&views, &curves, &motions, radius, &options)
+    })?;
+    let result = PyDict::new(py);
+    let curves: Vec<_> =
+        fit.curves.into_iter().map(|curve| points_array(py, curve.control)).collect::<PyResult<_>>()?;
+    result.set_item("curves", curves)?;
+    let rows: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
+    let motions = PyArray1::from_slice(py, rows.as_flattened().as_flattened());
+    result.set_item("motions", motions.reshape([rows.len(), 4, 4])?)?;
+    result.set_item("radius", fit.radius)?;
+    result.set_item("sigma", fit.sigma)?;
+    result.set_item("band", fit.band)?;
+    let feet: Vec<&crate::Foot> = fit.feet.iter().flatten().collect();
+    result.set_item("curve", PyArray1::from_iter(py, feet.iter().map(|foot| foot.curve as i64)))?;
+    result.set_item("parameter", PyArray1::from_iter(py, feet.iter().map(|foot| foot.parameter)))?;
+    result.set_item("residual", PyArray1::from_iter(py, feet.iter().map(|foot| foot.residual)))?;
+    result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
+    result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
+    result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
+    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
+    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
+    result.set_item("radius_sd", fit.uncertainty.radius)?;
+    let covariances: Vec<_> = fit
+        .uncertainty
+        .curves
+        .iter()
+        .map(|curve| {
+            let flat = curve.as_flattened().as_flattened().as_flattened();
+            PyArray1::from_slice(py, flat).reshape([curve.len(), 4, 3, 3])
+        })
+        .collect::<PyResult<_>>()?;
+    result.set_item("covariances", covariances)?;
+    Ok(result)
+}
+
+/// Fit a uniform cubic B-spline through ordered nodes by least squares.
+///
+/// Parameters
+/// ----------
+/// nodes : (M, 3) array_like of float
+///     Ordered nodes, metres.
+/// spacing : float
+///     About how long the spline's spans are, metres.
+/// extension : float
+///     The curve is carried on straight by this at both ends, metres.
+///
+/// Returns
+/// -------
+/// (n, 3) ndarray
+///     Control points, metres, n >= 4; the parameter runs from 0 to n - 3.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `nodes` does not hold floating point numbers.
+/// ValueError
+///     If `nodes` is not (M, 3) or not finite, or a length is out of range.
+/// strand.NotEnoughDataError
+///     If there are fewer than two different nodes.
+#[pyfunction]
+pub(super) fn spline_through<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    spacing: f64,
+    extension: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    let nodes = nodes.rows("nodes", "(M, 3)")?;
+    let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
+    points_array(py, spline.control)
+}
