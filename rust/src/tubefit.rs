@@ -22,8 +22,9 @@ const SAMPLING: f64 = 0.25;
 /// How far a point may be from an axis to belong to it, in radii.
 const REACH: f64 = 2.0;
 /// Standard deviations of the prior on a curve: third and second differences of control points, and the way a
-/// control point may slide along the curve, in radii.
-const THIRD_DIFFERENCE: f64 = 0.3;
+/// control point may slide along the curve, in radii. The first is for spans of 1.5 radii: third differences of one
+/// and the same curve grow with the cube of the spans.
+const THIRD_DIFFERENCE: f64 = 0.1;
 const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
@@ -132,6 +133,8 @@ struct State<'a> {
     center: Point,
     radius: f64,
     sigma: f64,
+    /// Standard deviation of a point whose weight is 1: of its residual, or of the noise along its ray.
+    noise: f64,
 }
 
 /// A place of a curve that points are compared with.
@@ -208,6 +211,7 @@ pub fn fit_tubes(
         center,
         radius,
         sigma: 0.2 * radius,
+        noise: 0.2 * radius,
     };
     parallel::run(|| state.run(radius, options))
 }
@@ -236,7 +240,7 @@ impl State<'_> {
             let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
             let band = planned.max(least).min(1.2 * self.radius);
             let terms = self.terms(options, band);
-            self.measure(&terms, band);
+            self.measure(&terms, options.residual, band);
             if iteration == options.iterations {
                 return self.result(terms, band, iteration, options);
             }
@@ -417,23 +421,27 @@ impl State<'_> {
         let residual = -length * facing;
         let cosine = facing.max(0.4);
         let near = length.abs() < 1.2 * r;
-        let weight =
-            if near { tukey(residual, band * cosine.max(0.5)) * (0.75 / cosine).powi(2) } else { 0.0 };
+        let weight = if near { tukey(residual, band * cosine.max(0.5)) / (cosine * cosine) } else { 0.0 };
         Foot { residual, outward, facing, explained: true, weight, ..foot }
     }
 
-    /// Updates the residuals' standard deviation.
-    fn measure(&mut self, terms: &[Vec<Term>], band: f64) {
-        let mut sizes: Vec<f64> = terms
+    /// Updates the standard deviations of residuals and of noise.
+    fn measure(&mut self, terms: &[Vec<Term>], residual: Residual, band: f64) {
+        let used: Vec<&Foot> = terms
             .iter()
             .flatten()
-            .filter(|term| term.foot.explained && term.foot.residual.abs() < band)
-            .map(|term| term.foot.residual.abs())
+            .map(|term| &term.foot)
+            .filter(|foot| foot.explained && foot.residual.abs() < band)
             .collect();
-        if sizes.len() > 50 {
-            let middle = sizes.len() / 2;
-            let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-            self.sigma = (1.4826 * *median).max(0.02 * self.radius);
+        if used.len() > 50 {
+            let least = 0.02 * self.radius;
+            self.sigma = robust_sd(used.iter().map(|foot| foot.residual)).max(least);
+            self.noise = match residual {
+                Residual::Distance => self.sigma,
+                Residual::Ray => {
+                    robust_sd(used.iter().map(|foot| foot.residual / foot.facing.max(0.4))).max(least)
+                }
+            };
         }
     }
 
@@ -465,7 +473,7 @@ impl State<'_> {
         let mut matrix = Bordered::zeros(layout.banded, layout.border());
         let mut right_band = vec![0.0; layout.banded];
         let mut right_border = vec![0.0; layout.border()];
-        let scale = 1.0 / (self.sigma * self.sigma);
+        let scale = 1.0 / (self.noise * self.noise);
         let mut used = 0usize;
         for (view, terms) in terms.iter().enumerate() {
             let column = layout.column(view);
@@ -645,6 +653,13 @@ impl Layout {
     }
 }
 
+/// Standard deviation from the median of sizes, for values about zero.
+fn robust_sd(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+    let middle = sizes.len() / 2;
+    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
 /// Tukey's biweight.
 #[inline]
 fn tukey(residual: f64, band: f64) -> f64 {
@@ -670,7 +685,8 @@ fn smoothness(curve: &Spline, offset: usize, r: f64, matrix: &mut Bordered, righ
             }
         }
     };
-    difference(&[-1.0, 3.0, -3.0, 1.0], THIRD_DIFFERENCE * r);
+    let span = curve.length() / curve.end();
+    difference(&[-1.0, 3.0, -3.0, 1.0], THIRD_DIFFERENCE * r * (span / (1.5 * r)).powi(3));
     difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r);
     for i in 0..control.len() {
         let tangent = normalized(curve.at((i as f64 - 1.0).clamp(0.0, curve.end())).first);
