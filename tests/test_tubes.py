@@ -295,3 +295,10 @@ def test_methods_and_numbers_are_kept_apart(paper):
     config = dataclasses.replace(strand.Config(), tubes=strand.config.Tubes(node_spacing=1.0))
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config)
     assert len(model.chains[0].points) == pytest.approx(model.chains[0].length / paper.radius, rel=0.02)
+
+
+def test_a_radius_from_one_view_comes_with_a_warning(paper):
+    model = strand.reconstruct([paper.views[3]], bounds=paper.bounds)
+    assert any(warning.startswith("radius: one view alone") for warning in model.warnings)
+    given = strand.reconstruct([paper.views[3]], paper.radius, paper.bounds)
+    assert not any(warning.startswith("radius") for warning in given.warnings)

@@ -79,6 +79,8 @@ def reconstruct(
         filtered = [without_outliers(view, start, config.filter) for view in raw]
     used = _used(raw, filtered, run)
     seen = [filtered[number] for number in used]
+    if radius is None and len(seen) == 1:
+        run.warnings.append("radius: one view alone hardly fixes it; give it if it is known")
     if config.method == "published":
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
