@@ -345,3 +345,22 @@ def test_progress_bar_on_a_terminal(scene_npz, tmp_path):
     assert b"\x1b[" in shown
     assert b"ends" in shown
     assert b"strand: extract" not in shown
+
+
+def test_the_scene_is_never_overwritten(tmp_path, capsys):
+    path = tmp_path / "scene.npz"
+    strand.synthetic.scene("arc", seed=0).save(path)
+    before = path.read_bytes()
+    assert main(["reconstruct", str(path), "-o", str(path)]) == 2
+    assert path.read_bytes() == before
+    assert "part of the scene" in capsys.readouterr().err
+
+
+def test_negative_lengths_are_values(tmp_path, capsys):
+    path = tmp_path / "scene.npz"
+    strand.synthetic.scene("arc", seed=0).save(path)
+    model = str(tmp_path / "model.json")
+    assert main(["reconstruct", str(path), "-o", model, "--radius", "-4mm"]) == 2
+    assert "radius" in capsys.readouterr().err
+    bounds = ["-300mm", "-0.3", "2.5mm", "300mm", "0.3", "20mm"]
+    assert main(["reconstruct", str(path), "-o", model, "--bounds", *bounds]) == 0

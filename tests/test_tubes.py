@@ -302,3 +302,75 @@ def test_a_radius_from_one_view_comes_with_a_warning(paper):
     assert any(warning.startswith("radius: one view alone") for warning in model.warnings)
     given = strand.reconstruct([paper.views[3]], paper.radius, paper.bounds)
     assert not any(warning.startswith("radius") for warning in given.warnings)
+
+
+@pytest.mark.parametrize("bend", [0.03, 0.06])
+@pytest.mark.parametrize("method", ["tubes", "published"])
+def test_a_ring_closes(bend, method):
+    angle = np.linspace(0, 2 * np.pi, 300)
+    ring = np.stack([bend * np.cos(angle), bend * np.sin(angle), np.full(300, RADIUS)], axis=1)
+    cameras = 0.4 * np.array([[0.0, -0.8, 0.8], [0.8, 0.0, 0.8], [0.0, 0.8, 0.8], [-0.8, 0.0, 0.8]])
+    views = [
+        strand.View.from_world(seen(tube(ring, RADIUS, 2e-4, seed), ring, camera), camera)
+        for seed, camera in enumerate(cameras)
+    ]
+    model = strand.reconstruct(views, RADIUS, config=strand.Config(method=method))
+    (chain,) = model.chains
+    assert chain.closed
+    assert chain.length == pytest.approx(2 * np.pi * bend, rel=0.01)
+    assert np.abs(np.linalg.norm(chain.points[:, :2], axis=1) - bend).max() < 0.2 * RADIUS
+    steps = np.linalg.norm(np.diff(np.vstack([chain.points, chain.points[:1]]), axis=0), axis=1)
+    assert steps.max() < 2.5 * np.median(steps)
+
+
+def test_a_wrong_radius_is_named(paper):
+    half = strand.reconstruct(paper.views, 0.5 * paper.radius, paper.bounds)
+    assert any("is the radius right" in warning for warning in half.warnings)
+    model = strand.reconstruct(paper.views, paper.radius, paper.bounds)
+    assert not any("is the radius right" in warning for warning in model.warnings)
+
+
+def test_numbers_that_would_fill_the_memory_are_refused(paper):
+    with pytest.raises(ValueError, match=r"Tubes\.spacing: expected at least"):
+        strand.config.Tubes(spacing=1e-6)
+    with pytest.raises(ValueError, match=r"Tubes\.node_spacing: expected at least"):
+        strand.config.Tubes(node_spacing=1e-12)
+    control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
+    with pytest.raises(ValueError, match="radius"):
+        strand.fit_tubes(
+            [np.zeros((5, 3))],
+            np.ones((1, 3)),
+            [control],
+            np.eye(4)[None],
+            1e-300,
+            pose_sd=(0.1, 0.1),
+            reference=None,
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"reference": -1}, ValueError, "reference"),
+        ({"iterations": -1}, ValueError, "iterations"),
+        ({"pose_sd": (1.0,)}, ValueError, "pose_sd"),
+        ({"band": (1.0,)}, ValueError, "band"),
+        ({"bounds": ([1.0] * 3, [0.0] * 3)}, ValueError, "bounds"),
+    ],
+)
+def test_a_fit_refuses_wrong_input_by_name(change, error, message):
+    control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
+    arguments = {"pose_sd": (0.1, 0.1), "reference": None} | change
+    with pytest.raises(error, match=message):
+        strand.fit_tubes([np.zeros((5, 3))], np.ones((1, 3)), [control], np.eye(4)[None], 0.1, **arguments)
+
+
+def test_registration_refuses_what_are_no_views(paper):
+    with pytest.raises(TypeError, match=r"views\[0\]"):
+        strand.register_views([5], RADIUS)
+    with pytest.raises(ValueError, match="views"):
+        strand.register_views([], RADIUS)
+    with pytest.raises(ValueError, match="radius"):
+        strand.register_views(paper.views, -1.0)
+    with pytest.raises(TypeError, match="config"):
+        strand.register_views(paper.views, RADIUS, config=5)

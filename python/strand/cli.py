@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -128,6 +129,8 @@ def _parser() -> argparse.ArgumentParser:
         "--config", type=Path, metavar="FILE", help="a TOML file with the method's numbers"
     )
     reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
+    # lengths such as -4mm are values, not options
+    reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
     reconstruct.set_defaults(run=_reconstruct)
     return parser
 
@@ -157,6 +160,7 @@ def _demo(options: argparse.Namespace) -> None:
 
 def _reconstruct(options: argparse.Namespace) -> None:
     recorded = io.load_scene(options.scene)
+    _keep_input(options.scene, options.out)
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
@@ -187,6 +191,21 @@ def _reconstruct(options: argparse.Namespace) -> None:
     if options.figures is not None:
         for path in figures.write_figures(model, options.figures, recorded.truth):
             print(path)
+
+
+def _keep_input(recorded: Path, out: Path) -> None:
+    """Refuse to write the model over the scene or a file of its folder.
+
+    Raises
+    ------
+    ValueError
+        If it would.
+    """
+    recorded, out = recorded.resolve(), out.resolve()
+    folder = recorded if recorded.is_dir() else recorded.parent if recorded.suffix == ".toml" else None
+    ours = out.suffix == ".json" or not out.exists()
+    if out == recorded or (folder is not None and folder in out.parents and not ours):
+        raise ValueError(f"--out: {out} is part of the scene; choose another file")
 
 
 def _length(text: str) -> float:

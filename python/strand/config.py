@@ -254,8 +254,10 @@ class Tubes:
 
     def __post_init__(self) -> None:
         _check(self)
-        if self.rounds < 1:
-            raise ValueError(f"Tubes.rounds: expected at least 1, got {self.rounds}")
+        for name, least in (("rounds", 1), ("spacing", 0.5), ("node_spacing", 0.01)):
+            value = getattr(self, name)
+            if value < least:
+                raise ValueError(f"Tubes.{name}: expected at least {least}, got {value}")
 
 
 @dataclass(frozen=True)
@@ -268,6 +270,8 @@ class Linking:
         Cost of an end that is joined to none.
     gap : float
         The longest gap that is bridged, in string radii.
+    loop : float
+        An arc's two ends are joined to a ring only if it is longer than this, in string radii.
     contact : float
         An arc's end nearer than this to the inside of another cuts it, in string radii: two strands are 2
         apart.
@@ -279,6 +283,7 @@ class Linking:
 
     free_end: float = 5.0
     gap: float = 12.0
+    loop: float = 10.0
     contact: float = 1.6
     contact_gap: float = 1.5
     min_length: float = 6.0

@@ -348,7 +348,7 @@ def _read_npy(path: Path, data: bytes) -> NDArray[Any]:
     """(H, W) uint16, or (H, W) or (N, 3) of floats."""
     try:
         array = np.lib.format.read_array(BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except (ValueError, EOFError, OSError, MemoryError) as error:
         raise FileFormatError(f"{path}: truncated, or not an .npy file ({error})") from error
     if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
         raise FileFormatError(

@@ -93,7 +93,8 @@ def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Ar
     Returns
     -------
     list of ((K, 3) ndarray, bool)
-        Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself.
+        Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself: then
+        its last node is its first again.
     """
     span = 1.5 * radius
     ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
@@ -101,7 +102,8 @@ def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Ar
     graph.add_nodes_from(range(len(ends)))
     for i, j in combinations(range(len(ends)), 2):
         (p, leave), (q, arrive) = ends[i], ends[j]
-        if i ^ 1 == j or np.linalg.norm(p - q) > config.gap * radius:
+        own = i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius
+        if own or np.linalg.norm(p - q) > config.gap * radius:
             continue
         gain = 2.0 * config.free_end - join_cost(p, leave, q, arrive, radius)
         if gain > 0:
@@ -113,19 +115,22 @@ def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Ar
         nodes = parts[0]
         for part in parts[1:]:
             nodes = _joined(nodes, part, radius)
+        if closed:
+            nodes = _cut_back(nodes, nodes[0], radius)
+            nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
         chains.append((nodes, closed))
     return chains
 
 
+def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
+    """Drop up to six last nodes that are nearer than 1.5 radii to a place; four are always left."""
+    near = np.linalg.norm(nodes[-6:] - other, axis=1) < 1.5 * radius
+    count = len(near) if near.all() else len(near) - (int(np.flatnonzero(~near)[-1]) + 1)
+    return nodes[: max(len(nodes) - count, min(len(nodes), 4))]
+
+
 def _joined(before: Array, after: Array, radius: float) -> Array:
     """One chain of two, cut back where they overlap, with a cubic between."""
-
-    def cut_back(nodes: Array, other: Array) -> Array:
-        """Drop up to six last nodes that are nearer than 1.5 radii to a place."""
-        near = np.linalg.norm(nodes[-6:] - other, axis=1) < 1.5 * radius
-        count = len(near) - (int(np.flatnonzero(~near)[-1]) + 1) if not near.all() else len(near)
-        return nodes[: max(len(nodes) - count, min(len(nodes), 4))]
-
-    before = cut_back(before, after[0])
-    after = cut_back(after[::-1], before[-1])[::-1]
+    before = _cut_back(before, after[0], radius)
+    after = _cut_back(after[::-1], before[-1], radius)[::-1]
     return np.vstack([before, bridge(before, after, 1.5 * radius, 0.4 * radius), after])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand import io
 from strand.curve import Curve
-from strand.view import Array, finite_array
+from strand.view import Array, checked_radius, finite_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,19 @@ class Chain:
         points = finite_array("points", self.points, (None, 3))
         if len(points) < 2:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
-        if not (np.isfinite(self.radius) and self.radius > 0):
-            raise ValueError(f"radius: expected a positive number of metres, got {self.radius}")
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "radius", float(self.radius))
+        object.__setattr__(self, "radius", checked_radius(self.radius))
+        if self.curve is not None and not isinstance(self.curve, Curve):
+            raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
+        count = len(points)
+        for name, shape in (
+            ("covariance", (count, 3, 3)),
+            ("points_seen", (count,)),
+            ("views_seen", (count,)),
+        ):
+            value = getattr(self, name)
+            if value is not None and np.shape(value) != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {np.shape(value)}")
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 
@@ -313,5 +322,5 @@ def load(path: str | os.PathLike[str]) -> Model:
         return Model(
             chains, poses, dict(data["timings"]), tuple(data["warnings"]), {}, pose_sd.reshape(-1, 6)
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -13,9 +12,9 @@ from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.model import Chain, Model
 from strand.outliers import without_outliers
-from strand.radius import estimate_radius
+from strand.radius import LARGEST, estimate_radius
 from strand.stages import Run
-from strand.view import View, extraction_range
+from strand.view import View, checked_radius, checked_views, extraction_range
 
 
 def reconstruct(
@@ -71,6 +70,8 @@ def reconstruct(
     box = None if bounds is None else extraction_range(bounds)
     with run.stage("extract"):
         raw = [view if box is None else view.crop(box) for view in views]
+    if not any(len(view.points) for view in raw):
+        raise NotEnoughDataError("views: no view has a point in the extraction range")
     start = radius
     if start is None:
         with run.stage("radius"):
@@ -85,6 +86,8 @@ def reconstruct(
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
         found = tubes.find_strings(seen, used, box, start, config, run, fit_radius=radius is None)
+    if radius is None and any(chain.radius > LARGEST for chain in found.chains):
+        raise NotEnoughDataError(f"views: no tube of a radius up to {LARGEST * 1e3:.0f} mm fits the points")
     chains = _chosen(found.chains, ropes, run)
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
@@ -103,20 +106,9 @@ def _checked(
     views: Sequence[View], radius: float | None, ropes: int | None, config: Config
 ) -> tuple[tuple[View, ...], float | None, int | None]:
     """Check the arguments that have no type of their own."""
-    if isinstance(views, View):
-        raise TypeError("views: expected a sequence of View, got a single View")
-    views = tuple(views)
-    for i, view in enumerate(views):
-        if not isinstance(view, View):
-            raise TypeError(f"views[{i}]: expected a View, got {type(view).__name__}")
-    if not views:
-        raise ValueError("views: expected at least one View, got none")
+    views = checked_views(views)
     if radius is not None:
-        if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating)):
-            raise TypeError(f"radius: expected a number of metres, got {radius!r}")
-        if not (math.isfinite(radius) and radius > 0):
-            raise ValueError(f"radius: expected a positive number of metres, got {radius}")
-        radius = float(radius)
+        radius = checked_radius(radius)
     if ropes is not None:
         if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
             raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
@@ -133,9 +125,7 @@ def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
     """Numbers of the views that see something; the others are named in a warning."""
     used = [number for number, view in enumerate(filtered) if len(view.points)]
     if not used:
-        if any(len(view.points) for view in raw):
-            raise NotEnoughDataError("views: all points are outliers; is the radius right, in metres?")
-        raise NotEnoughDataError("views: no view has a point in the extraction range")
+        raise NotEnoughDataError("views: all points are outliers; is the radius right, in metres?")
     for number in sorted(set(range(len(raw))) - set(used)):
         reason = "only outliers" if len(raw[number].points) else "no points"
         run.warnings.append(f"view {number} has {reason} in the extraction range and was not used")

@@ -15,7 +15,7 @@ from strand.view import View
 
 # the radii that the search starts from, metres, and the largest it accepts
 _STARTS = (2e-3, 4e-3, 8e-3)
-_LARGEST = 20e-3
+LARGEST = 20e-3
 # least scatter of the cosine between normal and viewing direction over the visible half of a tube
 _HALF_TUBE = 0.12
 
@@ -53,7 +53,7 @@ def estimate_radius(views: Sequence[View], bounds: Bounds, config: Config) -> fl
                 value, radius = _refined(view, bounds, start, config)
             except NotEnoughDataError:
                 continue
-            if radius < _LARGEST and (best is None or value > best[0]):
+            if radius < LARGEST and (best is None or value > best[0]):
                 best = (value, radius)
     if best is None:
         raise NotEnoughDataError("views: the middle one shows no tube that would give a radius")

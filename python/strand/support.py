@@ -40,15 +40,17 @@ def described(
         s = part.nodes(config.tubes.node_spacing * fit.radius)
         mine = supports & (fit.curve == number)
         counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
+        # a ring's last node is its first again
+        kept = slice(0, len(s) - 1 if ring else len(s))
         chains.append(
             Chain(
-                part.at(s)[0],
+                part.at(s)[0][kept],
                 fit.radius,
                 ring,
                 None if ring else part,
-                node_covariance(fit.covariances[number], part.parameter(s)),
-                counts,
-                views,
+                node_covariance(fit.covariances[number], part.parameter(s))[kept],
+                counts[kept],
+                views[kept],
             )
         )
     return chains

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand import _core
-from strand.view import Array
+from strand.view import Array, extraction_range
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +136,14 @@ def fit_tubes(
     strand.NotEnoughDataError
         If the points do not fix the tubes.
     """
+    if reference is not None and not 0 <= reference < len(points):
+        raise ValueError(f"reference: expected the number of one of {len(points)} views, got {reference}")
+    if iterations < 0:
+        raise ValueError(f"iterations: expected at least 0, got {iterations}")
+    for name, pair in (("pose_sd", pose_sd), ("band", band)):
+        if len(pair) != 2:
+            raise ValueError(f"{name}: expected two numbers, got {len(pair)}")
+    box = None if bounds is None else extraction_range(bounds)
     found = _core.fit_tubes(
         list(points),
         viewpoints,
@@ -149,13 +157,14 @@ def fit_tubes(
         along_ray=along_ray,
         band=list(band),
         iterations=iterations,
-        bounds=None if bounds is None else [corner.tolist() for corner in bounds],
+        bounds=None if box is None else [corner.tolist() for corner in box],
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):
         placed.append(moved(cloud, motion))
         to_camera = moved(centre[None], motion) - placed[-1]
-        directions.append(to_camera / np.linalg.norm(to_camera, axis=1, keepdims=True))
+        distance = np.linalg.norm(to_camera, axis=1, keepdims=True)
+        directions.append(to_camera / np.maximum(distance, np.finfo(np.float64).tiny))
     return TubeFit(
         points=np.concatenate(placed),
         to_camera=np.concatenate(directions),

@@ -11,18 +11,22 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.config import Config, Poses
+from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import link, part_at_contacts
 from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
 from strand.tubefit import TubeFit, fit_tubes, moved
-from strand.view import Array, View, extraction_range, rigid_motion
+from strand.view import Array, View, checked_radius, checked_views, extraction_range, rigid_motion
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+# share of the points on strings under which something is amiss
+_USUAL_SHARE = 0.92
 
 Bounds = tuple[Array, Array] | None
 
@@ -208,7 +212,18 @@ def find_strings(
     with run.stage("fit"):
         fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
     with run.stage("ends"):
-        chains = described(fit, string_parts(fit, exclusive=True), [closed for _, closed in linked], config)
+        closed = [ring for _, ring in linked]
+        found = string_parts(fit, exclusive=True)
+        for i, control in enumerate(fit.curves):
+            if closed[i]:
+                found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
+        chains = described(fit, found, closed, config)
+    share = float((fit.explained & (np.abs(fit.residual) < fit.band)).mean())
+    if share < _USUAL_SHARE:
+        run.warnings.append(
+            f"only {share:.0%} of the points lie on the strings found: is the radius right, and does the "
+            "extraction range leave out everything else?"
+        )
     _warn_of_open_poses(fit, numbers, config.poses, run)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
@@ -251,14 +266,17 @@ def register_views(
 
     Raises
     ------
+    TypeError
+        If an argument is of the wrong kind.
     ValueError
-        If there are no views.
+        If there are no views, or `radius` or `bounds` are out of range.
     strand.NotEnoughDataError
         If there is nothing like a tube of this radius in the points.
     """
     config = Config() if config is None else config
-    if not len(views):
-        raise ValueError("views: expected at least one View, got none")
+    views, radius = checked_views(views), checked_radius(radius)
+    if not isinstance(config, Config):
+        raise TypeError(f"config: expected a Config, got {config!r}")
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
@@ -267,6 +285,14 @@ def register_views(
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]
     return np.array(poses), fit.pose_sd
+
+
+def _once_round(curve: Curve, margin: float) -> Curve:
+    """Return the stretch of a closed string's curve from `margin`, metres, to where it is there again."""
+    start = curve.at([margin])[0]
+    late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
+    stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
+    return curve.part(margin, float(stop))
 
 
 def _pose_sd(config: Config) -> tuple[float, float]:

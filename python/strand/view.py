@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -228,7 +229,9 @@ class View:
     dropped: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", finite_array("points", self.points, (None, 3)))
+        points = finite_array("points", self.points, (None, 3))
+        # what the caller does with its array later must not change the view
+        object.__setattr__(self, "points", points.copy() if points is self.points else points)
         object.__setattr__(self, "pose", rigid_motion("pose", self.pose))
 
     @classmethod
@@ -336,3 +339,41 @@ class View:
             coordinate = self.points @ axis + shift
             inside &= (coordinate >= least) & (coordinate <= most)
         return View(self.points[inside], self.pose, self.dropped)
+
+
+def checked_views(views: Sequence[View]) -> tuple[View, ...]:
+    """Return views as a tuple.
+
+    Raises
+    ------
+    TypeError
+        If it is not a sequence of View.
+    ValueError
+        If it is empty.
+    """
+    if isinstance(views, View):
+        raise TypeError("views: expected a sequence of View, got a single View")
+    views = tuple(views)
+    for i, view in enumerate(views):
+        if not isinstance(view, View):
+            raise TypeError(f"views[{i}]: expected a View, got {type(view).__name__}")
+    if not views:
+        raise ValueError("views: expected at least one View, got none")
+    return views
+
+
+def checked_radius(radius: float) -> float:
+    """Return a string's radius, metres.
+
+    Raises
+    ------
+    TypeError
+        If it is not a number.
+    ValueError
+        If it is not finite and positive.
+    """
+    if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating, np.integer)):
+        raise TypeError(f"radius: expected a number of metres, got {radius!r}")
+    if not (np.isfinite(radius) and radius > 0):
+        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+    return float(radius)

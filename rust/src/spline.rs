@@ -6,6 +6,9 @@ use crate::Point;
 use crate::error::{Error, Result, check_finite, check_positive};
 use crate::geometry::{dot, sub};
 
+/// Longest curve that a spline is fitted to, in spans: the fit is dense.
+const MOST_SPANS: f64 = 5e3;
+
 /// A uniform cubic B-spline with n ≥ 4 control points; its parameter runs from 0 to n − 3.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
@@ -67,6 +70,12 @@ impl Spline {
         let nodes = extended(nodes, extension)?;
         let arc = arc_length(&nodes);
         let length = arc[arc.len() - 1];
+        if length > MOST_SPANS * spacing {
+            return Err(Error::invalid(
+                "spacing",
+                format!("gives more than {MOST_SPANS:e} spans: {spacing}"),
+            ));
+        }
         let controls = ((length / spacing).ceil() as usize).max(2) + 3;
         let samples = ((5.0 * length / spacing) as usize).max(20).max(2 * controls);
         let mut normal = DMatrix::<f64>::zeros(controls, controls);

@@ -19,6 +19,8 @@ use crate::{Point, parallel};
 const POINTS_PER_TASK: usize = 512;
 /// Distance between the places of a curve that points are compared with first, in radii.
 const SAMPLING: f64 = 0.25;
+/// Curves longer than this in all would fill the memory with places to compare points with, in radii.
+const MOST_RADII: f64 = 1e6;
 /// How far a point may be from an axis to belong to it, in radii.
 const REACH: f64 = 2.0;
 /// Standard deviations of the prior on a curve: third and second differences of control points, and the way a
@@ -200,6 +202,11 @@ pub fn fit_tubes(
     }
     for curve in curves {
         check_finite("curves", &curve.control)?;
+    }
+    let spans: f64 = curves.iter().map(|curve| curve.length() / radius).sum();
+    if spans > MOST_RADII {
+        let reason = format!("the curves are {spans:.1e} radii long, more than {MOST_RADII:e}");
+        return Err(Error::invalid("radius", reason));
     }
     let all: Vec<Point> = views.iter().map(|view| centroid(view.points)).collect();
     let center = centroid(&all);
