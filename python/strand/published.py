@@ -12,7 +12,7 @@ from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.model import Chain
 from strand.stages import Found, Run
-from strand.view import Array, View
+from strand.view import Array, View, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,11 @@ class _Cloud:
 
     def moved(self, motion: Array) -> _Cloud:
         """Return the cloud after a rigid motion of the world frame, camera included."""
-        rotation, translation = motion[:3, :3], motion[:3, 3]
         return replace(
             self,
             view=replace(self.view, pose=motion @ self.view.pose),
-            points=self.points @ rotation.T + translation,
-            normals=self.normals @ rotation.T,
+            points=moved(self.points, motion),
+            normals=self.normals @ motion[:3, :3].T,
         )
 
 

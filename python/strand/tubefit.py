@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand import _core
-from strand.view import Array, extraction_range
+from strand.view import Array, extraction_range, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +67,6 @@ class TubeFit:
     explained: NDArray[np.bool_]
     pose_sd: Array
     covariances: list[Array]
-
-
-def moved(points: Array, motion: Array) -> Array:
-    """Return (N, 3) points after a (4, 4) rigid motion."""
-    return np.asarray(points @ motion[:3, :3].T + motion[:3, 3])
 
 
 def fit_tubes(

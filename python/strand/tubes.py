@@ -17,8 +17,8 @@ from strand.linking import link, part_at_contacts
 from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
-from strand.tubefit import TubeFit, fit_tubes, moved
-from strand.view import Array, View, checked_radius, checked_views, extraction_range, rigid_motion
+from strand.tubefit import TubeFit, fit_tubes
+from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8

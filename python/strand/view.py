@@ -203,6 +203,11 @@ def turntable_pose(
     return np.asarray(turn @ camera)
 
 
+def moved(points: Array, motion: Array) -> Array:
+    """Return (N, 3) points after a (4, 4) rigid motion."""
+    return np.asarray(points @ motion[:3, :3].T + motion[:3, 3])
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """What one camera saw: points in its frame, and where it stood.
@@ -311,7 +316,7 @@ class View:
     @property
     def world_points(self) -> Array:
         """(N, 3) The points in the world frame, metres (eq. 1)."""
-        return np.asarray(self.points @ self.pose[:3, :3].T + self.pose[:3, 3])
+        return moved(self.points, self.pose)
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
         """Keep the points inside the extraction range.

@@ -20,6 +20,25 @@ pub fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// a × b.
+#[inline]
+pub fn cross(a: Point, b: Point) -> Point {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// a / |a|; a itself if it has no length.
+#[inline]
+pub fn normalized(a: Point) -> Point {
+    let length = dot(a, a).sqrt();
+    if length > 0.0 { a.map(|x| x / length) } else { a }
+}
+
+/// p + s d.
+#[inline]
+pub fn advance(p: Point, s: f64, d: Point) -> Point {
+    std::array::from_fn(|k| p[k] + s * d[k])
+}
+
 /// |a − b|².
 #[inline]
 pub fn squared_distance(a: Point, b: Point) -> f64 {

@@ -9,10 +9,9 @@ use rayon::prelude::*;
 
 use crate::banded::Bordered;
 use crate::error::{Error, Result, check_finite, check_positive};
-use crate::geometry::{RigidMotion, centroid, dot, sub};
+use crate::geometry::{RigidMotion, advance, centroid, cross, dot, normalized, sub};
 use crate::index::Grid;
 use crate::spline::Spline;
-use crate::tubelet::{advance, cross, normalized};
 use crate::{Point, parallel};
 
 /// Points whose terms are computed by one task; fixed, so that results do not depend on the number of threads.

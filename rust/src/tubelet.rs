@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 
 use crate::Point;
-use crate::geometry::{dot, sub};
+use crate::geometry::{advance, cross, dot, normalized, sub};
 
 /// Standard deviation of the points' distances that weighs them against the priors, in radii.
 const NOISE: f64 = 0.25;
@@ -56,25 +56,6 @@ pub fn frame(t: Point) -> (Point, Point) {
     let helper = if t[2].abs() < 0.8 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let f = normalized(cross(t, helper));
     (f, cross(t, f))
-}
-
-/// a × b.
-#[inline]
-pub fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// a / |a|; a itself if it has no length.
-#[inline]
-pub fn normalized(a: Point) -> Point {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|x| x / length) } else { a }
-}
-
-/// p + s d.
-#[inline]
-pub fn advance(p: Point, s: f64, d: Point) -> Point {
-    std::array::from_fn(|k| p[k] + s * d[k])
 }
 
 /// Where a point lies relative to a tubelet.

@@ -6,10 +6,10 @@
 use rayon::prelude::*;
 
 use crate::error::{Result, check_finite, check_positive, check_same_length};
-use crate::geometry::{Moments, dot, eigen_symmetric, squared_distance, sub};
+use crate::geometry::{Moments, advance, dot, eigen_symmetric, normalized, squared_distance, sub};
 use crate::index::Grid;
 use crate::normals::Viewpoints;
-use crate::tubelet::{Freedom, Patch, Support, Tubelet, advance, fit, frame, normalized};
+use crate::tubelet::{Freedom, Patch, Support, Tubelet, fit, frame};
 use crate::{Point, parallel};
 
 /// How far from a tubelet's centre points can matter to it, in radii.
