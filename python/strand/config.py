@@ -268,6 +268,8 @@ class Linking:
     ----------
     free_end : float
         Cost of an end that is joined to none.
+    seen_through : float
+        Cost of a join for each radius of it that lies where a camera saw nothing.
     gap : float
         The longest gap that is bridged, in string radii.
     loop : float
@@ -282,6 +284,7 @@ class Linking:
     """
 
     free_end: float = 5.0
+    seen_through: float = 2.0
     gap: float = 12.0
     loop: float = 10.0
     contact: float = 1.6

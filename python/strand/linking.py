@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rustworkx as rx
@@ -12,12 +12,17 @@ from strand.config import Linking
 from strand.strings import bridge
 from strand.topology import end_direction, path_length, walk
 from strand.view import Array
+from strand.visibility import Sight
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6
+# joins dearer than this are never made
+_WORST = 60.0
 
 
-def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> list[Array]:
+def part_at_contacts(
+    arcs: Sequence[Array], radius: float, config: Linking, back: float = 0.0
+) -> list[Array]:
     """Cut arcs where another's end lies inside them.
 
     Two strands cannot be in one place, so a trace took a wrong turn there.
@@ -29,6 +34,8 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> l
     radius : float
         The strings' radius, metres.
     config : Linking
+    back : float
+        How far such an end is cut back too, as long as it is that near, in radii.
 
     Returns
     -------
@@ -49,11 +56,25 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> l
                 inside = half < s[nearest] < s[-1] - half
                 if inside and distance[nearest] < config.contact * radius:
                     kept[j] &= np.abs(s - s[nearest]) > half
+                    kept[i] &= ~_merged(arc, np.abs(lengths[i] - place), other, i == j, radius, back)
     pieces = []
     for arc, keep in zip(arcs, kept, strict=True):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]])))
         pieces += [arc[a:b] for a, b in edges.reshape(-1, 2) if b - a >= 3]
     return pieces
+
+
+def _merged(
+    arc: Array, from_end: Array, other: Array, same: bool, radius: float, back: float
+) -> np.ndarray:
+    """(M,) Nodes up to `back` radii from an arc's end that have not yet left another strand."""
+    if back <= 0:
+        return np.zeros(len(arc), dtype=bool)
+    apart = np.linalg.norm(arc[:, None] - other[None], axis=2)
+    if same:
+        apart[np.abs(from_end[:, None] - from_end[None]) < 4.0 * radius + from_end[:, None]] = np.inf
+    left = from_end[apart.min(axis=1) > 1.75 * radius]
+    return np.asarray(from_end < min(float(left.min()) if len(left) else np.inf, back * radius))
 
 
 def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) -> float:
@@ -79,7 +100,122 @@ def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) ->
     return float(2.0 * (a * a + b * b) + energy + 0.25 * gap / radius)
 
 
-def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Array, bool]]:
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What joining each pair of ends would cost: end 2k is the first node of arc k, 2k + 1 its last.
+
+    Attributes
+    ----------
+    arcs : tuple of (M, 3) ndarray
+        Ordered nodes, metres.
+    costs : dict of (int, int) to float
+        Of the pairs that can be joined at all.
+    """
+
+    arcs: tuple[Array, ...]
+    costs: dict[tuple[int, int], float]
+
+    @classmethod
+    def between(
+        cls, arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+    ) -> Links:
+        """Price all joins by the curves that would make them, and by what the views saw along these.
+
+        Parameters
+        ----------
+        arcs : sequence of (M, 3) ndarray
+            Ordered nodes, metres.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw; without it space that was seen empty costs nothing.
+        """
+        span = 1.5 * radius
+        ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
+        position = np.array([p for p, _ in ends]).reshape(-1, 3)
+        distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+        costs: dict[tuple[int, int], float] = {}
+        for i, j in zip(*np.nonzero(np.triu(distance <= config.gap * radius, k=1)), strict=True):
+            i, j = int(i), int(j)
+            if i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius:
+                continue
+            (p, leave), (q, arrive) = ends[i], ends[j]
+            cost = join_cost(p, leave, q, arrive, radius)
+            if cost < _WORST and sight is not None and distance[i, j] > 1.2 * radius:
+                nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
+                empty = float(sight.empty(nodes, radius).mean()) if len(nodes) else 0.0
+                cost += config.seen_through * empty * distance[i, j] / radius
+            if cost < _WORST:
+                costs[i, j] = cost
+        return cls(tuple(arcs), costs)
+
+    def matched(
+        self, free_end: float, without: Collection[tuple[int, int]] = ()
+    ) -> tuple[list[tuple[int, int]], float]:
+        """Join ends by the matching of least cost.
+
+        Parameters
+        ----------
+        free_end : float
+            Cost of an end that is joined to none.
+        without : collection of (int, int)
+            Pairs that may not be joined.
+
+        Returns
+        -------
+        joins : list of (int, int)
+        cost : float
+            Of all joins and free ends.
+        """
+        graph = rx.PyGraph()
+        graph.add_nodes_from(range(2 * len(self.arcs)))
+        for pair, cost in self.costs.items():
+            if cost < 2.0 * free_end and pair not in without:
+                graph.add_edge(*pair, round((2.0 * free_end - cost) * _UNIT))
+        joins = sorted(
+            (min(pair), max(pair)) for pair in rx.max_weight_matching(graph, weight_fn=int)
+        )
+        free = 2 * (len(self.arcs) - len(joins))
+        return joins, sum(self.costs[pair] for pair in joins) + free * free_end
+
+    def joined(self, joins: Sequence[tuple[int, int]], radius: float) -> list[tuple[Array, bool]]:
+        """Make chains of arcs.
+
+        Parameters
+        ----------
+        joins : sequence of (int, int)
+            Pairs of ends.
+        radius : float
+            The strings' radius, metres.
+
+        Returns
+        -------
+        list of ((K, 3) ndarray, bool)
+            Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself:
+            then its last node is its first again.
+        """
+        chains = []
+        for entered, closed in walk(len(self.arcs), joins):
+            parts = [self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
+            nodes = parts[0]
+            for part in parts[1:]:
+                nodes = _joined(nodes, part, radius)
+            if closed:
+                nodes = _cut_back(nodes, nodes[0], radius)
+                nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
+            chains.append((nodes, closed))
+        return chains
+
+
+def _outward(arcs: Sequence[Array], end: int) -> Array:
+    """Nodes of an arc in the order in which they lead to one of its ends."""
+    return arcs[end // 2][:: 1 if end % 2 else -1]
+
+
+def link(
+    arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+) -> list[tuple[Array, bool]]:
     """Join arcs to chains by the matching of all their ends that costs least.
 
     Parameters
@@ -89,37 +225,16 @@ def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Ar
     radius : float
         The strings' radius, metres.
     config : Linking
+    sight : Sight, optional
+        What the views saw.
 
     Returns
     -------
     list of ((K, 3) ndarray, bool)
-        Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself: then
-        its last node is its first again.
+        As `Links.joined`.
     """
-    span = 1.5 * radius
-    ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
-    graph = rx.PyGraph()
-    graph.add_nodes_from(range(len(ends)))
-    for i, j in combinations(range(len(ends)), 2):
-        (p, leave), (q, arrive) = ends[i], ends[j]
-        own = i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius
-        if own or np.linalg.norm(p - q) > config.gap * radius:
-            continue
-        gain = 2.0 * config.free_end - join_cost(p, leave, q, arrive, radius)
-        if gain > 0:
-            graph.add_edge(i, j, round(gain * _UNIT))
-    joins = sorted(rx.max_weight_matching(graph, weight_fn=int))
-    chains = []
-    for entered, closed in walk(len(arcs), joins):
-        parts = [arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
-        nodes = parts[0]
-        for part in parts[1:]:
-            nodes = _joined(nodes, part, radius)
-        if closed:
-            nodes = _cut_back(nodes, nodes[0], radius)
-            nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
-        chains.append((nodes, closed))
-    return chains
+    links = Links.between(arcs, radius, config, sight)
+    return links.joined(links.matched(config.free_end)[0], radius)
 
 
 def _cut_back(nodes: Array, other: Array, radius: float) -> Array:

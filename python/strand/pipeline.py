@@ -85,7 +85,8 @@ def reconstruct(
     if config.method == "published":
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
-        found = tubes.find_strings(seen, used, box, start, config, run, fit_radius=radius is None)
+        whole = [views[number] for number in used]
+        found = tubes.find_strings(seen, whole, used, box, start, config, run, fit_radius=radius is None)
     if radius is None and any(chain.radius > LARGEST for chain in found.chains):
         raise NotEnoughDataError(f"views: no tube of a radius up to {LARGEST * 1e3:.0f} mm fits the points")
     chains = _chosen(found.chains, ropes, run)

@@ -96,16 +96,17 @@ def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[A
         heading, bend = rng.uniform(0.0, 2.0 * np.pi), 0.0
         lean = rng.choice([-1.0, 1.0])
         nodes = rng.uniform(-18.0, 18.0, size=(1, 2))
-        grown = [(len(nodes), len(met), heading, bend)]
-        tries = 0
-        while len(nodes) * _STEP < least or len(met) < wanted:
+        grown = [(len(nodes), len(met), heading, bend, 0.0)]
+        tries, tail = 0, rng.uniform(4.0, 25.0)
+        # the last crossing is no nearer to the end than others may be
+        while len(nodes) * _STEP < max(least, grown[-1][4] + tail) or len(met) < wanted:
             tries += 1
             if len(nodes) * _STEP > most or tries > 600:
                 return None
             if tries % 12 == 0 and len(grown) > 1:
                 # stuck: go some pieces back
                 grown = grown[: -int(rng.integers(1, min(len(grown), 4)))]
-                count, found_before, heading, bend = grown[-1]
+                count, found_before, heading, bend, _ = grown[-1]
                 nodes, met = nodes[:count], met[:found_before]
             lean = lean if rng.random() < 0.85 else -lean
             count = int(rng.uniform(4.0, 16.0) / _STEP)
@@ -119,7 +120,8 @@ def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[A
                 continue
             nodes, heading, bend = np.vstack([nodes, piece]), float(headings[-1]), float(bends[-1])
             met = met + found
-            grown.append((len(nodes), len(met), heading, bend))
+            crossed = len(nodes) * _STEP if found else grown[-1][4]
+            grown.append((len(nodes), len(met), heading, bend, crossed))
             tries += -tries % 12
         plans.append(nodes)
         done = np.vstack([done, nodes])

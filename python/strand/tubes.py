@@ -10,15 +10,16 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
+from strand.assembly import decide
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
-from strand.linking import link, part_at_contacts
+from strand.pieces import left_over
 from strand.stages import Found, Run
 from strand.support import described
-from strand.topology import path_length
 from strand.tubefit import TubeFit, fit_tubes
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
+from strand.visibility import Sight
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
@@ -131,6 +132,42 @@ def fit_arcs(
     return fit
 
 
+def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
+    """Fit again with the pieces of string that no arc explains, if there are any."""
+    pieces = left_over(fit)
+    if not pieces:
+        return fit
+    spacing = config.tubes.spacing * fit.radius
+    found = [_core.spline_through(piece, spacing, 0.5 * fit.radius) for piece in pieces]
+    return _refitted(clouds, [*fit.curves, *found], fit.motions, fit.radius, config, iterations=8)
+
+
+def _tried(
+    clouds: Clouds, chains: Sequence[tuple[Array, bool]], motions: Array, radius: float, config: Config
+) -> TubeFit:
+    """Fit chains forgivingly, to compare them with others."""
+    margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
+    curves = [_core.spline_through(nodes, spacing, margin) for nodes, _ in chains]
+    return _refitted(clouds, curves, motions, radius, config, iterations=12)
+
+
+def _refitted(
+    clouds: Clouds, curves: list[Array], motions: Array, radius: float, config: Config, iterations: int
+) -> TubeFit:
+    """Fit curves and poses, the radius held."""
+    return fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        curves,
+        motions,
+        radius,
+        pose_sd=_pose_sd(config),
+        reference=_free(clouds),
+        band=(0.5, 0.4),
+        iterations=iterations,
+    )
+
+
 def fit_strings(
     clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
 ) -> TubeFit:
@@ -158,6 +195,7 @@ def fit_strings(
 
 def find_strings(
     views: Sequence[View],
+    raw: Sequence[View],
     numbers: Sequence[int],
     bounds: Bounds,
     radius: float,
@@ -170,6 +208,8 @@ def find_strings(
     Parameters
     ----------
     views : sequence of View
+    raw : sequence of View
+        The same views with all that they saw, beyond the strings too.
     numbers : sequence of int
         What each is called in warnings.
     bounds : pair of (3,) ndarray or None
@@ -196,7 +236,7 @@ def find_strings(
     with run.stage("register"):
         motions = registered_roughly(clouds, radius, config)
     with run.stage("arcs"):
-        fit = fit_arcs(clouds, motions, radius, config, fit_radius)
+        fit = with_left_over(clouds, fit_arcs(clouds, motions, radius, config, fit_radius), config)
         radius = fit.radius
         parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
         arcs = [
@@ -205,10 +245,15 @@ def find_strings(
             if part.length > config.tubes.min_arc * radius
         ]
     with run.stage("link"):
-        linked = link(part_at_contacts(arcs, radius, config.linking), radius, config.linking)
-        linked = [pair for pair in linked if path_length(pair[0])[-1] > config.linking.min_length * radius]
-        if not linked:
+        poses = [motion @ view.pose for motion, view in zip(fit.motions, raw, strict=True)]
+        sight = Sight.of(raw, poses)
+        motions = fit.motions
+        judged = decide(
+            arcs, radius, config.linking, sight, lambda chains: _tried(clouds, chains, motions, radius, config)
+        )
+        if not judged:
             raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+        linked = judged[0].assembly.chains
     with run.stage("fit"):
         fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
     with run.stage("ends"):
