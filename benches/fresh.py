@@ -52,8 +52,8 @@ def draw(seed: int) -> tuple[SyntheticScene, dict[str, Any]]:
             chains = tangle(crossings, ropes, radius, seed)
         except ValueError:
             # many crossings are hard to draw with few strings
-            ropes += 1
-            drawn["ropes"] = ropes
+            ropes, crossings = min(ropes + 1, 3), crossings - (ropes == 3)
+            drawn |= {"ropes": ropes, "crossings": crossings}
             continue
         return scene(chains=chains, **common), drawn
 

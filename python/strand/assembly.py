@@ -12,7 +12,7 @@ from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import Links, part_at_contacts
 from strand.pieces import unexplained
-from strand.topology import path_length
+from strand.topology import path_length, walk
 from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
@@ -22,6 +22,8 @@ Chains = list[tuple[Array, bool]]
 # what an explanation costs: bending for each radian^2 / radius of it, bends sharper than this (times the radius)
 # besides, each string, each radius of string that was seen through or that is in another strand's place
 _BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 15.0, 2.0, 4.0
+# each string more or less than there are
+_COUNT = 30.0
 # two strands are 2 radii apart; nearer than this is no noise
 _CONTACT = 1.5
 # ends cut back by so many radii where arcs run into each other
@@ -75,16 +77,30 @@ def assembled(
     sight: Sight | None,
     without: Sequence[tuple[int, int]] = (),
     links: Links | None = None,
+    ropes: int | None = None,
 ) -> Assembly | None:
-    """Join arcs by the matching of least cost; None if that leaves no string long enough."""
+    """Join arcs by the matching of least cost, and over longer gaps too if that leaves more strings than there are.
+
+    None if that leaves no string long enough.
+    """
     if links is None:
         links = Links.between(arcs, radius, config, sight)
     joins, cost = links.matched(config.free_end, without)
-    chains = [
-        chain
-        for chain in links.joined(joins, radius)
-        if path_length(chain[0])[-1] > config.min_length * radius
-    ]
+
+    def long_enough(chain: tuple[Array, bool]) -> bool:
+        return bool(path_length(chain[0])[-1] > config.min_length * radius)
+
+    made = links.joined(joins, radius, config, sight)
+    if ropes is not None and sum(map(long_enough, made)) > ropes:
+        pieces = [-1] * len(links.arcs)
+        for number, (chain, (entered, closed)) in enumerate(
+            zip(made, walk(len(links.arcs), joins), strict=True)
+        ):
+            for end in entered:
+                pieces[end // 2] = number if long_enough(chain) and not closed else -1
+        joins = links.bridged(joins, pieces, ropes, radius, config, sight)
+        made = links.joined(joins, radius, config, sight)
+    chains = [chain for chain in made if long_enough(chain)]
     return Assembly(links, tuple(joins), chains, cost) if chains else None
 
 
@@ -94,6 +110,7 @@ def decide(
     config: Linking,
     sight: Sight | None,
     fitted: Callable[[Chains], TubeFit],
+    ropes: int | None = None,
 ) -> list[Judged]:
     """Fit the likely assemblies of arcs and compare them.
 
@@ -108,6 +125,8 @@ def decide(
         What the views saw.
     fitted : callable
         Fits chains to the points.
+    ropes : int, optional
+        How many strings there are.
 
     Returns
     -------
@@ -119,23 +138,30 @@ def decide(
     def consider(assembly: Assembly | None) -> None:
         if assembly is not None and not any(alike(assembly.chains, other.assembly.chains, radius) for other in judged):
             fit = fitted(assembly.chains)
-            judged.append(Judged(assembly, fit, explanation_cost(fit, sight)))
+            amiss = 0 if ropes is None else abs(len(assembly.chains) - ropes)
+            judged.append(Judged(assembly, fit, explanation_cost(fit, sight) + _COUNT * amiss))
+
+    def tried(pieces: Sequence[Array]) -> None:
+        consider(assembled(pieces, radius, config, sight, ropes=ropes))
 
     parted = part_at_contacts(arcs, radius, config)
-    consider(assembled(parted, radius, config, sight))
+    tried(parted)
     if len(parted) != len(arcs):
-        consider(assembled(list(arcs), radius, config, sight))
+        tried(arcs)
         for back in _CUT_BACK:
-            consider(assembled(part_at_contacts(arcs, radius, config, back), radius, config, sight))
+            tried(part_at_contacts(arcs, radius, config, back))
     if not judged:
         return []
     best = min(judged, key=lambda one: one.cost).assembly
     tries = sorted(
-        (best.links.matched(config.free_end, [pair])[1] - best.matching_cost, pair) for pair in best.joins
+        (best.links.matched(config.free_end, [pair])[1] - best.matching_cost, pair)
+        for pair in best.joins
+        if pair in best.links.costs
     )
+    few = ropes is not None and len(best.chains) < ropes
     for more, pair in tries[:_TRIES]:
-        if more < _DOUBT:
-            consider(assembled([], radius, config, sight, [pair], best.links))
+        if more < _DOUBT or few:
+            consider(assembled([], radius, config, sight, [pair], best.links, ropes))
     return sorted(judged, key=lambda one: one.cost)
 
 

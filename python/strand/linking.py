@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import rustworkx as rx
@@ -18,6 +19,10 @@ from strand.visibility import Sight
 _UNIT = 1e6
 # joins dearer than this are never made
 _WORST = 60.0
+# gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are tried
+_SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
+# so many ways to bridge gaps are compared
+_WAYS = 20000
 
 
 def part_at_contacts(
@@ -179,7 +184,61 @@ class Links:
         free = 2 * (len(self.arcs) - len(joins))
         return joins, sum(self.costs[pair] for pair in joins) + free * free_end
 
-    def joined(self, joins: Sequence[tuple[int, int]], radius: float) -> list[tuple[Array, bool]]:
+    def bridged(
+        self,
+        joins: Sequence[tuple[int, int]],
+        pieces: Sequence[int],
+        ropes: int,
+        radius: float,
+        config: Linking,
+        sight: Sight | None,
+    ) -> list[tuple[int, int]]:
+        """Join chains over gaps of any length until so many are left.
+
+        Parameters
+        ----------
+        joins : sequence of (int, int)
+            Pairs of ends that are joined already.
+        pieces : sequence of int
+            For each arc the number of its chain; -1 for those that are left out.
+        ropes : int
+            How many chains to leave.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw.
+
+        Returns
+        -------
+        list of (int, int)
+            The joins and those that cost least together, none of which closes a ring.
+        """
+        taken = {end for pair in joins for end in pair}
+        free = [end for end in range(2 * len(self.arcs)) if end not in taken and pieces[end // 2] >= 0]
+        count = len({number for number in pieces if number >= 0})
+        priced = []
+        for i, j in combinations(free, 2):
+            if pieces[i // 2] != pieces[j // 2]:
+                before, after = _outward(self.arcs, i), _outward(self.arcs, j)[::-1]
+                nodes = least_bending(before, after, radius, sight, config)
+                gap = float(np.linalg.norm(after[0] - before[-1]))
+                way = np.vstack([before[-1:], nodes, after[:1]])
+                turn = 4.0 - 2.0 * (
+                    end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
+                ) @ (after[0] - before[-1]) / max(gap, 1e-12)
+                cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
+                priced.append((float(cost), i, j))
+        priced.sort()
+        return [*joins, *_cheapest(priced, pieces, count - ropes)]
+
+    def end(self, number: int) -> Array:
+        """(3,) Where an end lies, metres."""
+        return np.asarray(self.arcs[number // 2][-1 if number % 2 else 0])
+
+    def joined(
+        self, joins: Sequence[tuple[int, int]], radius: float, config: Linking, sight: Sight | None
+    ) -> list[tuple[Array, bool]]:
         """Make chains of arcs.
 
         Parameters
@@ -188,6 +247,9 @@ class Links:
             Pairs of ends.
         radius : float
             The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw: bridges keep to what they did not see.
 
         Returns
         -------
@@ -200,12 +262,87 @@ class Links:
             parts = [self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
             nodes = parts[0]
             for part in parts[1:]:
-                nodes = _joined(nodes, part, radius)
+                nodes = _joined(nodes, part, radius, config, sight)
             if closed:
                 nodes = _cut_back(nodes, nodes[0], radius)
                 nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
             chains.append((nodes, closed))
         return chains
+
+
+def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
+    """Bending energy of a bridge between two arcs, times the radius, and what it costs to be seen through."""
+    steps = np.diff(nodes, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    units = steps / np.maximum(lengths, 1e-12)[:, None]
+    turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
+    cost = float((turns**2 / np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)).sum() * radius)
+    if sight is not None:
+        cost += config.seen_through * float(sight.empty(nodes, radius).mean() * lengths.sum()) / radius
+    return cost
+
+
+def least_bending(
+    before: Array, after: Array, radius: float, sight: Sight | None, config: Linking
+) -> Array:
+    """Nodes of the cubic between two arcs that bends least and keeps to space that no camera saw to be empty.
+
+    Parameters
+    ----------
+    before, after : (K, 3) ndarray
+        Ordered nodes, metres; the bridge goes from the last of `before` to the first of `after`.
+    radius : float
+        The strings' radius, metres.
+    sight : Sight, optional
+        What the views saw.
+    config : Linking
+
+    Returns
+    -------
+    (B, 3) ndarray
+        The nodes between the two, metres.
+    """
+    span, spacing = 1.5 * radius, 0.4 * radius
+    plain = bridge(before, after, span, spacing)
+    if np.linalg.norm(after[0] - before[-1]) < _SHORT * radius:
+        return plain
+    best, least = plain, np.inf
+    for leave in _REACHES:
+        for arrive in _REACHES:
+            nodes = bridge(before, after, span, spacing, (leave, arrive))
+            cost = bridge_cost(np.vstack([before[-1:], nodes, after[:1]]), radius, sight, config)
+            if cost < least - 1e-9:
+                best, least = nodes, cost
+    return best
+
+
+def _cheapest(
+    priced: Sequence[tuple[float, int, int]], pieces: Sequence[int], wanted: int
+) -> list[tuple[int, int]]:
+    """Return the `wanted` pairs, dearer ones later, that cost least together and join ever other chains."""
+    best: tuple[float, list[tuple[int, int]]] = (np.inf, [])
+    ways = 0
+
+    def search(first: int, chosen: list[tuple[int, int]], cost: float, group: dict[int, int]) -> None:
+        nonlocal best, ways
+        left = wanted - len(chosen)
+        if left <= 0:
+            best = min(best, (cost, list(chosen)), key=lambda way: way[0])
+            return
+        for k in range(first, len(priced) - left + 1):
+            more, i, j = priced[k]
+            ways += 1
+            # what is to come is not cheaper
+            if cost + left * more >= best[0] or (ways > _WAYS and best[1]):
+                return
+            a, b = group[pieces[i // 2]], group[pieces[j // 2]]
+            if a == b or any(end in pair for pair in chosen for end in (i, j)):
+                continue
+            merged = {piece: a if number == b else number for piece, number in group.items()}
+            search(k + 1, [*chosen, (i, j)], cost + more, merged)
+
+    search(0, [], 0.0, {number: number for number in pieces})
+    return [(min(pair), max(pair)) for pair in best[1]]
 
 
 def _outward(arcs: Sequence[Array], end: int) -> Array:
@@ -234,7 +371,7 @@ def link(
         As `Links.joined`.
     """
     links = Links.between(arcs, radius, config, sight)
-    return links.joined(links.matched(config.free_end)[0], radius)
+    return links.joined(links.matched(config.free_end)[0], radius, config, sight)
 
 
 def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
@@ -244,8 +381,8 @@ def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
     return nodes[: max(len(nodes) - count, min(len(nodes), 4))]
 
 
-def _joined(before: Array, after: Array, radius: float) -> Array:
+def _joined(before: Array, after: Array, radius: float, config: Linking, sight: Sight | None) -> Array:
     """One chain of two, cut back where they overlap, with a cubic between."""
     before = _cut_back(before, after[0], radius)
     after = _cut_back(after[::-1], before[-1], radius)[::-1]
-    return np.vstack([before, bridge(before, after, 1.5 * radius, 0.4 * radius), after])
+    return np.vstack([before, least_bending(before, after, radius, sight, config), after])

@@ -86,7 +86,7 @@ def reconstruct(
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
         whole = [views[number] for number in used]
-        found = tubes.find_strings(seen, whole, used, box, start, config, run, fit_radius=radius is None)
+        found = tubes.find_strings(seen, whole, used, box, start, ropes, config, run, fit_radius=radius is None)
     if radius is None and any(chain.radius > LARGEST for chain in found.chains):
         raise NotEnoughDataError(f"views: no tube of a radius up to {LARGEST * 1e3:.0f} mm fits the points")
     chains = _chosen(found.chains, ropes, run)
@@ -100,7 +100,7 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd)
+    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, found.confidence, found.joins)
 
 
 def _checked(

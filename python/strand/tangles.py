@@ -15,7 +15,7 @@ from strand.view import Array
 _SHORTEST, _LONGEST = 45.0, 110.0
 _STEP, _RISE, _RAMP, _SLOW, _CLEAR, _APART, _BEND = 0.5, 2.15, 2.5, 3.5, 2.0, 2.2, 2.5
 # the shallowest crossing, degrees; how often a plan is drawn, and laid
-_SHALLOWEST, _DRAWS, _LAYINGS = 25.0, 1500, 6
+_SHALLOWEST, _DRAWS, _LAYINGS = 35.0, 40, 12
 # strands this near along a string do not touch, in radii of arc length
 _OWN = 4.5
 
@@ -97,20 +97,21 @@ def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[A
         lean = rng.choice([-1.0, 1.0])
         nodes = rng.uniform(-18.0, 18.0, size=(1, 2))
         grown = [(len(nodes), len(met), heading, bend, 0.0)]
-        tries, tail = 0, rng.uniform(4.0, 25.0)
+        tries, vain, tail = 0, 0, rng.uniform(4.0, 25.0)
         # the last crossing is no nearer to the end than others may be
         while len(nodes) * _STEP < max(least, grown[-1][4] + tail) or len(met) < wanted:
-            tries += 1
-            if len(nodes) * _STEP > most or tries > 600:
+            tries, vain = tries + 1, vain + 1
+            if tries > 400:
                 return None
-            if tries % 12 == 0 and len(grown) > 1:
-                # stuck: go some pieces back
-                grown = grown[: -int(rng.integers(1, min(len(grown), 4)))]
+            if (vain > 10 or len(nodes) * _STEP > most) and len(grown) > 1:
+                # stuck, or too long without a crossing: go some pieces back
+                vain = 0
+                grown = grown[: -int(rng.integers(1, min(len(grown), 6)))]
                 count, found_before, heading, bend, _ = grown[-1]
                 nodes, met = nodes[:count], met[:found_before]
             lean = lean if rng.random() < 0.85 else -lean
-            count = int(rng.uniform(4.0, 16.0) / _STEP)
-            aim = lean * rng.uniform(-0.02, 0.24)
+            count = int(rng.uniform(8.0, 30.0) / _STEP)
+            aim = lean * rng.uniform(0.0, 0.26)
             bends = np.interp(np.arange(count) * _STEP, [0.0, 4.0], [bend, aim])
             headings = heading + np.cumsum(bends) * _STEP
             steps = _STEP * np.stack([np.cos(headings), np.sin(headings)], axis=1)
@@ -122,7 +123,7 @@ def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[A
             met = met + found
             crossed = len(nodes) * _STEP if found else grown[-1][4]
             grown.append((len(nodes), len(met), heading, bend, crossed))
-            tries += -tries % 12
+            vain = 0
         plans.append(nodes)
         done = np.vstack([done, nodes])
     return plans, met
@@ -143,6 +144,8 @@ def _meeting(before: Array, first: int, piece: Array) -> list[tuple[int, int, fl
     near = (offset**2).sum(axis=2) < _APART**2
     if not near.any():
         return []
+    if near[-1].any():
+        return None
     i, j = np.nonzero(near[:-1, :-1])
     real = j + 1 != first
     i, j = i[real], j[real]

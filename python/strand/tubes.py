@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import decide
+from strand.certainty import features, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
@@ -25,6 +26,9 @@ from strand.visibility import Sight
 _REFERENCE_NODES = 8
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+# how many points assemblies are compared on
+_COMPARED = 15000
 
 # share of the points on strings under which something is amiss
 _USUAL_SHARE = 0.92
@@ -58,6 +62,15 @@ class Clouds:
         """Return the views' points; the middle view is the reference."""
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
+
+    def thinned(self, most: int) -> Clouds:
+        """Return a part of the points, drawn evenly: about `most` of them, but all views."""
+        total = sum(len(cloud) for cloud in self.points)
+        if total <= most:
+            return self
+        rng = np.random.default_rng(0)
+        points = [cloud[np.sort(rng.permutation(len(cloud))[: len(cloud) * most // total + 1])] for cloud in self.points]
+        return replace(self, points=points)
 
 
 def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
@@ -199,6 +212,7 @@ def find_strings(
     numbers: Sequence[int],
     bounds: Bounds,
     radius: float,
+    ropes: int | None,
     config: Config,
     run: Run,
     fit_radius: bool,
@@ -216,6 +230,8 @@ def find_strings(
         The extraction range that they were cut to, metres.
     radius : float
         Metres; the start, if it is fitted.
+    ropes : int or None
+        How many strings there are: gaps are bridged until no more are left.
     config : Config
     run : Run
     fit_radius : bool
@@ -248,8 +264,14 @@ def find_strings(
         poses = [motion @ view.pose for motion, view in zip(fit.motions, raw, strict=True)]
         sight = Sight.of(raw, poses)
         motions = fit.motions
+        sample = clouds.thinned(_COMPARED)
         judged = decide(
-            arcs, radius, config.linking, sight, lambda chains: _tried(clouds, chains, motions, radius, config)
+            arcs,
+            radius,
+            config.linking,
+            sight,
+            lambda chains: _tried(sample, chains, motions, radius, config),
+            ropes,
         )
         if not judged:
             raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
@@ -273,7 +295,9 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    return Found(chains, poses, list(fit.pose_sd), stages)
+    joins = joins_of(judged, chains, radius, config.linking)
+    stages["features"] = features(judged, joins, chains, sight, radius)
+    return Found(chains, poses, list(fit.pose_sd), stages, 0.0, joins)
 
 
 def register_views(

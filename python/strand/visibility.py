@@ -97,7 +97,7 @@ class Sight:
 
 def _buffer(points: Array, rotation: Array) -> _Buffer | None:
     """Grid one view's points, which are in the camera frame; None if there are hardly any."""
-    distance = np.linalg.norm(points, axis=1)
+    distance = np.sqrt(np.einsum("ij,ij->i", points, points))
     points, distance = points[distance > 0], distance[distance > 0]
     if len(points) < 16:
         return None
@@ -128,17 +128,17 @@ def _buffer(points: Array, rotation: Array) -> _Buffer | None:
 
 def _spacing(flat: Array) -> float:
     """Distance between neighbours among (N, 2) directions: the side of the area that each has to itself."""
-    # the area is counted in cells, made finer until most hold a few points
-    extent = float(np.ptp(flat, axis=0).max())
-    cell = max(extent, 1e-9)
-    low = flat.min(axis=0)
-    for _ in range(24):
+    low, extent = flat.min(axis=0), np.ptp(flat, axis=0)
+    area = float(max(extent.prod(), 1e-4 * extent.max() ** 2, 1e-18))
+    # from the area of the box to that of the cells, a few points wide, that hold points
+    for _ in range(2):
+        cell = 3.0 * np.sqrt(area / len(flat))
         place = ((flat - low) / cell).astype(np.int64)
-        occupied = len(np.unique(place[:, 0] * (place[:, 1].max() + 1) + place[:, 1]))
-        if len(flat) < 9 * occupied:
-            break
-        cell *= 0.7
-    return float(cell * np.sqrt(occupied / len(flat)))
+        width = int(place[:, 1].max()) + 1
+        taken = np.zeros((int(place[:, 0].max()) + 1) * width, dtype=bool)
+        taken[place[:, 0] * width + place[:, 1]] = True
+        area = float(taken.sum() * cell**2)
+    return float(np.sqrt(area / len(flat)))
 
 
 def _states(buffer: _Buffer, offset: Array, radius: float) -> np.ndarray:
