@@ -2,10 +2,10 @@
 
 python benches/fresh.py MEASURE [--scenes 500] [--first 0] [--out DIR]
 
-MEASURE is the folder that holds score.py. Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3 strings (or
-one of the shapes with crossings, knots among them), a radius of 2 to 10 mm, 1 to 7 views, a camera of 320 x 240 to
-1280 x 720 pixels (the finest with one or two views), 0.3 to 1.5 mm of noise. The radius is given, the number of strings is not. `--out` gets a plot and
-one line of JSON for each scene.
+MEASURE is the folder that holds score.py. Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3
+strings (or one of the shapes with crossings, knots among them), a radius of 2 to 10 mm, 1 to 7 views, a
+camera of 320 x 240 to 1280 x 720 pixels (the finest with one or two views), 0.3 to 1.5 mm of noise. The
+radius is given, the number of strings is not. `--out` gets a plot and one line of JSON for each scene.
 """
 
 from __future__ import annotations
@@ -93,10 +93,12 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
         for n in sorted({r["crossings"] for r in records})
     ]
     groups += [
-        ("strings", str(n), [r for r in records if r["ropes"] == n]) for n in sorted({r["ropes"] for r in records})
+        ("strings", str(n), [r for r in records if r["ropes"] == n])
+        for n in sorted({r["ropes"] for r in records})
     ]
     groups += [
-        ("views", str(n), [r for r in records if r["views"] == n]) for n in sorted({r["views"] for r in records})
+        ("views", str(n), [r for r in records if r["views"] == n])
+        for n in sorted({r["views"] for r in records})
     ]
     groups += [
         ("noise mm", f"{low * 1e3:.1f}-{high * 1e3:.1f}", between(lambda r: r["noise"], low, high))
@@ -113,7 +115,14 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
             sure = [r for r in group if r["confidence"] >= SURE]
             wrong = [r for r in sure if not r["right"]]
             rows.append(
-                (what, which, len(group), len(right) / len(group), len(sure) / len(group), len(wrong) / len(group))
+                (
+                    what,
+                    which,
+                    len(group),
+                    len(right) / len(group),
+                    len(sure) / len(group),
+                    len(wrong) / len(group),
+                )
             )
     return rows
 

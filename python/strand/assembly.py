@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand.config import Linking
-from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import Links, part_at_contacts
-from strand.pieces import unexplained
+from strand.pieces import left_over, unexplained
 from strand.topology import path_length, walk
 from strand.tubefit import TubeFit
 from strand.view import Array
@@ -19,9 +18,12 @@ from strand.visibility import Sight
 
 Chains = list[tuple[Array, bool]]
 
-# what an explanation costs: bending for each radian^2 / radius of it, bends sharper than this (times the radius)
-# besides, each string, each radius of string that was seen through or that is in another strand's place
+# what an explanation costs: bending for each radian^2 / radius of it, bends sharper than this (times the
+# radius) besides, each string, each radius of string that was seen through or that is in another strand's
+# place
 _BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 15.0, 2.0, 4.0
+# a stretch of string this long that cameras saw through, in radii, is none
+_PHANTOM = 3.0
 # each string more or less than there are
 _COUNT = 30.0
 # two strands are 2 radii apart; nearer than this is no noise
@@ -79,7 +81,8 @@ def assembled(
     links: Links | None = None,
     ropes: int | None = None,
 ) -> Assembly | None:
-    """Join arcs by the matching of least cost, and over longer gaps too if that leaves more strings than there are.
+    """Join arcs by the matching of least cost, and over longer gaps too if that leaves more strings than
+    there are.
 
     None if that leaves no string long enough.
     """
@@ -136,7 +139,9 @@ def decide(
     judged: list[Judged] = []
 
     def consider(assembly: Assembly | None) -> None:
-        if assembly is not None and not any(alike(assembly.chains, other.assembly.chains, radius) for other in judged):
+        if assembly is not None and not any(
+            alike(assembly.chains, other.assembly.chains, radius) for other in judged
+        ):
             fit = fitted(assembly.chains)
             amiss = 0 if ropes is None else abs(len(assembly.chains) - ropes)
             judged.append(Judged(assembly, fit, explanation_cost(fit, sight) + _COUNT * amiss))
@@ -165,6 +170,42 @@ def decide(
     return sorted(judged, key=lambda one: one.cost)
 
 
+def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[Array] | None:
+    """Look at a fit for what speaks against it: points left over, string where cameras saw none.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    parts : sequence of (Curve or None)
+        The stretch of each curve that is string.
+    sight : Sight
+        What the views saw.
+
+    Returns
+    -------
+    list of (M, 3) ndarray or None
+        Nodes of the pieces to decide on again, metres; None if nothing speaks against the fit.
+    """
+    r = fit.radius
+    extra = left_over(fit)
+    pieces: list[Array] = []
+    cut = False
+    for part in parts:
+        if part is None:
+            continue
+        nodes = part.at(part.nodes(0.5 * r))[0]
+        empty = sight.empty(nodes, r)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], empty, [0]]))).reshape(-1, 2)
+        keep = np.ones(len(nodes), dtype=bool)
+        for start, stop in edges:
+            if (stop - start) * 0.5 >= _PHANTOM:
+                keep[start:stop] = False
+        cut = cut or not keep.all()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]]))).reshape(-1, 2)
+        pieces += [nodes[start:stop] for start, stop in edges if stop - start >= 3]
+    return pieces + extra if extra or cut else None
+
+
 def alike(some: Chains, others: Chains, radius: float) -> bool:
     """Tell whether two sets of chains run through the same places in the same order."""
     if len(some) != len(others):
@@ -174,7 +215,8 @@ def alike(some: Chains, others: Chains, radius: float) -> bool:
         places, length = _places(nodes), path_length(nodes)[-1]
         for k, (theirs, their_length, their_closed) in enumerate(left):
             apart = min(
-                np.linalg.norm(places - theirs, axis=1).max(), np.linalg.norm(places - theirs[::-1], axis=1).max()
+                np.linalg.norm(places - theirs, axis=1).max(),
+                np.linalg.norm(places - theirs[::-1], axis=1).max(),
             )
             if closed == their_closed and abs(length - their_length) < 4.0 * radius and apart < 4.0 * radius:
                 del left[k]

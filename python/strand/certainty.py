@@ -86,10 +86,11 @@ def features(
     Returns
     -------
     dict of str to float
-        "rival": how much more the next best explanation costs; "joins": the doubt about all joins; "ends": how many
-        ends could go on unseen; "lost": share of unexplained points; "noise": the residuals' deviation in radii;
-        "thin": points for each radius of string; "gap": the longest stretch without points, in radii; "stray":
-        ends that lie within another strand's reach.
+        "rival": how much more the next best explanation costs; "joins": the doubt about all joins; "ends":
+        how many ends could go on unseen; "lost": share of unexplained points; "noise": the residuals'
+        deviation in radii;
+        "thin": points for each radius of string; "gap": the longest stretch without points, in radii;
+        "stray": ends that lie within another strand's reach.
     """
     fit = judged[0].fit
     rival = judged[1].cost - judged[0].cost if len(judged) > 1 else 50.0

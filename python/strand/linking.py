@@ -19,15 +19,16 @@ from strand.visibility import Sight
 _UNIT = 1e6
 # joins dearer than this are never made
 _WORST = 60.0
-# gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are tried
+# gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are
+# tried
 _SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
+# gaps that no camera could see into may be longer by this factor; the share that counts as none of it
+_UNSEEN, _MOSTLY = 1.7, 0.8
 # so many ways to bridge gaps are compared
 _WAYS = 20000
 
 
-def part_at_contacts(
-    arcs: Sequence[Array], radius: float, config: Linking, back: float = 0.0
-) -> list[Array]:
+def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back: float = 0.0) -> list[Array]:
     """Cut arcs where another's end lies inside them.
 
     Two strands cannot be in one place, so a trace took a wrong turn there.
@@ -69,9 +70,7 @@ def part_at_contacts(
     return pieces
 
 
-def _merged(
-    arc: Array, from_end: Array, other: Array, same: bool, radius: float, back: float
-) -> np.ndarray:
+def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float, back: float) -> np.ndarray:
     """(M,) Nodes up to `back` radii from an arc's end that have not yet left another strand."""
     if back <= 0:
         return np.zeros(len(arc), dtype=bool)
@@ -140,8 +139,10 @@ class Links:
         ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
         position = np.array([p for p, _ in ends]).reshape(-1, 3)
         distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+        # where nothing could have been seen, gaps may be longer
+        farthest = config.gap * radius * (1.0 if sight is None else _UNSEEN)
         costs: dict[tuple[int, int], float] = {}
-        for i, j in zip(*np.nonzero(np.triu(distance <= config.gap * radius, k=1)), strict=True):
+        for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
             i, j = int(i), int(j)
             if i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius:
                 continue
@@ -149,6 +150,8 @@ class Links:
             cost = join_cost(p, leave, q, arrive, radius)
             if cost < _WORST and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
+                if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
+                    continue
                 empty = float(sight.empty(nodes, radius).mean()) if len(nodes) else 0.0
                 cost += config.seen_through * empty * distance[i, j] / radius
             if cost < _WORST:
@@ -178,9 +181,7 @@ class Links:
         for pair, cost in self.costs.items():
             if cost < 2.0 * free_end and pair not in without:
                 graph.add_edge(*pair, round((2.0 * free_end - cost) * _UNIT))
-        joins = sorted(
-            (min(pair), max(pair)) for pair in rx.max_weight_matching(graph, weight_fn=int)
-        )
+        joins = sorted((min(pair), max(pair)) for pair in rx.max_weight_matching(graph, weight_fn=int))
         free = 2 * (len(self.arcs) - len(joins))
         return joins, sum(self.costs[pair] for pair in joins) + free * free_end
 
@@ -282,9 +283,7 @@ def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linkin
     return cost
 
 
-def least_bending(
-    before: Array, after: Array, radius: float, sight: Sight | None, config: Linking
-) -> Array:
+def least_bending(before: Array, after: Array, radius: float, sight: Sight | None, config: Linking) -> Array:
     """Nodes of the cubic between two arcs that bends least and keeps to space that no camera saw to be empty.
 
     Parameters

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand import io
 from strand.curve import Curve
+from strand.nextview import best_camera
 from strand.view import Array, checked_radius, finite_array
 
 
@@ -89,13 +90,17 @@ class Chain:
 
     @property
     def bridged(self) -> NDArray[np.bool_]:
-        """(M,) Whether a node only bridges a gap: no point of any view supports it.
+        """(M,) Whether a node only bridges a gap: it lies in a radius or more of string without a point.
 
-        All False if the method does not say what supports its nodes.
+        All False if `points_seen` is not known.
         """
-        if self.points_seen is None:
-            return np.zeros(len(self.points), dtype=bool)
-        return np.asarray(self.points_seen) == 0
+        bare = np.zeros(len(self.points), dtype=bool)
+        if self.points_seen is not None:
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], self.points_seen == 0, [0]])))
+            spacing = self.length / len(self.points)
+            for start, stop in edges.reshape(-1, 2):
+                bare[start:stop] = (stop - start) * spacing >= self.radius
+        return bare
 
     @property
     def arc_length(self) -> Array:
@@ -138,6 +143,22 @@ class Chain:
             return np.repeat(units, 2, axis=0), np.zeros((2, 3))
         tangents = np.vstack([units[:1], middle, units[-1:]])
         return tangents, np.vstack([bend[:1], bend, bend[-1:]])
+
+    def reversed(self) -> Chain:
+        """Return the same chain, its nodes in the other order."""
+
+        def turned(rows: Any) -> Any:
+            return None if rows is None else rows[::-1]
+
+        return Chain(
+            self.points[::-1],
+            self.radius,
+            self.closed,
+            None if self.curve is None else self.curve.reversed(),
+            turned(self.covariance),
+            turned(self.points_seen),
+            turned(self.views_seen),
+        )
 
     def at(self, s: ArrayLike) -> Array:
         """Position at arc length `s`.
@@ -225,8 +246,8 @@ class Join:
     chains : tuple of int
         Numbers of the chains that run there.
     margin : float
-        How much dearer the next best way to join the pieces is, in the units of `Config.linking`'s costs, where a
-        free end costs 5. Near 0: as good.
+        How much dearer the next best way to join the pieces is, in the units of `Config.linking`'s costs,
+        where a free end costs 5. Near 0: as good.
     alternative : (3,) ndarray or None
         Where the string would go on instead, metres; None: it would end.
     """
@@ -257,8 +278,8 @@ class Model:
         Standard deviations of the poses' corrections in the world frame: rotation vector, radians, and
         translation of the points' centroid, metres; 0 for the view that stayed, NaN where none is known.
     confidence : float
-        How likely it is that the strings run as the chains say, from 0 to 1: in order, none missing, none joined to
-        another, ends in place. NaN if the method does not say.
+        How likely it is that the strings run as the chains say, from 0 to 1: in order, none missing, none
+        joined to another, ends in place. NaN if the method does not say.
     joins : tuple of Join
         Where pieces were joined over gaps and crossings, the least certain first.
     """
@@ -271,6 +292,37 @@ class Model:
     pose_sd: Array = field(default_factory=lambda: np.empty((0, 6)))
     confidence: float = float("nan")
     joins: tuple[Join, ...] = ()
+
+    def next_view(self) -> Array:
+        """Camera position from which one more view would tell most: it best sees the least certain place.
+
+        That is the join with the least margin; without joins, the place that fewest points support.
+
+        Returns
+        -------
+        (3,) ndarray
+            World frame, metres; as far from the place as the cameras were, in the median.
+
+        Raises
+        ------
+        ValueError
+            If there is no chain or no pose.
+        """
+        if not self.chains or not len(self.poses):
+            raise ValueError("model: expected chains and poses, got none")
+        if self.joins:
+            place = self.joins[0].place
+        else:
+            weakest = [
+                (int(chain.points_seen.min()), k)
+                for k, chain in enumerate(self.chains)
+                if chain.points_seen is not None
+            ]
+            chain = self.chains[min(weakest)[1]] if weakest else self.chains[0]
+            seen = chain.points_seen
+            place = chain.points[len(chain.points) // 2 if seen is None else int(seen.argmin())]
+        radius = self.chains[0].radius
+        return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all but the arrays between the stages to a JSON file, whole or not at all.

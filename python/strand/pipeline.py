@@ -11,6 +11,7 @@ from strand import published, tubes
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.model import Chain, Model
+from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.radius import LARGEST, estimate_radius
 from strand.stages import Run
@@ -24,6 +25,7 @@ def reconstruct(
     ropes: int | None = None,
     config: Config | None = None,
     *,
+    previous: Model | None = None,
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Model:
@@ -39,9 +41,13 @@ def reconstruct(
         The extraction range: low and high corner of an axis-aligned box in the world frame, metres;
         everything if not given.
     ropes : int, optional
-        How many ropes there are; as many as the data show if not given.
+        How many ropes there are; as many as the data show if not given. By default gaps between pieces,
+        however long, are then bridged until no more are left (see `Chain.bridged`).
     config : Config, optional
         The method and its numbers; `Config()`, tubes fitted to the points, if not given.
+    previous : Model, optional
+        An earlier model of the same strings: chains that are near its chains run the same way. Others, and
+        all without it, start at the end that lies farther back along the direction (0.83, 0.47, 0.31).
     keep_stages : bool
         Keep the arrays between the stages, in `Model.stages`: "raw", "filtered" and "registered" (a tuple of
         (N, 3) arrays, one for each view used); "arcs" (what was seen of the strings before they were linked)
@@ -65,7 +71,7 @@ def reconstruct(
         If no view has points in the extraction range, or they make no chain.
     """
     config = Config() if config is None else config
-    views, radius, ropes = _checked(views, radius, ropes, config)
+    views, radius, ropes = _checked(views, radius, ropes, config, previous)
     run = Run(progress)
     box = None if bounds is None else extraction_range(bounds)
     with run.stage("extract"):
@@ -86,10 +92,12 @@ def reconstruct(
         found = published.find_strings(seen, used, start, ropes, config, run)
     else:
         whole = [views[number] for number in used]
-        found = tubes.find_strings(seen, whole, used, box, start, ropes, config, run, fit_radius=radius is None)
+        found = tubes.find_strings(
+            seen, whole, used, box, start, ropes, config, run, fit_radius=radius is None
+        )
     if radius is None and any(chain.radius > LARGEST for chain in found.chains):
         raise NotEnoughDataError(f"views: no tube of a radius up to {LARGEST * 1e3:.0f} mm fits the points")
-    chains = _chosen(found.chains, ropes, run)
+    chains = tuple(oriented(_chosen(found.chains, ropes, run), () if previous is None else previous.chains))
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -100,11 +108,17 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, found.confidence, found.joins)
+    return Model(
+        chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, found.confidence, found.joins
+    )
 
 
 def _checked(
-    views: Sequence[View], radius: float | None, ropes: int | None, config: Config
+    views: Sequence[View],
+    radius: float | None,
+    ropes: int | None,
+    config: Config,
+    previous: Model | None,
 ) -> tuple[tuple[View, ...], float | None, int | None]:
     """Check the arguments that have no type of their own."""
     views = checked_views(views)
@@ -117,6 +131,8 @@ def _checked(
             raise ValueError(f"ropes: expected at least 1, got {ropes}")
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
+    if previous is not None and not isinstance(previous, Model):
+        raise TypeError(f"previous: expected a Model or None, got {previous!r}")
     if radius is None and config.method == "published":
         raise ValueError("radius: the published method needs the string's radius, metres")
     return views, radius, ropes

@@ -10,8 +10,8 @@ from strand.shapes import arc_lengths, positive
 from strand.view import Array
 
 # all in radii: least and greatest length of a string, steps of a plan, rise of a strand over another,
-# half the width of the bump there (and what a flat angle adds), the clearance that is checked, that beside each other in the plan, and the
-# sharpest bend
+# half the width of the bump there (and what a flat angle adds), the clearance that is checked, that beside
+# each other in the plan, and the sharpest bend
 _SHORTEST, _LONGEST = 45.0, 110.0
 _STEP, _RISE, _RAMP, _SLOW, _CLEAR, _APART, _BEND = 0.5, 2.15, 2.5, 3.5, 2.0, 2.2, 2.5
 # the shallowest crossing, degrees; how often a plan is drawn, and laid
@@ -49,7 +49,8 @@ def tangle(crossings: int = 3, ropes: int = 1, radius: float = 0.0042, seed: int
     TypeError
         If `radius` is not a number.
     ValueError
-        If `crossings` is negative, `ropes` or `radius` is not positive, or no draw crosses as often as wanted.
+        If `crossings` is negative, `ropes` or `radius` is not positive, or no draw crosses as often as
+        wanted.
     """
     radius = positive("radius", radius)
     if crossings < 0:
@@ -60,7 +61,9 @@ def tangle(crossings: int = 3, ropes: int = 1, radius: float = 0.0042, seed: int
     chains: list[Array] | None = None
     for _ in range(_DRAWS):
         drawn = _plans(ropes, crossings, rng)
-        for _ in range(0 if drawn is None else _LAYINGS):
+        if drawn is None:
+            continue
+        for _ in range(_LAYINGS):
             chains = _laid(*drawn, rng)
             if chains is not None:
                 break
@@ -81,7 +84,9 @@ def tangle(crossings: int = 3, ropes: int = 1, radius: float = 0.0042, seed: int
     return tuple(resampled)
 
 
-def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[Array], list[tuple[int, int, float]]] | None:
+def _plans(
+    ropes: int, crossings: int, rng: np.random.Generator
+) -> tuple[list[Array], list[tuple[int, int, float]]] | None:
     """Plane curves that meet as often as wanted, grown piece by piece; None where one cannot grow on.
 
     Returns (N, 2) nodes of each, in radii, and the pairs of nodes, counted through all curves,
@@ -132,7 +137,8 @@ def _plans(ropes: int, crossings: int, rng: np.random.Generator) -> tuple[list[A
 def _meeting(before: Array, first: int, piece: Array) -> list[tuple[int, int, float]] | None:
     """Pairs of nodes at which a new piece meets what is there, with the sine of the angle; None if at odds.
 
-    `before` holds all nodes so far, its own curve's from number `first` on, whose last the piece goes on from.
+    `before` holds all nodes so far, its own curve's from number `first` on, whose last the piece goes on
+    from.
     """
     count = len(before)
     last = max(count - int(_OWN / _STEP), first)

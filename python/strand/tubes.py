@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
-from strand.assembly import decide
+from strand.assembly import Judged, decide, reopened
 from strand.certainty import features, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
@@ -27,6 +27,8 @@ _REFERENCE_NODES = 8
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
+# how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
+_REOPENED, _BETTER = 2, 1.0
 # how many points assemblies are compared on
 _COMPARED = 15000
 
@@ -69,7 +71,10 @@ class Clouds:
         if total <= most:
             return self
         rng = np.random.default_rng(0)
-        points = [cloud[np.sort(rng.permutation(len(cloud))[: len(cloud) * most // total + 1])] for cloud in self.points]
+        points = [
+            cloud[np.sort(rng.permutation(len(cloud))[: len(cloud) * most // total + 1])]
+            for cloud in self.points
+        ]
         return replace(self, points=points)
 
 
@@ -263,28 +268,38 @@ def find_strings(
     with run.stage("link"):
         poses = [motion @ view.pose for motion, view in zip(fit.motions, raw, strict=True)]
         sight = Sight.of(raw, poses)
-        motions = fit.motions
-        sample = clouds.thinned(_COMPARED)
-        judged = decide(
-            arcs,
-            radius,
-            config.linking,
-            sight,
-            lambda chains: _tried(sample, chains, motions, radius, config),
-            ropes,
-        )
+        motions, sample = fit.motions, clouds.thinned(_COMPARED)
+
+        def compared(pieces: Sequence[Array]) -> list[Judged]:
+            return decide(
+                pieces,
+                radius,
+                config.linking,
+                sight,
+                lambda chains: _tried(sample, chains, motions, radius, config),
+                ropes,
+            )
+
+        judged = compared(arcs)
         if not judged:
             raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
-        linked = judged[0].assembly.chains
-    with run.stage("fit"):
-        fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
-    with run.stage("ends"):
-        closed = [ring for _, ring in linked]
-        found = string_parts(fit, exclusive=True)
-        for i, control in enumerate(fit.curves):
-            if closed[i]:
-                found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
-        chains = described(fit, found, closed, config)
+    for _ in range(1 + _REOPENED):
+        with run.stage("fit"):
+            linked = judged[0].assembly.chains
+            fit = fit_strings(clouds, [nodes for nodes, _ in linked], motions, radius, config, fit_radius)
+        with run.stage("ends"):
+            closed = [ring for _, ring in linked]
+            found = string_parts(fit, exclusive=True)
+            for i, control in enumerate(fit.curves):
+                if closed[i]:
+                    found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
+        with run.stage("link"):
+            pieces = reopened(fit, found, sight)
+            again = [] if pieces is None else compared(pieces)
+        if not again or again[0].cost > judged[0].cost - _BETTER:
+            break
+        judged = again
+    chains = described(fit, found, closed, config)
     share = float((fit.explained & (np.abs(fit.residual) < fit.band)).mean())
     if share < _USUAL_SHARE:
         run.warnings.append(

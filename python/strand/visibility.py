@@ -75,7 +75,8 @@ class Sight:
         -------
         (V, N) ndarray of int
             `SUPPORTED`: points about where the surface would be; `HIDDEN`: nothing but points in front of it;
-            `EMPTY`: nothing but points behind it, so nothing is there; `UNKNOWN`: no points in that direction.
+            `EMPTY`: nothing but points behind it, so nothing is there; `UNKNOWN`: no points in that
+            direction.
         """
         states = np.full((len(self.buffers), len(places)), UNKNOWN)
         for number, (buffer, camera) in enumerate(zip(self.buffers, self.cameras, strict=True)):
