@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand.config import Linking
+from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import Links, part_at_contacts
 from strand.pieces import left_over, unexplained
@@ -21,7 +22,7 @@ Chains = list[tuple[Array, bool]]
 # what an explanation costs: bending for each radian^2 / radius of it, bends sharper than this (times the
 # radius) besides, each string, each radius of string that was seen through or that is in another strand's
 # place
-_BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 15.0, 2.0, 4.0
+_BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 10.0, 2.0, 4.0
 # a stretch of string this long that cameras saw through, in radii, is none
 _PHANTOM = 3.0
 # each string more or less than there are
@@ -30,6 +31,8 @@ _COUNT = 30.0
 _CONTACT = 1.5
 # ends cut back by so many radii where arcs run into each other
 _CUT_BACK = (2.5, 6.0)
+# what a join may cost to be obvious, for each end
+_OBVIOUS = 1.25
 # joins whose matching costs up to this much more without them are tried without, and at most so many
 _DOUBT, _TRIES = 8.0, 4
 
@@ -155,6 +158,14 @@ def decide(
         tried(arcs)
         for back in _CUT_BACK:
             tried(part_at_contacts(arcs, radius, config, back))
+    # with the obvious joins made first, more ends turn out to lie inside others
+    links = Links.between(arcs, radius, config, sight)
+    merged = [nodes for nodes, _ in links.joined(links.matched(_OBVIOUS)[0], radius, config, sight)]
+    if len(merged) < len(arcs):
+        for back in _CUT_BACK:
+            pieces = part_at_contacts(merged, radius, config, back)
+            if len(pieces) > len(merged):
+                tried(pieces)
     if not judged:
         return []
     best = min(judged, key=lambda one: one.cost).assembly

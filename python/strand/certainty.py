@@ -49,7 +49,7 @@ def joins_of(
         place = 0.5 * (a + b)
         without, cost = links.matched(config.free_end, [pair])
         rivals = [other.cost for other in judged[1:] if not _run(other.assembly.chains, a, b, radius)]
-        margin = min(rivals) - judged[0].cost if rivals else cost - best.matching_cost
+        margin = min([cost - best.matching_cost, *(rival - judged[0].cost for rival in rivals)])
         partner = next((other for one in without for end, other in (one, one[::-1]) if end == pair[0]), None)
         joins.append(
             Join(

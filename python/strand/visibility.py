@@ -1,4 +1,4 @@
-"""What the cameras saw of a place: something there, something in front of it, or nothing but what lies behind."""
+"""What the cameras saw of a place: something there, something before it, or nothing but what lies behind."""
 
 from __future__ import annotations
 
