@@ -24,6 +24,8 @@ _WORST = 60.0
 _SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
 # gaps that no camera could see into may be longer by this factor; the share that counts as none of it
 _UNSEEN, _MOSTLY = 1.7, 0.8
+# arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
+_STUB, _AIM = 2.5, 0.5
 # so many ways to bridge gaps are compared
 _WAYS = 20000
 
@@ -79,6 +81,51 @@ def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float
         apart[np.abs(from_end[:, None] - from_end[None]) < 4.0 * radius + from_end[:, None]] = np.inf
     left = from_end[apart.min(axis=1) > 1.75 * radius]
     return np.asarray(from_end < min(float(left.min()) if len(left) else np.inf, back * radius))
+
+
+def aimed(arcs: Sequence[Array], radius: float) -> list[Array]:
+    """Turn stubs whose direction is no better than chance into that of the arc that leads to them.
+
+    What is seen of a string beyond a crossing near its end is about as long as wide; a tube fitted to it may lie
+    across. The arc that points at it says how it runs: along the circle from its end to the stub's middle.
+
+    Parameters
+    ----------
+    arcs : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The strings' radius, metres.
+
+    Returns
+    -------
+    list of (M, 3) ndarray
+        The arcs in their order, stubs turned.
+    """
+    lengths = [path_length(arc)[-1] for arc in arcs]
+    ends = [
+        (nodes[-1], end_direction(nodes, 0.0, 1.5 * radius))
+        for arc, length in zip(arcs, lengths, strict=True)
+        if length >= _STUB * radius
+        for nodes in (arc[::-1], arc)
+    ]
+    turned = []
+    for arc, length in zip(arcs, lengths, strict=True):
+        middle = arc[len(arc) // 2]
+        best, least = None, _AIM
+        for end, leave in ends if length < _STUB * radius else []:
+            step = middle - end
+            gap = float(np.linalg.norm(step))
+            if not 1.2 * radius < gap < 6.0 * radius:
+                continue
+            straight = step / gap
+            angle = float(np.arccos(np.clip(leave @ straight, -1.0, 1.0)))
+            if angle < least:
+                best, least = 2.0 * (leave @ straight) * straight - leave, angle
+        own = end_direction(arc, 0.0, length)
+        if best is not None and abs(own @ best) < np.cos(_AIM):
+            arc = middle + np.linspace(-0.5, 0.5, len(arc))[:, None] * length * best
+        turned.append(arc)
+    return turned
 
 
 def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) -> float:
