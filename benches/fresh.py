@@ -5,7 +5,8 @@ python benches/fresh.py MEASURE [--scenes 500] [--first 0] [--out DIR]
 MEASURE is the folder that holds score.py. Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3
 strings (or one of the shapes with crossings, knots among them), a radius of 2 to 10 mm, 1 to 7 views, a
 camera of 320 x 240 to 1280 x 720 pixels (the finest with one or two views), 0.3 to 1.5 mm of noise. The
-radius is given, the number of strings is not. `--out` gets a plot and one line of JSON for each scene.
+radius is given, the number of strings is not. `--out` gets a plot and one line of JSON for each scene;
+scenes that have their line there are not done again.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,7 @@ def judge(seed: int, score: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     """Reconstruct one scene and compare with the truth."""
     synthetic, record = draw(seed)
     start = time.perf_counter()
-    record |= {"right": False, "confidence": 0.0, "found": 0}
+    record |= {"seed": seed, "right": False, "confidence": 0.0, "found": 0}
     try:
         model = strand.reconstruct(synthetic.views, synthetic.radius, synthetic.bounds)
     except strand.StrandError as error:
@@ -70,7 +72,7 @@ def judge(seed: int, score: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     else:
         found = score([chain.points for chain in model.chains], synthetic.truth, synthetic.radius)
         record |= {
-            "right": found["topology_ok"],
+            "right": bool(found["topology_ok"]),
             "confidence": model.confidence,
             "found": len(model.chains),
             "rms": found["rms"],
@@ -102,11 +104,11 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
     ]
     groups += [
         ("noise mm", f"{low * 1e3:.1f}-{high * 1e3:.1f}", between(lambda r: r["noise"], low, high))
-        for low, high in zip(noise_edges[:-1], noise_edges[1:], strict=True)
+        for low, high in pairwise(noise_edges)
     ]
     groups += [
         ("noise / r", f"{low:.1f}-{high:.1f}", between(lambda r: r["noise"] / r["radius"], low, high))
-        for low, high in zip(relative_edges[:-1], relative_edges[1:], strict=True)
+        for low, high in pairwise(relative_edges)
     ]
     rows = []
     for what, which, group in groups:
@@ -158,12 +160,19 @@ def main() -> int:
     arguments = parser.parse_args()
     measure = load_measure(arguments.measure / "score.py")
     records = []
+    lines = arguments.out / "fresh.jsonl" if arguments.out else None
+    done = {}
+    if lines is not None and lines.exists():
+        done = {record["seed"]: record for record in map(json.loads, lines.read_text().splitlines())}
     for seed in range(arguments.first, arguments.first + arguments.scenes):
+        if seed in done:
+            records.append(done[seed])
+            continue
         records.append(judge(seed, measure.score))
-        if arguments.out:
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            with (arguments.out / "fresh.jsonl").open("a") as lines:
-                lines.write(json.dumps(records[-1]) + "\n")
+        if lines is not None:
+            lines.parent.mkdir(parents=True, exist_ok=True)
+            with lines.open("a") as file:
+                file.write(json.dumps(records[-1]) + "\n")
     print("| | | scenes | right % | confidence ≥ 0.9 % | sure and wrong % |")
     print("|---|---|---|---|---|---|")
     rows = rates(records)

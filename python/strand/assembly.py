@@ -50,12 +50,15 @@ class Assembly:
     chains : list of ((K, 3) ndarray, bool)
         Nodes of each string, metres, and whether it is closed.
     matching_cost : float
+    left_out : tuple of float
+        Lengths of what became too short a string, metres.
     """
 
     links: Links
     joins: tuple[tuple[int, int], ...]
     chains: Chains
     matching_cost: float
+    left_out: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +87,9 @@ def assembled(
     links: Links | None = None,
     ropes: int | None = None,
 ) -> Assembly | None:
-    """Join arcs by the matching of least cost, and over longer gaps too if that leaves more strings than
-    there are.
+    """Join arcs by the matching of least cost; None if that leaves no string long enough.
 
-    None if that leaves no string long enough.
+    If that leaves more strings than there are, longer gaps are bridged too.
     """
     if links is None:
         links = Links.between(arcs, radius, config, sight)
@@ -107,7 +109,8 @@ def assembled(
         joins = links.bridged(joins, pieces, ropes, radius, config, sight)
         made = links.joined(joins, radius, config, sight)
     chains = [chain for chain in made if long_enough(chain)]
-    return Assembly(links, tuple(joins), chains, cost) if chains else None
+    left_out = tuple(float(path_length(chain[0])[-1]) for chain in made if not long_enough(chain))
+    return Assembly(links, tuple(joins), chains, cost, left_out) if chains else None
 
 
 def decide(

@@ -8,17 +8,20 @@ import numpy as np
 
 from strand.assembly import Chains, Judged
 from strand.config import Linking
-from strand.ends import string_parts
 from strand.model import Chain, Join
-from strand.pieces import unexplained
 from strand.topology import path_length
 from strand.view import Array
 from strand.visibility import Sight
 
 # margins are in the units of the costs; this much is worth a factor of e in the odds
 _SCALE = 2.5
-# a string may go on unseen for this far beyond its end before that matters, in radii
-_BEYOND = (1.5, 2.5, 3.5)
+# places beyond an end that would have been seen if the string went on, in radii
+_BEYOND = (1.5, 2.5)
+# a branch ends at most so far from the axis that it comes from, and points at it this well, in radii
+_MEETS, _STRAIGHT = 3.5, 0.8
+# doubt: without any reason, for each join by its margin, for each end that may be another's or farther on,
+# for each radius of what is left out, and for the noise in radii beyond what is narrow
+_ALWAYS, _JOINS, _ENDS, _STRAY, _NOISE, _NARROW = 0.01, 0.5, 0.4, 0.15, 6.0, 0.21
 
 
 def joins_of(
@@ -78,49 +81,80 @@ def _nearest(chains: Sequence[Chain], place: Array) -> int:
     return int(np.argmin([np.linalg.norm(chain.points - place, axis=1).min() for chain in chains]))
 
 
-def features(
+def confidence(
     judged: Sequence[Judged], joins: Sequence[Join], chains: Sequence[Chain], sight: Sight, radius: float
-) -> dict[str, float]:
-    """What tells right answers from wrong ones.
+) -> float:
+    """Say how likely it is that strings run as the best explanation has them.
+
+    exp(-d), where d adds up what raises doubt: joins with small margins, a rival explanation that costs
+    hardly more, ends beyond which the string could go on unseen, pieces that became part of no string, and
+    noise that is wide for the strings. The weights were set on scenes drawn at random.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        The best first.
+    joins : sequence of Join
+        Of the best.
+    chains : sequence of Chain
+        What the best became.
+    sight : Sight
+        What the views saw.
+    radius : float
+        The strings' radius, metres.
 
     Returns
     -------
-    dict of str to float
-        "rival": how much more the next best explanation costs; "joins": the doubt about all joins; "ends":
-        how many ends could go on unseen; "lost": share of unexplained points; "noise": the residuals'
-        deviation in radii;
-        "thin": points for each radius of string; "gap": the longest stretch without points, in radii;
-        "stray": ends that lie within another strand's reach.
+    float
+        From 0 to 1.
     """
-    fit = judged[0].fit
-    rival = judged[1].cost - judged[0].cost if len(judged) > 1 else 50.0
-    doubt = sum(float(np.exp(-max(join.margin, 0.0) / _SCALE)) for join in joins)
-    hidden = 0
-    for chain in chains:
-        if chain.closed:
-            continue
-        for end, inner in ((0, 4), (-1, -5)):
-            inner = inner if len(chain.points) > 4 else -1 - end
-            out = chain.points[end] - chain.points[inner]
-            out /= np.linalg.norm(out)
-            places = chain.points[end] + radius * np.array(_BEYOND)[:, None] * out
-            hidden += bool(sight.hidden(places, radius)[:2].all())
-    gap = 0.0
-    for chain in chains:
-        if chain.points_seen is not None:
-            bare = np.flatnonzero(np.diff(np.concatenate([[0], chain.points_seen == 0, [0]])))
-            runs = bare.reshape(-1, 2)
-            step = chain.length / max(len(chain.points) - 1, 1)
-            gap = max([gap, *((runs[:, 1] - runs[:, 0]) * step / radius).tolist()])
-    parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
-    lost = unexplained(fit)
-    return {
-        "rival": float(rival),
-        "joins": doubt,
-        "ends": float(hidden),
-        "lost": float(lost.mean()),
-        "noise": fit.sigma / radius,
-        "thin": float((~lost).sum() * radius / max(sum(part.length for part in parts), radius)),
-        "gap": float(gap),
-        "views": float(len(sight.cameras)),
-    }
+    best = judged[0]
+    doubt = _ALWAYS + _JOINS * sum(float(np.exp(-max(join.margin, 0.0) / _SCALE)) for join in joins)
+    if len(judged) > 1:
+        doubt += float(np.exp(-(judged[1].cost - best.cost) / _SCALE))
+    doubt += _ENDS * sum(_could_go_on(chain, sight, radius) for chain in chains)
+    doubt += _STRAY * sum(length / radius + 1.0 for length in best.assembly.left_out)
+    doubt += _NOISE * max(best.fit.sigma / radius - _NARROW, 0.0)
+    return float(np.exp(-doubt))
+
+
+def _could_go_on(chain: Chain, sight: Sight, radius: float) -> int:
+    """Count the ends beyond which no camera would have seen more of the string."""
+    if chain.closed:
+        return 0
+    count = 0
+    for points in (chain.points, chain.points[::-1]):
+        out = points[0] - points[min(4, len(points) - 1)]
+        out = out / np.linalg.norm(out)
+        count += bool(sight.hidden(points[0] + radius * np.array(_BEYOND)[:, None] * out, radius).all())
+    return count
+
+
+def branches(chains: Sequence[Chain]) -> list[tuple[int, int, Array]]:
+    """Find ends that run straight into the side of another chain, as no string does that only touches it.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+
+    Returns
+    -------
+    list of (int, int, (3,) ndarray)
+        Number of the chain that ends, of the one it ends on, and where, metres.
+    """
+    found = []
+    for number, chain in enumerate(chains):
+        for points in () if chain.closed else (chain.points, chain.points[::-1]):
+            r = chain.radius
+            out = points[0] - points[min(8, len(points) - 1)]
+            out = out / np.linalg.norm(out)
+            ahead = points[0] + np.linspace(0.0, _MEETS * r, 17)[:, None] * out
+            for other, strand in enumerate(chains):
+                if other == number:
+                    continue
+                apart = np.linalg.norm(ahead[:, None] - strand.points[None], axis=2)
+                place = int(apart.min(axis=0).argmin())
+                inner = 2.0 * r < strand.arc_length[place] < strand.length - 2.0 * r or strand.closed
+                if inner and apart.min() < _STRAIGHT * r:
+                    found.append((number, other, strand.points[place]))
+    return found

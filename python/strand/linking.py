@@ -86,8 +86,9 @@ def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float
 def aimed(arcs: Sequence[Array], radius: float) -> list[Array]:
     """Turn stubs whose direction is no better than chance into that of the arc that leads to them.
 
-    What is seen of a string beyond a crossing near its end is about as long as wide; a tube fitted to it may lie
-    across. The arc that points at it says how it runs: along the circle from its end to the stub's middle.
+    What is seen of a string beyond a crossing near its end is about as long as wide; a tube fitted to it
+    may lie across. The arc that points at it says how it runs: along the circle from its end to the stub's
+    middle.
 
     Parameters
     ----------

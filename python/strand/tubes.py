@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import Judged, decide, reopened
-from strand.certainty import features, joins_of
+from strand.certainty import branches, confidence, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
+from strand.model import Chain, Join
 from strand.pieces import left_over
 from strand.stages import Found, Run
 from strand.support import described
@@ -293,9 +294,11 @@ def find_strings(
             for i, control in enumerate(fit.curves):
                 if closed[i]:
                     found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
-        with run.stage("link"):
             pieces = reopened(fit, found, sight)
-            again = [] if pieces is None else compared(pieces)
+        if pieces is None:
+            break
+        with run.stage("link"):
+            again = compared(pieces)
         if not again or again[0].cost > judged[0].cost - _BETTER:
             break
         judged = again
@@ -311,8 +314,9 @@ def find_strings(
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
     joins = joins_of(judged, chains, radius, config.linking)
-    stages["features"] = features(judged, joins, chains, sight, radius)
-    return Found(chains, poses, list(fit.pose_sd), stages, 0.0, joins)
+    sure = confidence(judged, joins, chains, sight, radius)
+    _warn_of_doubt(joins, chains, config, run)
+    return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
 
 
 def register_views(
@@ -386,6 +390,25 @@ def _pose_sd(config: Config) -> tuple[float, float]:
 def _free(clouds: Clouds) -> int | None:
     """Return the reference view, or None where it is the only one: then no pose is free."""
     return clouds.reference if len(clouds.points) > 1 else None
+
+
+def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Config, run: Run) -> None:
+    """Name the places where strings may run otherwise, and where they seem to branch."""
+    for join in joins:
+        if join.margin < config.linking.margin:
+            other = (
+                "it may end there"
+                if join.alternative is None
+                else f"it may go on at {np.round(join.alternative, 3).tolist()}"
+            )
+            run.warnings.append(
+                f"unsure how the string runs at {np.round(join.place, 3).tolist()}: {other} "
+                f"(margin {join.margin:.1f}); Model.next_view says from where to look"
+            )
+    for number, trunk, place in branches(chains):
+        run.warnings.append(
+            f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
+        )
 
 
 def _warn_of_open_poses(fit: TubeFit, numbers: Sequence[int], poses: Poses, run: Run) -> None:
