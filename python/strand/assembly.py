@@ -264,7 +264,7 @@ def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
     float
     """
     r = fit.radius
-    parts = [part for part in string_parts(fit, exclusive=True) if part is not None]
+    parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
     if not parts:
         return float("inf")
     lost = unexplained(fit)

@@ -17,13 +17,13 @@ from strand.visibility import Sight
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6
-# joins dearer than this are never made
-_WORST = 60.0
 # gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are
 # tried
 _SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
 # gaps that no camera could see into may be longer by this factor; the share that counts as none of it
 _UNSEEN, _MOSTLY = 1.7, 0.8
+# no gap is bridged of which cameras saw through a larger share
+_SEEN_THROUGH = 0.3
 # arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
 _STUB, _AIM = 2.5, 0.5
 # so many ways to bridge gaps are compared
@@ -161,7 +161,7 @@ class Links:
     arcs : tuple of (M, 3) ndarray
         Ordered nodes, metres.
     costs : dict of (int, int) to float
-        Of the pairs that can be joined at all.
+        Of the pairs that are cheaper to join than to leave.
     """
 
     arcs: tuple[Array, ...]
@@ -196,13 +196,13 @@ class Links:
                 continue
             (p, leave), (q, arrive) = ends[i], ends[j]
             cost = join_cost(p, leave, q, arrive, radius)
-            if cost < _WORST and sight is not None and distance[i, j] > 1.2 * radius:
+            if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
                 if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
                     continue
                 empty = float(sight.empty(nodes, radius).mean()) if len(nodes) else 0.0
                 cost += config.seen_through * empty * distance[i, j] / radius
-            if cost < _WORST:
+            if cost < 2.0 * config.free_end:
                 costs[i, j] = cost
         return cls(tuple(arcs), costs)
 
@@ -261,7 +261,8 @@ class Links:
         Returns
         -------
         list of (int, int)
-            The joins and those that cost least together, none of which closes a ring.
+            The joins and those that cost least together, none of which closes a ring or leads through what
+            cameras saw to be empty; so more chains may be left.
         """
         taken = {end for pair in joins for end in pair}
         free = [end for end in range(2 * len(self.arcs)) if end not in taken and pieces[end // 2] >= 0]
@@ -273,13 +274,20 @@ class Links:
                 nodes = least_bending(before, after, radius, sight, config)
                 gap = float(np.linalg.norm(after[0] - before[-1]))
                 way = np.vstack([before[-1:], nodes, after[:1]])
+                if sight is not None and sight.empty(way, radius).mean() > _SEEN_THROUGH:
+                    continue
                 turn = 4.0 - 2.0 * (
                     end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
                 ) @ (after[0] - before[-1]) / max(gap, 1e-12)
                 cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
                 priced.append((float(cost), i, j))
         priced.sort()
-        return [*joins, *_cheapest(priced, pieces, count - ropes)]
+        more: list[tuple[int, int]] = []
+        wanted = count - ropes
+        while wanted > 0 and not more:
+            more = _cheapest(priced, pieces, wanted)
+            wanted -= 1
+        return [*joins, *more]
 
     def end(self, number: int) -> Array:
         """(3,) Where an end lies, metres."""

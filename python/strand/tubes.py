@@ -29,7 +29,7 @@ _REFERENCE_NODES = 8
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
 # how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
-_REOPENED, _BETTER = 2, 1.0
+_REOPENED, _BETTER = 1, 1.0
 # how many points assemblies are compared on
 _COMPARED = 15000
 
