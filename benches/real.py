@@ -2,9 +2,9 @@
 
 python benches/real.py FOLDER [--out DIR] [--frames 0500 0590]
 
-FOLDER holds depth_NNNN.png (16-bit, millimetres), intrinsics.json and, for some frames, color_image_NNNN.png. One
-view, radius 3.8 mm as the silhouettes show, one rope. The picture shows the order along the rope by colour, from the
-start in blue to the end in yellow, and what only bridges a gap in red.
+FOLDER holds depth_NNNN.png (16-bit, millimetres), intrinsics.json and, for some frames,
+color_image_NNNN.png. One view, radius 3.8 mm as the silhouettes show, one rope. The picture shows the order
+along the rope by colour, from the start in blue to the end in yellow, and what only bridges a gap in red.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="write real.png here")
     parser.add_argument("--frames", nargs="+", default=list(FRAMES))
     arguments = parser.parse_args()
-    print("| frame | points | chains | length mm | bridged mm | median distance from the tube mm | confidence |")
+    print(
+        "| frame | points | chains | length mm | bridged mm | median distance from the tube mm | confidence |"
+    )
     print("|---|---|---|---|---|---|---|")
     models = {}
     for frame in arguments.frames:

@@ -2,10 +2,11 @@
 
 python benches/rules.py DIR [--only TEXT]
 
-DIR holds .npz scenes with truth; the measure is score.py in the folder above it. The pieces are the arcs that the
-default method traces and fits. The paper's rule groups their ends by four, nearest first, and joins the pairs whose
-directions agree best (section V-B); the matching joins all ends at once, at least cost; the decision compares several
-ways to part and join them by fitting each. What is joined is fitted to the points in the same way.
+DIR holds .npz scenes with truth; the measure is score.py in the folder above it. The pieces are the arcs
+that the default method traces and fits. The paper's rule groups their ends by four, nearest first, and
+joins the pairs whose directions agree best (section V-B); the matching joins all ends at once, at least cost; the
+decision compares several ways to part and join them by fitting each. What is joined is fitted to the points in the
+same way.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> list[tuple[
     return Links(tuple(arcs), {}).joined(joins, radius, Config().linking, None)
 
 
-def fitted(scene: strand.Scene, model: strand.Model, chains: list[tuple[np.ndarray, bool]]) -> list[np.ndarray]:
+def fitted(
+    scene: strand.Scene, model: strand.Model, chains: list[tuple[np.ndarray, bool]]
+) -> list[np.ndarray]:
     """Nodes of strings after the last fit, from the corrected poses of the model."""
     config = Config()
     nodes = [n for n, _ in chains if path_length(n)[-1] > config.linking.min_length * scene.radius]

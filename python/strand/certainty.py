@@ -8,8 +8,11 @@ import numpy as np
 
 from strand.assembly import Chains, Judged
 from strand.config import Linking
+from strand.curve import Curve
+from strand.ends import string_parts
 from strand.model import Chain, Join
 from strand.topology import path_length
+from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
 
@@ -19,6 +22,10 @@ _SCALE = 2.5
 _BEYOND = (1.5, 2.5)
 # a branch ends at most so far from the axis that it comes from, and points at it this well, in radii
 _MEETS, _STRAIGHT = 3.5, 0.8
+# an end is in doubt if points that may be another strand's move it this far, in radii
+_MOVED = 0.75
+# or if this stretch before it, in radii, has less than this share of the string's points for its length
+_INSIDE, _FEW = (0.5, 2.5), 0.4
 # doubt: without any reason, for each join by its margin, for each end that may be another's or farther on,
 # for each radius of what is left out, and for the noise in radii beyond what is narrow
 _ALWAYS, _JOINS, _ENDS, _STRAY, _NOISE, _NARROW = 0.01, 0.5, 0.4, 0.15, 6.0, 0.21
@@ -82,7 +89,12 @@ def _nearest(chains: Sequence[Chain], place: Array) -> int:
 
 
 def confidence(
-    judged: Sequence[Judged], joins: Sequence[Join], chains: Sequence[Chain], sight: Sight, radius: float
+    judged: Sequence[Judged],
+    joins: Sequence[Join],
+    chains: Sequence[Chain],
+    parts: Sequence[Curve | None],
+    fit: TubeFit,
+    sight: Sight,
 ) -> float:
     """Say how likely it is that strings run as the best explanation has them.
 
@@ -98,24 +110,47 @@ def confidence(
         Of the best.
     chains : sequence of Chain
         What the best became.
+    parts : sequence of (Curve or None)
+        The stretch of each fitted curve that is string; None for closed ones too.
+    fit : TubeFit
+        The last one.
     sight : Sight
         What the views saw.
-    radius : float
-        The strings' radius, metres.
 
     Returns
     -------
     float
         From 0 to 1.
     """
-    best = judged[0]
+    best, radius = judged[0], fit.radius
     doubt = _ALWAYS + _JOINS * sum(float(np.exp(-max(join.margin, 0.0) / _SCALE)) for join in joins)
     if len(judged) > 1:
         doubt += float(np.exp(-(judged[1].cost - best.cost) / _SCALE))
     doubt += _ENDS * sum(_could_go_on(chain, sight, radius) for chain in chains)
+    doubt += _ENDS * _vague_ends(parts, fit)
     doubt += _STRAY * sum(length / radius + 1.0 for length in best.assembly.left_out)
     doubt += _NOISE * max(best.fit.sigma / radius - _NARROW, 0.0)
     return float(np.exp(-doubt))
+
+
+def _vague_ends(parts: Sequence[Curve | None], fit: TubeFit) -> int:
+    """Count the ends that few points show, or that lie elsewhere if points count that may be another's."""
+    count = 0
+    r = fit.radius
+    supports = fit.explained & (np.abs(fit.residual) < fit.band)
+    for number, (kept, whole) in enumerate(zip(parts, string_parts(fit, exclusive=False), strict=True)):
+        if kept is None or whole is None:
+            continue
+        curve = Curve.whole(kept.control)
+        start, stop, *others = curve.arc_length([kept.start, kept.stop, whole.start, whole.stop])
+        s = curve.arc_length(fit.parameter[supports & (fit.curve == number)])
+        usual = np.count_nonzero((s > start) & (s < stop)) / max(stop - start, r)
+        for end, other, inwards in ((start, others[0], 1.0), (stop, others[1], -1.0)):
+            inside = (s - end) * inwards
+            seen = np.count_nonzero((inside > _INSIDE[0] * r) & (inside < _INSIDE[1] * r))
+            few = seen < _FEW * usual * (_INSIDE[1] - _INSIDE[0]) * r
+            count += bool(few or abs(end - other) > _MOVED * r)
+    return count
 
 
 def _could_go_on(chain: Chain, sight: Sight, radius: float) -> int:

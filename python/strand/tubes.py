@@ -314,7 +314,8 @@ def find_strings(
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
     joins = joins_of(judged, chains, radius, config.linking)
-    sure = confidence(judged, joins, chains, sight, radius)
+    open_parts = [None if ring else part for part, ring in zip(found, closed, strict=True)]
+    sure = confidence(judged, joins, chains, open_parts, fit, sight)
     _warn_of_doubt(joins, chains, config, run)
     return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
 
