@@ -4,9 +4,9 @@ python benches/rules.py DIR [--only TEXT]
 
 DIR holds .npz scenes with truth; the measure is score.py in the folder above it. The pieces are the arcs
 that the default method traces and fits. The paper's rule groups their ends by four, nearest first, and
-joins the pairs whose directions agree best (section V-B); the matching joins all ends at once, at least cost; the
-decision compares several ways to part and join them by fitting each. What is joined is fitted to the points in the
-same way.
+joins the pairs whose directions agree best (section V-B); the matching joins all ends at once, at least
+cost; the decision compares several ways to part and join them by fitting each. What is joined is fitted
+to the points in the same way.
 """
 
 from __future__ import annotations

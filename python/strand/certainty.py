@@ -21,7 +21,7 @@ _SCALE = 2.5
 # places beyond an end that would have been seen if the string went on, in radii
 _BEYOND = (1.5, 2.5)
 # a branch ends at most so far from the axis that it comes from, and points at it this well, in radii
-_MEETS, _STRAIGHT = 3.5, 0.8
+_MEETS, _STRAIGHT = 4.5, 1.2
 # an end is in doubt if points that may be another strand's move it this far, in radii
 _MOVED = 0.75
 # or if this stretch before it, in radii, has less than this share of the string's points for its length
