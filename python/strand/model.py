@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -150,14 +150,13 @@ class Chain:
         def turned(rows: Any) -> Any:
             return None if rows is None else rows[::-1]
 
-        return Chain(
-            self.points[::-1],
-            self.radius,
-            self.closed,
-            None if self.curve is None else self.curve.reversed(),
-            turned(self.covariance),
-            turned(self.points_seen),
-            turned(self.views_seen),
+        return replace(
+            self,
+            points=self.points[::-1],
+            curve=None if self.curve is None else self.curve.reversed(),
+            covariance=turned(self.covariance),
+            points_seen=turned(self.points_seen),
+            views_seen=turned(self.views_seen),
         )
 
     def at(self, s: ArrayLike) -> Array:
