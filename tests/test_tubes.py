@@ -355,6 +355,13 @@ def test_numbers_that_would_fill_the_memory_are_refused(paper):
         ({"iterations": -1}, ValueError, "iterations"),
         ({"pose_sd": (1.0,)}, ValueError, "pose_sd"),
         ({"band": (1.0,)}, ValueError, "band"),
+        ({"ropes": [1]}, ValueError, "ropes"),
+        ({"ropes": [0, 0]}, ValueError, "ropes"),
+        ({"ropes": [0.0]}, ValueError, "ropes"),
+        ({"radius_prior": (0.1, 0.0)}, ValueError, "radius_prior"),
+        ({"radius_prior": [0.1]}, ValueError, "radius_prior"),
+        ({"min_bend": 0.0}, ValueError, "min_bend"),
+        ({"noise": -1.0}, ValueError, "noise"),
         ({"bounds": ([1.0] * 3, [0.0] * 3)}, ValueError, "bounds"),
     ],
 )

@@ -30,7 +30,7 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     list of (Curve or None)
         None for a curve that fewer than eight points support.
     """
-    counted = fit.explained & (np.abs(fit.residual) < fit.band)
+    counted = fit.inlier.copy()
     curves = [Curve.whole(control) for control in fit.curves]
     if exclusive:
         counted &= ~_ambiguous(fit, curves, counted)
@@ -40,9 +40,10 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         if len(s) < 8:
             parts.append(None)
             continue
-        start = _end(s, curve.length, fit.radius)
-        stop = curve.length - _end(curve.length - s[::-1], curve.length, fit.radius)
-        parts.append(curve.part(start, stop) if stop - start > fit.radius else None)
+        radius = fit.radius(number)
+        start = _end(s, curve.length, radius)
+        stop = curve.length - _end(curve.length - s[::-1], curve.length, radius)
+        parts.append(curve.part(start, stop) if stop - start > radius else None)
     return parts
 
 
@@ -73,16 +74,17 @@ def _end(s: Array, length: float, radius: float) -> float:
 
 def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.ndarray:
     """Points near the end of their curve that lie on the surface of another strand as well."""
-    r = fit.radius
-    places = [curve.nodes(0.25 * r) for curve in curves]
+    places = [curve.nodes(0.25 * fit.radius(number)) for number, curve in enumerate(curves)]
     samples = [curve.at(s)[:2] for curve, s in zip(curves, places, strict=True)]
     centres = np.concatenate([sample[0] for sample in samples])
     tangents = np.concatenate([sample[1] for sample in samples])
     number = np.repeat(np.arange(len(curves)), [len(s) for s in places])
     along = np.concatenate(places)
-    slack = max(2.5 * fit.sigma, 0.15 * r)
+    radii = fit.radii[fit.ropes[number]]
     ambiguous = np.zeros(len(fit.curve), dtype=bool)
     for k, curve in enumerate(curves):
+        r = fit.radius(k)
+        slack = max(2.5 * fit.sigma, 0.15 * r)
         s = curve.arc_length(fit.parameter)
         at_end = (s < _NEAR_END * r) | (s > curve.length - _NEAR_END * r)
         points = np.flatnonzero(counted & (fit.curve == k) & at_end)
@@ -95,6 +97,6 @@ def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.nda
         distance = np.linalg.norm(across, axis=2)
         facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
         elsewhere = (number[None] != k) | (np.abs(along[None] - s[points][:, None]) > 5.0 * r)
-        on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - r) < slack) & facing
+        on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - radii) < slack) & facing
         ambiguous[points] = (on_surface & elsewhere).any(axis=1)
     return ambiguous

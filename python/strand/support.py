@@ -14,7 +14,7 @@ from strand.view import Array
 
 
 def described(
-    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], config: Config
+    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], radii_sd: Array, config: Config
 ) -> list[Chain]:
     """Make chains of fitted curves.
 
@@ -25,6 +25,8 @@ def described(
         The stretch of each curve that is string; None leaves it out.
     closed : sequence of bool
         Whether each goes on from its end to its start.
+    radii_sd : (C,) ndarray
+        Standard deviation of each curve's radius, metres.
     config : Config
 
     Returns
@@ -33,24 +35,24 @@ def described(
         In the curves' order.
     """
     chains = []
-    supports = fit.explained & (np.abs(fit.residual) < fit.band)
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None:
             continue
-        s = part.nodes(config.tubes.node_spacing * fit.radius)
-        mine = supports & (fit.curve == number)
+        s = part.nodes(config.tubes.node_spacing * fit.radius(number))
+        mine = fit.inlier & (fit.curve == number)
         counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
         # a ring's last node is its first again
         kept = slice(0, len(s) - 1 if ring else len(s))
         chains.append(
             Chain(
                 part.at(s)[0][kept],
-                fit.radius,
+                fit.radius(number),
                 ring,
                 None if ring else part,
                 node_covariance(fit.covariances[number], part.parameter(s))[kept],
                 counts[kept],
                 views[kept],
+                float(radii_sd[number]),
             )
         )
     return chains

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import compress
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,8 @@ from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import link, part_at_contacts
+from strand.radius import Radii, agreeing
+from strand.selection import best_explaining
 from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
@@ -59,18 +63,98 @@ class Clouds:
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
 
-def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
-    """Trace arcs through the points of all views at corrected poses."""
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Stretches of string.
+
+    Attributes
+    ----------
+    nodes : list of (M, 3) ndarray
+        Ordered nodes of each, metres.
+    ropes : list of int
+        The number of the rope that each is a piece of.
+    """
+
+    nodes: list[Array]
+    ropes: list[int]
+
+    def only(self, chosen: Iterable[object]) -> Arcs:
+        """Return those for which something is true."""
+        chosen = list(chosen)
+        return Arcs(list(compress(self.nodes, chosen)), list(compress(self.ropes, chosen)))
+
+
+def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int) -> Arcs:
+    """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
     cameras = [
         np.tile(moved(centre[None], motion), (len(cloud), 1))
         for centre, motion, cloud in zip(clouds.viewpoints, motions, clouds.points, strict=True)
     ]
-    arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
-    return [nodes for nodes, _ in arcs]
+    nodes, ropes = [], []
+    for rope, radius in enumerate(radii):
+        arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
+        nodes += [arc for arc, _ in arcs]
+        ropes += [rope] * len(arcs)
+    if not nodes:
+        raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
+    found = Arcs(nodes, ropes)
+    if len(radii) == 1:
+        return found
+
+    def fitted(numbers: list[int]) -> TubeFit:
+        some = found.only([number in numbers for number in range(len(nodes))])
+        return _on_arcs(clouds, motions, radii, some)
+
+    return found.only(best_explaining(ropes, radii, fitted))
 
 
-def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
+def _on_arcs(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs) -> TubeFit:
+    """Feet of all points on arcs as they are."""
+    return fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        [
+            _core.spline_through(nodes, radii[rope], 0.0)
+            for nodes, rope in zip(arcs.nodes, arcs.ropes, strict=True)
+        ],
+        motions,
+        radii,
+        ropes=arcs.ropes,
+        pose_sd=(1.0, 1.0),
+        reference=None,
+        fit_curves=False,
+        iterations=0,
+    )
+
+
+def _fit(
+    clouds: Clouds,
+    curves: Sequence[Array],
+    ropes: Sequence[int],
+    motions: Array,
+    radii: Array,
+    config: Config,
+    **how: Any,
+) -> TubeFit:
+    """Fit curves and poses, with what every fit of a run has in common."""
+    return fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        curves,
+        motions,
+        radii,
+        ropes=ropes,
+        pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
+        # a view alone has no pose to find
+        reference=clouds.reference if len(clouds.points) > 1 else None,
+        min_bend=config.tubes.min_bend,
+        noise=config.tubes.noise,
+        **how,
+    )
+
+
+def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
     """Corrections of the poses that put all views on the tubes of the reference view."""
     still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
     if len(clouds.points) == 1:
@@ -78,19 +162,20 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
     alone = Clouds(
         [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
     )
-    arcs = trace(alone, still[:1], radius, min_nodes=4)
-    arcs = [arc for arc in arcs if len(arc) >= _REFERENCE_NODES] or arcs
-    if not arcs:
+    try:
+        arcs = trace(alone, still[:1], radii, min_nodes=4)
+    except NotEnoughDataError:
         return still
-    curves = [_core.spline_through(arc, config.tubes.spacing * radius, 0.0) for arc in arcs]
-    fit = fit_tubes(
-        clouds.points,
-        clouds.viewpoints,
-        curves,
+    long = [len(nodes) >= _REFERENCE_NODES for nodes in arcs.nodes]
+    if any(long):
+        arcs = arcs.only(long)
+    fit = _fit(
+        clouds,
+        _splines(arcs, radii, config, 0.0),
+        arcs.ropes,
         still,
-        radius,
-        pose_sd=_pose_sd(config),
-        reference=clouds.reference,
+        radii,
+        config,
         fit_curves=False,
         band=(1.0, 0.5),
         iterations=10,
@@ -98,72 +183,130 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
     return fit.motions
 
 
-def fit_arcs(
-    clouds: Clouds, motions: Array, radius: float, config: Config, fit_radius: bool = False
-) -> TubeFit:
-    """Trace arcs and fit them with the poses, more than once.
+def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tuple[TubeFit, Radii]:
+    """Trace arcs and fit them with the poses, more than once; radii that are free last.
+
+    Returns the last fit, and those of the radii that some arc has.
 
     Raises
     ------
     strand.NotEnoughDataError
-        If there is nothing like a tube of this radius in the points.
+        If there is nothing like a tube of these radii in the points.
     """
     fit = None
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
-        arcs = trace(clouds, motions, radius, min_nodes=3)
-        if not arcs:
-            raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
-        margin, spacing = _ARC_MARGIN * radius, config.tubes.spacing * radius
-        fit = fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            [_core.spline_through(arc, spacing, margin) for arc in arcs],
+        arcs = trace(clouds, motions, radii.values, min_nodes=3)
+        present = sorted(set(arcs.ropes))
+        radii, arcs = radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
+        fit = _fit(
+            clouds,
+            _splines(arcs, radii.values, config, _ARC_MARGIN),
+            arcs.ropes,
             motions,
-            radius,
-            pose_sd=_pose_sd(config),
-            reference=_free(clouds),
-            fit_radius=fit_radius and last,
+            radii.values,
+            config,
             iterations=12 if last else 8,
-            bounds=clouds.bounds if fit_radius else None,
+            bounds=clouds.bounds if radii.free else None,
         )
-        motions, radius = fit.motions, fit.radius
+        motions = fit.motions
     assert fit is not None
-    return fit
+    if not radii.free:
+        return fit, radii
+    fit = _fit(
+        clouds,
+        fit.curves,
+        arcs.ropes,
+        fit.motions,
+        fit.radii,
+        config,
+        radius_prior=radii.prior,
+        along_ray=True,
+        band=(0.8, 0.5),
+        iterations=30,
+        bounds=clouds.bounds,
+    )
+    return fit, radii
 
 
-def fit_strings(
-    clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
-) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays."""
-    margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
-    curves = [_core.spline_through(nodes, spacing, margin) for nodes in chains]
-    for along_ray in (False, True):
-        fit = fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
+def fit_strings(clouds: Clouds, strings: Arcs, before: TubeFit, radii: Radii, config: Config) -> TubeFit:
+    """Fit whole strings with the poses: first forgivingly, then along the rays.
+
+    Radii that are free are first each string's own; strings whose radii agree then share one.
+    """
+    ropes = list(range(len(strings.ropes))) if radii.free else strings.ropes
+    start = before.radii[strings.ropes] if radii.free else before.radii
+    prior = radii.prior
+    prior = None if prior is None else prior[strings.ropes]
+    curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
+
+    def fitted(along_ray: bool) -> TubeFit:
+        return _fit(
+            clouds,
             curves,
+            ropes,
             motions,
-            radius,
-            pose_sd=_pose_sd(config),
-            reference=_free(clouds),
-            fit_radius=fit_radius and along_ray,
+            start,
+            config,
+            radius_prior=prior if along_ray else None,
             along_ray=along_ray,
             band=(0.5, 0.5 if along_ray else 0.4),
-            iterations=15 if along_ray else 12,
-            bounds=clouds.bounds if fit_radius else None,
+            iterations=(30 if radii.free else 15) if along_ray else 12,
+            bounds=clouds.bounds if radii.free else None,
         )
-        curves, motions, radius = fit.curves, fit.motions, fit.radius
-    return fit
+
+    fit = fitted(along_ray=False)
+    curves, motions = fit.curves, fit.motions
+    fit = fitted(along_ray=True)
+    if prior is None:
+        return fit
+    kinds = agreeing(fit.radii, fit.radii_sd)
+    if len(set(kinds)) == len(kinds):
+        return fit
+    curves, motions, ropes = fit.curves, fit.motions, kinds
+    first = [kinds.index(kind) for kind in range(max(kinds) + 1)]
+    start, prior = fit.radii[first], prior[first]
+    return fitted(along_ray=True)
+
+
+def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
+    """Cut fitted arcs to what was seen, and leave out what is too short."""
+    nodes, ropes = [], []
+    for number, part in enumerate(string_parts(fit, exclusive=False)):
+        radius = fit.radius(number)
+        if part is not None and part.length > config.tubes.min_arc * radius:
+            nodes.append(part.at(part.nodes(0.5 * radius))[0])
+            ropes.append(int(fit.ropes[number]))
+    return Arcs(nodes, ropes)
+
+
+def linked(arcs: Arcs, radii: Array, config: Config) -> tuple[Arcs, list[bool]]:
+    """Link the arcs of each rope to strings, and say which of them are rings.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If no string is long enough.
+    """
+    strings, closed = Arcs([], []), []
+    for rope, radius in enumerate(radii):
+        mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
+        for nodes, ring in link(part_at_contacts(mine, radius, config.linking), radius, config.linking):
+            if path_length(nodes)[-1] > config.linking.min_length * radius:
+                strings.nodes.append(nodes)
+                strings.ropes.append(rope)
+                closed.append(ring)
+    if not strings.nodes:
+        raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+    return strings, closed
 
 
 def find_strings(
     views: Sequence[View],
     numbers: Sequence[int],
     bounds: Bounds,
-    radius: float,
+    radii: Radii,
     config: Config,
     run: Run,
-    fit_radius: bool,
 ) -> Found:
     """Trace, register, fit and link on filtered views that all see something.
 
@@ -174,12 +317,9 @@ def find_strings(
         What each is called in warnings.
     bounds : pair of (3,) ndarray or None
         The extraction range that they were cut to, metres.
-    radius : float
-        Metres; the start, if it is fitted.
+    radii : Radii
     config : Config
     run : Run
-    fit_radius : bool
-        Whether the radius is fitted too.
 
     Returns
     -------
@@ -194,31 +334,22 @@ def find_strings(
     """
     clouds = Clouds.of(views, bounds)
     with run.stage("register"):
-        motions = registered_roughly(clouds, radius, config)
+        motions = registered_roughly(clouds, radii.values, config)
     with run.stage("arcs"):
-        fit = fit_arcs(clouds, motions, radius, config, fit_radius)
-        radius = fit.radius
-        parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
-        arcs = [
-            part.at(part.nodes(0.5 * radius))[0]
-            for part in parts
-            if part.length > config.tubes.min_arc * radius
-        ]
+        fit, radii = fit_arcs(clouds, motions, radii, config)
+        arcs = seen_arcs(fit, config)
     with run.stage("link"):
-        linked = link(part_at_contacts(arcs, radius, config.linking), radius, config.linking)
-        linked = [pair for pair in linked if path_length(pair[0])[-1] > config.linking.min_length * radius]
-        if not linked:
-            raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+        strings, closed = linked(arcs, fit.radii, config)
     with run.stage("fit"):
-        fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
+        fit = fit_strings(clouds, strings, fit, radii, config)
     with run.stage("ends"):
-        closed = [ring for _, ring in linked]
         found = string_parts(fit, exclusive=True)
         for i, control in enumerate(fit.curves):
             if closed[i]:
-                found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
-        chains = described(fit, found, closed, config)
-    share = float((fit.explained & (np.abs(fit.residual) < fit.band)).mean())
+                found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
+        radii_sd = fit.radii_sd[fit.ropes] if radii.free else radii.sd[strings.ropes]
+        chains = described(fit, found, closed, radii_sd, config)
+    share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
         run.warnings.append(
             f"only {share:.0%} of the points lie on the strings found: is the radius right, and does the "
@@ -226,7 +357,7 @@ def find_strings(
         )
     _warn_of_open_poses(fit, numbers, config.poses, run)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
-    stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
+    stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
     return Found(chains, poses, list(fit.pose_sd), stages)
 
@@ -280,11 +411,20 @@ def register_views(
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
-    fit = fit_arcs(clouds, registered_roughly(clouds, radius, config), radius, config)
+    radii = Radii.given(radius)
+    fit, _ = fit_arcs(clouds, registered_roughly(clouds, radii.values, config), radii, config)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]
     return np.array(poses), fit.pose_sd
+
+
+def _splines(arcs: Arcs, radii: Array, config: Config, margin: float) -> list[Array]:
+    """Splines through arcs, carried on at both ends by a margin in radii."""
+    return [
+        _core.spline_through(nodes, config.tubes.spacing * radii[rope], margin * radii[rope])
+        for nodes, rope in zip(arcs.nodes, arcs.ropes, strict=True)
+    ]
 
 
 def _once_round(curve: Curve, margin: float) -> Curve:
@@ -293,15 +433,6 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
     return curve.part(margin, float(stop))
-
-
-def _pose_sd(config: Config) -> tuple[float, float]:
-    return config.poses.rotation_sd, config.poses.translation_sd
-
-
-def _free(clouds: Clouds) -> int | None:
-    """Return the reference view, or None where it is the only one: then no pose is free."""
-    return clouds.reference if len(clouds.points) > 1 else None
 
 
 def _warn_of_open_poses(fit: TubeFit, numbers: Sequence[int], poses: Poses, run: Run) -> None:

@@ -37,6 +37,7 @@ mod parallel;
 #[cfg(feature = "python")]
 mod python;
 mod spline;
+mod strips;
 mod tubefit;
 mod tubelet;
 mod tubes;
@@ -53,5 +54,6 @@ pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::Spline;
-pub use tubefit::{Foot, Residual, TubeFit, TubeFitOptions, TubeView, fit_tubes};
+pub use strips::{Strip, strip_radii};
+pub use tubefit::{Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes};
 pub use tubes::{Arc, trace_tubes};

@@ -1,7 +1,7 @@
 //! Joint fit of tubes and camera poses to surface points.
 //!
-//! Unknowns are the control points of one spline for each arc, a small rigid motion of each view about the pose that
-//! was reported, and the radius. A point's residual is its distance from the tube's surface; so opposite
+//! Unknowns are the control points of one spline for each piece of string, a small rigid motion of each view about the
+//! pose that was reported, and the ropes' radii. A point's residual is its distance from the tube's surface; so opposite
 //! half-shells of a tube, which pull into each other when points are matched with points, are told apart by construction.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -28,8 +28,21 @@ const REACH: f64 = 2.0;
 const THIRD_DIFFERENCE: f64 = 0.1;
 const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
+/// What the prior's standard deviation of a curve's second differences is multiplied with after each step at which it
+/// bends too tightly, and where that ends: points that bend all the same are followed.
+const STIFFENING: f64 = 0.5;
+const LEAST_SLACK: f64 = 1e-3;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
+
+/// A string to fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tube {
+    /// Its axis.
+    pub curve: Spline,
+    /// The number of the rope that it is a piece of: pieces of one rope share a radius.
+    pub rope: usize,
+}
 
 /// What one camera saw.
 #[derive(Debug, Clone, Copy)]
@@ -51,12 +64,12 @@ pub enum Residual {
 }
 
 /// What is fitted, and how.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TubeFitOptions {
     /// Whether curves change.
     pub fit_curves: bool,
-    /// Whether the radius changes.
-    pub fit_radius: bool,
+    /// What is known of each rope's radius beforehand, its mean and standard deviation, metres; None: radii are held.
+    pub radius_prior: Option<Vec<[f64; 2]>>,
     /// The view that stays where it is; the others move. None: all stay.
     pub reference: Option<usize>,
     /// Standard deviations of the reported poses: rotation in radians, translation in metres.
@@ -67,6 +80,11 @@ pub struct TubeFitOptions {
     pub band: [f64; 2],
     /// Most Gauss–Newton steps.
     pub iterations: usize,
+    /// The tightest bend of a curve: its radius of curvature, in radii. A curve that bends more tightly is made stiffer,
+    /// as far as its points allow.
+    pub min_bend: f64,
+    /// Standard deviation of the sensor's noise along the viewing rays, metres; None: estimated from the residuals.
+    pub noise: Option<f64>,
     /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
     /// place on the tube lies within two standard deviations of its faces have no part.
     pub bounds: Option<[Point; 2]>,
@@ -89,6 +107,8 @@ pub struct Foot {
     pub weight: f64,
     /// Whether the point is where the tube could have been seen.
     pub explained: bool,
+    /// Whether it is explained, and its residual within the last limit beyond which residuals did not count.
+    pub inlier: bool,
 }
 
 /// The outcome of a joint fit.
@@ -98,12 +118,10 @@ pub struct TubeFit {
     pub curves: Vec<Spline>,
     /// For each view, the rigid motion of the world frame that corrects its reported pose.
     pub motions: Vec<RigidMotion>,
-    /// The radius, metres.
-    pub radius: f64,
+    /// The ropes' radii, metres.
+    pub radii: Vec<f64>,
     /// Robust standard deviation of the residuals, metres.
     pub sigma: f64,
-    /// The last limit beyond which residuals did not count, metres.
-    pub band: f64,
     /// For each view, where its points ended.
     pub feet: Vec<Vec<Foot>>,
     /// Gauss–Newton steps taken.
@@ -117,8 +135,8 @@ pub struct TubeFit {
 pub struct Uncertainty {
     /// Standard deviations of each view's rotation vector, radians, and translation, metres; 0 for a view that stays.
     pub poses: Vec<[f64; 6]>,
-    /// Standard deviation of the radius, metres; 0 if it was given.
-    pub radius: f64,
+    /// Standard deviations of the ropes' radii, metres; 0 if they were held.
+    pub radii: Vec<f64>,
     /// For each curve and control point, its 3x3 covariances with itself and with the next three, m²; empty if the
     /// curves were held.
     pub curves: Vec<Vec<[[Point; 3]; 4]>>,
@@ -132,7 +150,12 @@ struct State<'a> {
     /// Rotation vector and translation of each motion, about `center`.
     twists: Vec<[f64; 6]>,
     center: Point,
-    radius: f64,
+    /// The rope of each curve, and the ropes' radii now and at the start.
+    ropes: Vec<usize>,
+    radii: Vec<f64>,
+    start_radii: Vec<f64>,
+    /// For each curve, what the standard deviation of its second differences' prior is multiplied with.
+    slack: Vec<f64>,
     sigma: f64,
     /// Standard deviation of a point whose weight is 1: of its residual, or of the noise along its ray.
     noise: f64,
@@ -168,21 +191,27 @@ struct Term {
 /// do not fix the unknowns.
 pub fn fit_tubes(
     views: &[TubeView],
-    curves: &[Spline],
+    tubes: &[Tube],
     motions: &[RigidMotion],
-    radius: f64,
+    radii: &[f64],
     options: &TubeFitOptions,
 ) -> Result<TubeFit> {
-    check_positive("radius", radius)?;
+    for &radius in radii {
+        check_positive("radius", radius)?;
+    }
     for view in views {
         check_finite("points", view.points)?;
         check_finite("viewpoint", &[view.viewpoint])?;
     }
-    if curves.is_empty() || curves.iter().any(|curve| curve.control.len() < 4) {
+    if tubes.is_empty() || tubes.iter().any(|tube| tube.curve.control.len() < 4) {
         return Err(Error::invalid(
             "curves",
             "expected at least one curve, each with four control points or more",
         ));
+    }
+    if tubes.iter().any(|tube| tube.rope >= radii.len()) {
+        let reason = format!("expected the number of one of {} ropes for each curve", radii.len());
+        return Err(Error::invalid("ropes", reason));
     }
     if motions.len() != views.len() {
         return Err(Error::invalid("motions", format!("expected one for each of {} views", views.len())));
@@ -196,13 +225,26 @@ pub fn fit_tubes(
     for sd in options.pose_sd {
         check_positive("pose_sd", sd)?;
     }
+    if let Some(priors) = &options.radius_prior {
+        if priors.len() != radii.len() {
+            let reason = format!("expected one for each of {} ropes", radii.len());
+            return Err(Error::invalid("radius_prior", reason));
+        }
+        for value in priors.as_flattened() {
+            check_positive("radius_prior", *value)?;
+        }
+    }
     for band in options.band {
         check_positive("band", band)?;
     }
-    for curve in curves {
-        check_finite("curves", &curve.control)?;
+    check_positive("min_bend", options.min_bend)?;
+    if let Some(noise) = options.noise {
+        check_positive("noise", noise)?;
     }
-    let spans: f64 = curves.iter().map(|curve| curve.length() / radius).sum();
+    for tube in tubes {
+        check_finite("curves", &tube.curve.control)?;
+    }
+    let spans: f64 = tubes.iter().map(|tube| tube.curve.length() / radii[tube.rope]).sum();
     if spans > MOST_RADII {
         let reason = format!("the curves are {spans:.1e} radii long, more than {MOST_RADII:e}");
         return Err(Error::invalid("radius", reason));
@@ -211,15 +253,18 @@ pub fn fit_tubes(
     let center = centroid(&all);
     let mut state = State {
         views,
-        curves: curves.to_vec(),
+        curves: tubes.iter().map(|tube| tube.curve.clone()).collect(),
         motions: motions.to_vec(),
         twists: motions.iter().map(|motion| twist(motion, center)).collect(),
         center,
-        radius,
-        sigma: 0.2 * radius,
-        noise: 0.2 * radius,
+        ropes: tubes.iter().map(|tube| tube.rope).collect(),
+        radii: radii.to_vec(),
+        start_radii: radii.to_vec(),
+        slack: vec![1.0; tubes.len()],
+        sigma: 0.2 * smallest(radii),
+        noise: 0.2 * smallest(radii),
     };
-    parallel::run(|| state.run(radius, options))
+    parallel::run(|| state.run(options))
 }
 
 /// Rotation vector, and translation of a point, of a rigid motion.
@@ -237,63 +282,65 @@ fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
 }
 
 impl State<'_> {
-    fn run(&mut self, start_radius: f64, options: &TubeFitOptions) -> Result<TubeFit> {
+    fn run(&mut self, options: &TubeFitOptions) -> Result<TubeFit> {
         let mut iteration = 0;
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
-            let planned =
-                (options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0)) * self.radius;
-            let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
-            let band = planned.max(least).min(1.2 * self.radius);
-            let terms = self.terms(options, band);
-            self.measure(&terms, options.residual, band);
+            let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
+            let bands: Vec<f64> = (self.radii.iter())
+                .map(|r| {
+                    let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * r };
+                    (planned * r).max(least).min(1.2 * r)
+                })
+                .collect();
+            let terms = self.terms(options, &bands);
+            self.measure(&terms, options);
             if iteration == options.iterations {
-                return self.result(terms, band, iteration, options);
+                return self.result(terms, iteration, options);
             }
-            let step = self.step(&terms, start_radius, options)?;
+            let step = self.step(&terms, options)?;
             iteration += 1;
-            if iteration > 4 && step < 2e-4 * self.radius {
-                let terms = self.terms(options, band);
-                return self.result(terms, band, iteration, options);
+            if !self.stiffen(options) && iteration > 4 && step < 2e-4 * smallest(&self.radii) {
+                let terms = self.terms(options, &bands);
+                return self.result(terms, iteration, options);
             }
         }
     }
 
-    fn result(
-        &self,
-        terms: Vec<Vec<Term>>,
-        band: f64,
-        iterations: usize,
-        options: &TubeFitOptions,
-    ) -> Result<TubeFit> {
+    /// The radius of a curve.
+    fn radius(&self, curve: usize) -> f64 {
+        self.radii[self.ropes[curve]]
+    }
+
+    fn result(&self, terms: Vec<Vec<Term>>, iterations: usize, options: &TubeFitOptions) -> Result<TubeFit> {
         let uncertainty = self.uncertainty(&terms, options)?;
         Ok(TubeFit {
             uncertainty,
             curves: self.curves.clone(),
             motions: self.motions.clone(),
-            radius: self.radius,
+            radii: self.radii.clone(),
             sigma: self.sigma,
-            band,
             feet: terms.into_iter().map(|view| view.into_iter().map(|term| term.foot).collect()).collect(),
             iterations,
         })
     }
 
     /// The feet of all points at the current curves, poses and radius.
-    fn terms(&self, options: &TubeFitOptions, band: f64) -> Vec<Vec<Term>> {
+    fn terms(&self, options: &TubeFitOptions, bands: &[f64]) -> Vec<Vec<Term>> {
         let samples: Vec<Sample> = self
             .curves
             .iter()
             .enumerate()
             .flat_map(|(curve, spline)| {
-                spline.parameters(SAMPLING * self.radius).into_iter().map(move |parameter| {
+                let spacing = SAMPLING * self.radius(curve);
+                spline.parameters(spacing).into_iter().map(move |parameter| {
                     let place = spline.at(parameter);
                     Sample { position: place.position, tangent: normalized(place.first), curve, parameter }
                 })
             })
             .collect();
         let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
-        let grid = Grid::new(&positions, REACH * self.radius);
+        let grid = Grid::new(&positions, REACH * self.radii.iter().copied().fold(0.0, f64::max));
         let samples = grid.gather(&samples);
         self.views
             .iter()
@@ -310,7 +357,7 @@ impl State<'_> {
                                 let moved = motion.apply(p);
                                 let to_camera = normalized(sub(camera, moved));
                                 let mut foot =
-                                    self.foot(moved, to_camera, &grid, &samples, options.residual, band);
+                                    self.foot(moved, to_camera, &grid, &samples, options.residual, bands);
                                 if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
                                     foot.weight = 0.0;
                                 }
@@ -339,7 +386,7 @@ impl State<'_> {
     /// Whether noise may have carried points out of the extraction range at a foot.
     fn is_cut(&self, foot: &Foot, [low, high]: [Point; 2]) -> bool {
         let axis = self.curves[foot.curve].at(foot.parameter).position;
-        let surface = advance(axis, self.radius, foot.outward);
+        let surface = advance(axis, self.radius(foot.curve), foot.outward);
         let margin = 2.0 * self.sigma;
         (0..3).any(|k| surface[k] < low[k] + margin || surface[k] > high[k] - margin)
     }
@@ -352,20 +399,20 @@ impl State<'_> {
         grid: &Grid,
         samples: &[Sample],
         residual: Residual,
-        band: f64,
+        bands: &[f64],
     ) -> Foot {
-        let r = self.radius;
         let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
-        let mut best = (1.2 * r, None);
+        let mut best = (f64::INFINITY, None);
         grid.visit_near(p, |i, _, _| {
             let sample = &samples[i];
+            let r = self.radius(sample.curve);
             let x = sub(p, sample.position);
             let along = dot(x, sample.tangent);
             let q = advance(x, -along, sample.tangent);
             let d = dot(q, q).sqrt();
             let away = if dot(q, to_camera) < least_facing * d { 2.0 * r } else { 0.0 };
             let cost = (d - r).abs() + away + (along.abs() - 0.2 * r).max(0.0);
-            if cost < best.0 {
+            if cost < best.0.min(1.2 * r) {
                 best = (cost, Some(*sample));
             }
             true
@@ -378,9 +425,12 @@ impl State<'_> {
             facing: 0.0,
             weight: 0.0,
             explained: false,
+            inlier: false,
         };
         let Some(sample) = best.1 else { return nowhere };
         let curve = &self.curves[sample.curve];
+        let r = self.radius(sample.curve);
+        let band = bands[self.ropes[sample.curve]];
         let mut parameter = sample.parameter;
         for _ in 0..2 {
             let place = curve.at(parameter);
@@ -403,48 +453,24 @@ impl State<'_> {
                 let facing = dot(outward, to_camera);
                 let explained = facing > 0.1;
                 let weight = if explained { tukey(d - r, band) } else { 0.0 };
-                Foot { residual: d - r, outward, facing, explained, weight, ..foot }
+                let inlier = explained && (d - r).abs() < band;
+                Foot { residual: d - r, outward, facing, explained, inlier, weight, ..foot }
             }
-            Residual::Ray => self.along_ray(foot, q, to_camera, tangent, band),
+            Residual::Ray => along_ray(foot, q, to_camera, tangent, r, band),
         }
-    }
-
-    /// The residual along the viewing ray, with the tube's straight cylinder at the foot.
-    fn along_ray(&self, foot: Foot, q: Point, to_camera: Point, tangent: Point, band: f64) -> Foot {
-        let r = self.radius;
-        // across the axis: the ray is q + λ w, nearest to the axis at λ₀
-        let w = advance(to_camera, -dot(to_camera, tangent), tangent);
-        let square = dot(w, w) + 1e-12;
-        let nearest = -dot(q, w) / square;
-        let miss = advance(q, nearest, w);
-        let gap = dot(miss, miss);
-        if gap >= r * r {
-            return Foot { residual: gap.sqrt() - r, explained: gap.sqrt() < 1.25 * r, ..foot };
-        }
-        let length = nearest + ((r * r - gap) / square).sqrt();
-        let outward = normalized(advance(q, length, w));
-        let facing = dot(outward, to_camera);
-        let residual = -length * facing;
-        let cosine = facing.max(0.4);
-        let near = length.abs() < 1.2 * r;
-        let weight = if near { tukey(residual, band * cosine.max(0.5)) / (cosine * cosine) } else { 0.0 };
-        Foot { residual, outward, facing, explained: true, weight, ..foot }
     }
 
     /// Updates the standard deviations of residuals and of noise.
-    fn measure(&mut self, terms: &[Vec<Term>], residual: Residual, band: f64) {
-        let used: Vec<&Foot> = terms
-            .iter()
-            .flatten()
-            .map(|term| &term.foot)
-            .filter(|foot| foot.explained && foot.residual.abs() < band)
-            .collect();
+    fn measure(&mut self, terms: &[Vec<Term>], options: &TubeFitOptions) {
+        let used: Vec<&Foot> =
+            terms.iter().flatten().map(|term| &term.foot).filter(|foot| foot.inlier).collect();
         if used.len() > 50 {
-            let least = 0.02 * self.radius;
+            let least = 0.02 * smallest(&self.radii);
             self.sigma = robust_sd(used.iter().map(|foot| foot.residual)).max(least);
-            self.noise = match residual {
-                Residual::Distance => self.sigma,
-                Residual::Ray => {
+            self.noise = match (options.residual, options.noise) {
+                (Residual::Distance, _) => self.sigma,
+                (Residual::Ray, Some(noise)) => noise,
+                (Residual::Ray, None) => {
                     robust_sd(used.iter().map(|foot| foot.residual / foot.facing.max(0.4))).max(least)
                 }
             };
@@ -464,7 +490,7 @@ impl State<'_> {
             offsets,
             banded: if options.fit_curves { banded } else { 0 },
             poses,
-            radius: options.fit_radius,
+            radii: if options.radius_prior.is_some() { self.radii.len() } else { 0 },
             reference: options.reference,
         }
     }
@@ -497,8 +523,8 @@ impl State<'_> {
                     }
                     edges = 6;
                 }
-                if layout.radius {
-                    edge[edges] = (layout.poses, -1.0);
+                if layout.radii > 0 {
+                    edge[edges] = (layout.poses + self.ropes[foot.curve], -1.0);
                     edges += 1;
                 }
                 let edge = &edge[..edges];
@@ -529,9 +555,14 @@ impl State<'_> {
             return Err(Error::not_enough("points", format!("only {used} of them lie on a tube")));
         }
         if options.fit_curves {
-            for (curve, &offset) in self.curves.iter().zip(&layout.offsets) {
-                smoothness(curve, offset, self.radius, &mut matrix, &mut right_band);
+            for (i, (curve, &offset)) in self.curves.iter().zip(&layout.offsets).enumerate() {
+                smoothness(curve, offset, self.radius(i), self.slack[i], &mut matrix, &mut right_band);
             }
+        }
+        for (rope, [mean, sd]) in options.radius_prior.iter().flatten().enumerate() {
+            let column = layout.poses + rope;
+            matrix.add_corner(column, column, sd.powi(-2));
+            right_border[column] -= (self.radii[rope] - mean) / (sd * sd);
         }
         let precision: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3].powi(-2));
         for (view, twist) in self.twists.iter().enumerate() {
@@ -546,8 +577,7 @@ impl State<'_> {
     }
 
     /// One Gauss–Newton step; the largest movement of a control point, or of a view if curves are held, metres.
-    fn step(&mut self, terms: &[Vec<Term>], start_radius: f64, options: &TubeFitOptions) -> Result<f64> {
-        let r = self.radius;
+    fn step(&mut self, terms: &[Vec<Term>], options: &TubeFitOptions) -> Result<f64> {
         let layout = self.layout(options);
         if layout.banded + layout.border() == 0 {
             return Ok(0.0);
@@ -557,7 +587,8 @@ impl State<'_> {
         let (controls, edges) = factor.solve(&right_band, &right_border);
         let mut largest = 0.0f64;
         if options.fit_curves {
-            for (curve, &offset) in self.curves.iter_mut().zip(&layout.offsets) {
+            for (number, (curve, &offset)) in self.curves.iter_mut().zip(&layout.offsets).enumerate() {
+                let r = self.radii[self.ropes[number]];
                 for (i, control) in curve.control.iter_mut().enumerate() {
                     let step: Point = std::array::from_fn(|k| controls[offset + 3 * i + k]);
                     let size = dot(step, step).sqrt();
@@ -576,11 +607,30 @@ impl State<'_> {
                 }
             }
         }
-        if options.fit_radius {
-            let step = edges[layout.poses].clamp(-0.15 * r, 0.15 * r);
-            self.radius = (r + step).clamp(0.5 * start_radius, 2.0 * start_radius);
+        for rope in 0..layout.radii {
+            let (r, start) = (self.radii[rope], self.start_radii[rope]);
+            let step = edges[layout.poses + rope].clamp(-0.15 * r, 0.15 * r);
+            self.radii[rope] = (r + step).clamp(0.5 * start, 2.0 * start);
         }
         Ok(largest)
+    }
+
+    /// Stiffens curves where they bend too tightly; says whether one does.
+    fn stiffen(&mut self, options: &TubeFitOptions) -> bool {
+        let mut tight = false;
+        for (i, curve) in self.curves.iter().enumerate().filter(|_| options.fit_curves) {
+            let least = options.min_bend * self.radii[self.ropes[i]];
+            let bends_too_tightly = |three: &[Point]| {
+                let bend: Point = std::array::from_fn(|k| three[0][k] - 2.0 * three[1][k] + three[2][k]);
+                let speed = sub(three[2], three[0]).map(|x| 0.5 * x);
+                dot(bend, bend).sqrt() * least > dot(speed, speed)
+            };
+            if self.slack[i] > LEAST_SLACK && curve.control.windows(3).any(bends_too_tightly) {
+                self.slack[i] *= STIFFENING;
+                tight = true;
+            }
+        }
+        tight
     }
 
     /// Standard deviations and covariances: the inverse of the normal equations' matrix.
@@ -599,7 +649,9 @@ impl State<'_> {
                 None => [0.0; 6],
             })
             .collect();
-        let radius = if layout.radius { variance(layout.poses).sqrt() } else { 0.0 };
+        let radii = (0..self.radii.len())
+            .map(|rope| if layout.radii > 0 { variance(layout.poses + rope).sqrt() } else { 0.0 })
+            .collect();
         let none = vec![0.0; layout.border()];
         let rows: Vec<usize> = (0..layout.banded).collect();
         let columns: Vec<[f64; 12]> = rows
@@ -630,33 +682,61 @@ impl State<'_> {
                     .collect()
             })
             .collect();
-        Ok(Uncertainty { poses, radius, curves })
+        Ok(Uncertainty { poses, radii, curves })
     }
+}
+
+/// The residual along the viewing ray, with the tube's straight cylinder at the foot.
+fn along_ray(foot: Foot, q: Point, to_camera: Point, tangent: Point, r: f64, band: f64) -> Foot {
+    // across the axis: the ray is q + λ w, nearest to the axis at λ₀
+    let w = advance(to_camera, -dot(to_camera, tangent), tangent);
+    let square = dot(w, w) + 1e-12;
+    let nearest = -dot(q, w) / square;
+    let miss = advance(q, nearest, w);
+    let gap = dot(miss, miss);
+    if gap >= r * r {
+        let residual = gap.sqrt() - r;
+        let explained = residual < 0.25 * r;
+        return Foot { residual, explained, inlier: explained && residual < band, ..foot };
+    }
+    let length = nearest + ((r * r - gap) / square).sqrt();
+    let outward = normalized(advance(q, length, w));
+    let facing = dot(outward, to_camera);
+    let residual = -length * facing;
+    let cosine = facing.max(0.4);
+    let near = length.abs() < 1.2 * r;
+    let weight = if near { tukey(residual, band * cosine.max(0.5)) / (cosine * cosine) } else { 0.0 };
+    let inlier = residual.abs() < band;
+    Foot { residual, outward, facing, explained: true, inlier, weight, ..foot }
 }
 
 fn undetermined() -> Error {
     Error::not_enough("points", "they do not fix the tubes")
 }
 
-/// Which unknown is where: control points in the band; poses, then the radius, in the border.
+/// Which unknown is where: control points in the band; poses, then the radii, in the border.
 struct Layout {
     /// Where each curve's control points begin.
     offsets: Vec<usize>,
     banded: usize,
     poses: usize,
-    radius: bool,
+    radii: usize,
     reference: Option<usize>,
 }
 
 impl Layout {
     fn border(&self) -> usize {
-        self.poses + usize::from(self.radius)
+        self.poses + self.radii
     }
 
     /// Where a view's six unknowns begin in the border; none for a view that stays.
     fn column(&self, view: usize) -> Option<usize> {
         self.reference.filter(|&fixed| fixed != view).map(|fixed| 6 * (view - usize::from(view > fixed)))
     }
+}
+
+fn smallest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Standard deviation from the median of sizes, for values about zero.
@@ -674,7 +754,7 @@ fn tukey(residual: f64, band: f64) -> f64 {
 }
 
 /// Adds a curve's prior to the normal equations.
-fn smoothness(curve: &Spline, offset: usize, r: f64, matrix: &mut Bordered, right: &mut [f64]) {
+fn smoothness(curve: &Spline, offset: usize, r: f64, slack: f64, matrix: &mut Bordered, right: &mut [f64]) {
     let control = &curve.control;
     let mut difference = |stencil: &[f64], sd: f64| {
         let precision = sd.powi(-2);
@@ -693,7 +773,7 @@ fn smoothness(curve: &Spline, offset: usize, r: f64, matrix: &mut Bordered, righ
     };
     let span = curve.length() / curve.end();
     difference(&[-1.0, 3.0, -3.0, 1.0], THIRD_DIFFERENCE * r * (span / (1.5 * r)).powi(3));
-    difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r);
+    difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r * slack);
     for i in 0..control.len() {
         let tangent = normalized(curve.at((i as f64 - 1.0).clamp(0.0, curve.end())).first);
         for a in 0..3 {
