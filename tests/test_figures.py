@@ -73,7 +73,7 @@ def tube_model_of(explained=0.9, **changes):
         facing=np.ones(count),
         weight=np.ones(count),
         explained=is_explained,
-        pose_sd=np.zeros((3, 6)),
+        pose_covariance=np.zeros((3, 6, 6)),
         covariances=[],
     )
     stages = {

@@ -43,9 +43,9 @@ class TubeFit:
         Its weight in the fit.
     explained : (N,) ndarray of bool
         Whether it is where the tube could have been seen.
-    pose_sd : (V, 6) ndarray
-        Standard deviations of each correction: rotation vector, radians, and translation, metres; 0 for a
-        view that was held.
+    pose_covariance : (V, 6, 6) ndarray
+        Covariance of each correction: rotation vector, radians, and translation of the points' centroid,
+        metres; 0 for a view that was held.
     covariances : list of (n, 4, 3, 3) ndarray
         Covariance of each control point with itself and the next three, m^2; empty if curves were held.
     """
@@ -65,8 +65,13 @@ class TubeFit:
     facing: Array
     weight: Array
     explained: NDArray[np.bool_]
-    pose_sd: Array
+    pose_covariance: Array
     covariances: list[Array]
+
+    @property
+    def pose_sd(self) -> Array:
+        """(V, 6) Standard deviations of the corrections."""
+        return np.asarray(np.sqrt(self.pose_covariance.diagonal(axis1=1, axis2=2)))
 
 
 def fit_tubes(

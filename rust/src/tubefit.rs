@@ -115,8 +115,9 @@ pub struct TubeFit {
 /// How well the data and the priors together fix the unknowns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Uncertainty {
-    /// Standard deviations of each view's rotation vector, radians, and translation, metres; 0 for a view that stays.
-    pub poses: Vec<[f64; 6]>,
+    /// Covariance of each view's rotation vector, radians, and translation of the points' centroid, metres; 0 for a
+    /// view that stays.
+    pub poses: Vec<[[f64; 6]; 6]>,
     /// Standard deviation of the radius, metres; 0 if it was given.
     pub radius: f64,
     /// For each curve and control point, its 3x3 covariances with itself and with the next three, m²; empty if the
@@ -588,18 +589,21 @@ impl State<'_> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
-        let variance = |column: usize| {
+        let inverse = |column: usize| {
             let mut unit = vec![0.0; layout.border()];
             unit[column] = 1.0;
-            factor.solve(&vec![0.0; layout.banded], &unit).1[column]
+            factor.solve(&vec![0.0; layout.banded], &unit).1
         };
         let poses = (0..self.views.len())
             .map(|view| match layout.column(view) {
-                Some(column) => std::array::from_fn(|k| variance(column + k).sqrt()),
-                None => [0.0; 6],
+                Some(column) => std::array::from_fn(|i| {
+                    let row = inverse(column + i);
+                    std::array::from_fn(|j| row[column + j])
+                }),
+                None => [[0.0; 6]; 6],
             })
             .collect();
-        let radius = if layout.radius { variance(layout.poses).sqrt() } else { 0.0 };
+        let radius = if layout.radius { inverse(layout.poses)[layout.poses].sqrt() } else { 0.0 };
         let none = vec![0.0; layout.border()];
         let rows: Vec<usize> = (0..layout.banded).collect();
         let columns: Vec<[f64; 12]> = rows

@@ -139,8 +139,8 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
     result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
     result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
-    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
+    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened().as_flattened());
+    result.set_item("pose_covariance", poses.reshape([rows.len(), 6, 6])?)?;
     result.set_item("radius_sd", fit.uncertainty.radius)?;
     let covariances: Vec<_> = fit
         .uncertainty
