@@ -136,5 +136,6 @@ def fit_tubes(
     band: Sequence[float],
     iterations: int,
     bounds: Sequence[Sequence[float]] | None,
+    ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
 ) -> dict[str, Any]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...

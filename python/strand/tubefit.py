@@ -13,6 +13,30 @@ from strand.view import Array, extraction_range, moved
 
 
 @dataclass(frozen=True, eq=False)
+class EndSighting:
+    """Where one view sees a string end.
+
+    Attributes
+    ----------
+    view : int
+    end : int
+        Which end; a view sees an end once.
+    place : (3,) ndarray
+        In the world frame as the reported pose places it, metres.
+    outward : (3,) ndarray
+        Unit vector along the string, out of it. Across it the place says nothing.
+    sd : float
+        Standard deviation of the place in that direction, metres.
+    """
+
+    view: int
+    end: int
+    place: Array
+    outward: Array
+    sd: float
+
+
+@dataclass(frozen=True, eq=False)
 class TubeFit:
     """The outcome of a joint fit.
 
@@ -89,6 +113,7 @@ def fit_tubes(
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
     bounds: tuple[Array, Array] | None = None,
+    ends: Sequence[EndSighting] = (),
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
 
@@ -124,6 +149,8 @@ def fit_tubes(
     bounds : pair of (3,) ndarray, optional
         The extraction range, metres: noise carries points out of it but none in, so points whose place on the
         tube lies within two standard deviations of its faces have no part.
+    ends : sequence of EndSighting
+        Where views see strings end: fixes them along straight strings.
 
     Returns
     -------
@@ -158,6 +185,7 @@ def fit_tubes(
         band=list(band),
         iterations=iterations,
         bounds=None if box is None else [corner.tolist() for corner in box],
+        ends=[(seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in ends],
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):

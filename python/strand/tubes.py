@@ -14,10 +14,11 @@ from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import link, part_at_contacts
+from strand.sightings import end_sightings
 from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
-from strand.tubefit import TubeFit, fit_tubes
+from strand.tubefit import EndSighting, TubeFit, fit_tubes
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
@@ -132,11 +133,17 @@ def fit_arcs(
 
 
 def fit_strings(
-    clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
+    clouds: Clouds,
+    linked: Sequence[tuple[Array, bool]],
+    motions: Array,
+    radius: float,
+    config: Config,
+    fit_radius: bool,
 ) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays."""
+    """Fit whole strings with the poses: first forgivingly, then along the rays and to where views see them end."""
     margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
-    curves = [_core.spline_through(nodes, spacing, margin) for nodes in chains]
+    curves = [_core.spline_through(nodes, spacing, margin) for nodes, _ in linked]
+    ends: list[EndSighting] = []
     for along_ray in (False, True):
         fit = fit_tubes(
             clouds.points,
@@ -151,8 +158,18 @@ def fit_strings(
             band=(0.5, 0.5 if along_ray else 0.4),
             iterations=15 if along_ray else 12,
             bounds=clouds.bounds if fit_radius else None,
+            ends=ends,
         )
         curves, motions, radius = fit.curves, fit.motions, fit.radius
+        if not along_ray:
+            ends = end_sightings(
+                fit,
+                string_parts(fit, exclusive=True),
+                [ring for _, ring in linked],
+                clouds.viewpoints,
+                clouds.bounds,
+                config.poses.translation_sd,
+            )
     return fit
 
 
@@ -210,7 +227,7 @@ def find_strings(
         if not linked:
             raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
     with run.stage("fit"):
-        fit = fit_strings(clouds, [nodes for nodes, _ in linked], fit.motions, radius, config, fit_radius)
+        fit = fit_strings(clouds, linked, fit.motions, radius, config, fit_radius)
     with run.stage("ends"):
         closed = [ring for _, ring in linked]
         found = string_parts(fit, exclusive=True)

@@ -53,5 +53,5 @@ pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::Spline;
-pub use tubefit::{Foot, Residual, TubeFit, TubeFitOptions, TubeView, fit_tubes};
+pub use tubefit::{EndSighting, Foot, Residual, TubeFit, TubeFitOptions, TubeView, fit_tubes};
 pub use tubes::{Arc, trace_tubes};

@@ -4,6 +4,8 @@
 //! was reported, and the radius. A point's residual is its distance from the tube's surface; so opposite
 //! half-shells of a tube, which pull into each other when points are matched with points, are told apart by construction.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
@@ -38,6 +40,21 @@ pub struct TubeView<'a> {
     pub points: &'a [Point],
     /// The camera's centre in the world frame, as reported, metres.
     pub viewpoint: Point,
+    /// Where it sees strings end.
+    pub ends: &'a [EndSighting],
+}
+
+/// Where one camera sees a string end: the only thing that it sees of the way along a straight string.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EndSighting {
+    /// Which end; sightings of the same end by several views bind these together.
+    pub end: usize,
+    /// Its place in the world frame, as the reported pose places it, metres.
+    pub place: Point,
+    /// Unit vector along the string, out of it. Across it the place says nothing.
+    pub outward: Point,
+    /// Standard deviation of the place in that direction, metres.
+    pub sd: f64,
 }
 
 /// How a residual is measured.
@@ -178,6 +195,15 @@ pub fn fit_tubes(
     for view in views {
         check_finite("points", view.points)?;
         check_finite("viewpoint", &[view.viewpoint])?;
+        for sighting in view.ends {
+            check_finite("ends", &[sighting.place, sighting.outward])?;
+            check_positive("ends", sighting.sd)?;
+        }
+        let mut numbers: Vec<usize> = view.ends.iter().map(|sighting| sighting.end).collect();
+        numbers.sort_unstable();
+        if numbers.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(Error::invalid("ends", "a view sees an end once"));
+        }
     }
     if curves.is_empty() || curves.iter().any(|curve| curve.control.len() < 4) {
         return Err(Error::invalid(
@@ -534,6 +560,7 @@ impl State<'_> {
                 smoothness(curve, offset, self.radius, &mut matrix, &mut right_band);
             }
         }
+        self.add_ends(layout, &mut matrix, &mut right_border);
         let precision: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3].powi(-2));
         for (view, twist) in self.twists.iter().enumerate() {
             if let Some(column) = layout.column(view) {
@@ -544,6 +571,48 @@ impl State<'_> {
             }
         }
         Ok((matrix, right_band, right_border))
+    }
+
+    /// Adds the sightings of ends: each end has one place along its string, an unknown that is eliminated here.
+    fn add_ends(&self, layout: &Layout, matrix: &mut Bordered, right: &mut [f64]) {
+        let mut ends: BTreeMap<usize, Vec<(usize, &EndSighting)>> = BTreeMap::new();
+        for (view, seen) in self.views.iter().enumerate() {
+            for sighting in seen.ends {
+                ends.entry(sighting.end).or_default().push((view, sighting));
+            }
+        }
+        for sightings in ends.values() {
+            let rows: Vec<(Option<usize>, [f64; 6], f64, f64)> = sightings
+                .iter()
+                .map(|&(view, sighting)| {
+                    let moved = self.motions[view].apply(sighting.place);
+                    let arm = sub(moved, self.center);
+                    let (turn, along) = (cross(arm, sighting.outward), dot(arm, sighting.outward));
+                    let jacobian =
+                        std::array::from_fn(|k| if k < 3 { turn[k] } else { sighting.outward[k - 3] });
+                    (layout.column(view), jacobian, along, sighting.sd.powi(-2))
+                })
+                .collect();
+            let total: f64 = rows.iter().map(|&(.., weight)| weight).sum();
+            let mean = rows.iter().map(|&(.., along, weight)| weight * along).sum::<f64>() / total;
+            for (i, &(column, x, along, weight)) in rows.iter().enumerate() {
+                let Some(column) = column else { continue };
+                for a in 0..6 {
+                    right[column + a] -= weight * x[a] * (along - mean);
+                    for b in 0..=a {
+                        matrix.add_corner(column + a, column + b, weight * (1.0 - weight / total) * x[a] * x[b]);
+                    }
+                }
+                for &(other, y, _, other_weight) in &rows[..i] {
+                    let Some(other) = other else { continue };
+                    for (a, x) in x.iter().enumerate() {
+                        for (b, y) in y.iter().enumerate() {
+                            matrix.add_corner(column + a, other + b, -weight * other_weight / total * x * y);
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// One Gauss–Newton step; the largest movement of a control point, or of a view if curves are held, metres.

@@ -1,6 +1,7 @@
 //! Bindings of the tube kernels.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -70,7 +71,7 @@ pub(super) fn trace_tubes<'py>(
 /// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
-                    band, iterations, bounds))]
+                    band, iterations, bounds, ends))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -87,6 +88,7 @@ pub(super) fn fit_tubes<'py>(
     band: [f64; 2],
     iterations: usize,
     bounds: Option<[Point; 2]>,
+    ends: Vec<(usize, usize, Point, Point, f64)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -114,11 +116,19 @@ pub(super) fn fit_tubes<'py>(
         iterations,
         bounds,
     };
+    let mut sightings = vec![Vec::new(); points.len()];
+    for (view, end, place, outward, sd) in ends {
+        let seen = sightings
+            .get_mut(view)
+            .ok_or_else(|| PyValueError::new_err(format!("ends: there is no view {view}")))?;
+        seen.push(crate::EndSighting { end, place, outward, sd });
+    }
     let fit = py.detach(|| {
         let views: Vec<crate::TubeView> = points
             .iter()
             .zip(viewpoints)
-            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
+            .zip(&sightings)
+            .map(|((&points, &viewpoint), ends)| crate::TubeView { points, viewpoint, ends })
             .collect();
         crate::fit_tubes(&views, &curves, &motions, radius, &options)
     })?;
