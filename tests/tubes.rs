@@ -1,7 +1,8 @@
 //! Tubes traced and fitted, against simulated half-shells with known axes and poses.
 
 use strand::{
-    Error, Point, Residual, RigidMotion, Spline, TubeFitOptions, TubeView, Viewpoints, fit_tubes, trace_tubes,
+    EndSighting, Error, Point, Residual, RigidMotion, Spline, TubeFitOptions, TubeView, Viewpoints,
+    fit_tubes, trace_tubes,
 };
 
 const RADIUS: f64 = 0.004;
@@ -90,8 +91,11 @@ fn a_joint_fit_finds_poses_radius_and_axis() {
             half_shell(CAMERAS[view]).into_iter().map(back).collect()
         })
         .collect();
-    let views: Vec<TubeView> =
-        clouds.iter().zip(CAMERAS).map(|(points, viewpoint)| TubeView { points, viewpoint, ends: &[] }).collect();
+    let views: Vec<TubeView> = clouds
+        .iter()
+        .zip(CAMERAS)
+        .map(|(points, viewpoint)| TubeView { points, viewpoint, ends: &[] })
+        .collect();
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
     let curve = Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap();
     let still = vec![RigidMotion::identity(); 3];
@@ -147,4 +151,60 @@ fn wrong_input_is_refused_by_name() {
     assert_eq!(name(Spline::through(&nodes[..1], 0.01, 0.0).unwrap_err()), "nodes");
     assert_eq!(name(Spline::through(&nodes, 0.0, 0.0).unwrap_err()), "spacing");
     assert_eq!(name(Spline::through(&nodes, 0.01, -1.0).unwrap_err()), "extension");
+}
+
+#[test]
+fn ends_that_views_see_keep_a_straight_string_from_sliding() {
+    let line: Vec<Point> = (0..80).map(|i| [-0.15 + 0.004 * f64::from(i), 0.0, 0.0]).collect();
+    let curve = Spline::through(&line, 2.0 * RADIUS, 0.0).unwrap();
+    // half-shells of a straight tube; the first view's pose is 3 mm off along it
+    let slide = [0.003, 0.0, 0.0];
+    let clouds: Vec<Vec<Point>> = CAMERAS
+        .iter()
+        .enumerate()
+        .map(|(view, camera)| {
+            let off = if view == 0 { slide } else { [0.0; 3] };
+            let mut points = Vec::new();
+            for i in 0..600 {
+                for j in 0..40 {
+                    let angle = f64::from(j) * std::f64::consts::TAU / 40.0;
+                    let outward = [0.0, angle.cos(), angle.sin()];
+                    let p: Point = std::array::from_fn(|k| {
+                        [-0.12 + 0.0004 * f64::from(i), 0.0, 0.0][k] + RADIUS * outward[k]
+                    });
+                    if (0..3).map(|k| outward[k] * (camera[k] - p[k])).sum::<f64>() > 0.0 {
+                        points.push(std::array::from_fn(|k| p[k] + off[k]));
+                    }
+                }
+            }
+            points
+        })
+        .collect();
+    let sighting = |x: f64| EndSighting { end: 0, place: [x, 0.0, 0.0], outward: [1.0, 0.0, 0.0], sd: 1e-4 };
+    let seen = [vec![sighting(0.123)], vec![sighting(0.12)], Vec::new()];
+    let fitted = |use_ends: bool| {
+        let views: Vec<TubeView> = clouds
+            .iter()
+            .zip(CAMERAS)
+            .zip(&seen)
+            .map(|((points, viewpoint), ends)| TubeView {
+                points,
+                viewpoint,
+                ends: if use_ends { ends } else { &[] },
+            })
+            .collect();
+        fit_tubes(&views, std::slice::from_ref(&curve), &vec![RigidMotion::identity(); 3], RADIUS, &options())
+            .unwrap()
+    };
+    let (with, without) = (fitted(true), fitted(false));
+    assert!((with.motions[0].translation[0] + slide[0]).abs() < 1e-4, "{}", with.motions[0].translation[0]);
+    assert!(without.motions[0].translation[0].abs() < 1e-4, "{}", without.motions[0].translation[0]);
+    // the third view saw no end
+    assert!(with.motions[2].translation[0].abs() < 1e-4);
+    let sd = |fit: &strand::TubeFit, view: usize| fit.uncertainty.poses[view][3][3].sqrt();
+    assert!(sd(&with, 0) < 2e-4 && sd(&with, 2) > 1e-3 && sd(&without, 0) > 1e-3);
+    let twice = [sighting(0.1), sighting(0.1)];
+    let views = [TubeView { points: &clouds[1], viewpoint: CAMERAS[1], ends: &twice }];
+    let one = TubeFitOptions { reference: None, ..options() };
+    assert!(fit_tubes(&views, &[curve], &[RigidMotion::identity()], RADIUS, &one).is_err());
 }

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.curve import Curve
+from strand.ends import pixel_width, seen_excess
 from strand.tubefit import EndSighting, TubeFit
 from strand.view import Array, moved
 
-# all in radii: how far inside an end its density is taken, from and to; how much of the string at an end a view
-# must see, and how near the line of sight another strand hides it
+# all in radii: how far inside an end its density is taken, from and to; how near a line of sight another
+# strand hides what is there
 _INSIDE = (1.0, 4.0)
 _HIDDEN = 2.5
-# cosines between the way out of an end and the way to the camera: above the greatest a view sees the cut, whose
-# points count as string; below the least so few pixels see the end that the outlier filter takes them
-_COSINES = (-0.6, 0.25)
+# least and greatest cosine between the way out of an end and the way to the camera: below the least so few
+# pixels see the end that the outlier filter takes them; above the greatest its shape is all that one sees
+_COSINES = (-0.5, 0.6)
 # fewer points on the stretch inside say little
 _LEAST_POINTS = 12
 
@@ -33,12 +34,11 @@ def end_sightings(
     """Find the ends in each view by itself.
 
     With n points for each metre of string inside and m points past a place a radius inside, the end is m / n
-    from there, as in `string_parts`. Points count by the surface that a pixel sees, so that a string that goes
-    away from the camera does not seem to end early.
+    from there, as in `string_parts`. Points count by the surface that a pixel sees, so that a string that
+    goes away from the camera does not seem to end early.
 
     An end's place is uncertain by a pixel's width along the string over the square root of 12, as rows of
-    pixels may end together, and by its shape: a flat cut and a round cap, seen at an angle of incidence a, differ
-    by pi / 4 r (1 / sin a - 1), of which half counts.
+    pixels may end together, and by its shape, see `seen_excess`.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ def end_sightings(
                 if measured is None:
                     continue
                 offset, width = measured
-                sd = math.hypot(width / math.sqrt(12.0), math.pi / 8 * r * (1.0 / sine - 1.0))
+                excess, doubt = seen_excess(cosine, fit.band / r)
+                offset -= excess * r
+                sd = math.hypot(width / math.sqrt(12.0), doubt * r)
                 seen.append((view, inside[0] + offset * outward, offset, sd, back))
             middle = float(np.median([offset for _, _, offset, _, _ in seen])) if seen else 0.0
             agreeing = [
@@ -150,12 +152,12 @@ def _surface(fit: TubeFit, camera: Array, points: np.ndarray, tangent: Array) ->
 
 
 def _end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, float] | None:
-    """How far outside the expected place the points give out, and a pixel's width along the string, metres."""
-    offset = 0.0
+    """How far outside the expected place points give out, and a pixel's width along the string, metres."""
+    offset, count = 0.0, 0
     for _ in range(3):
         near, far = _INSIDE[0] * r - offset, _INSIDE[1] * r - offset
         body = (inwards >= near) & (inwards < far)
-        count = np.count_nonzero(body)
+        count = int(np.count_nonzero(body))
         if count < _LEAST_POINTS:
             return None
         density = weight[body].sum() / (far - near)
@@ -163,5 +165,4 @@ def _end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, f
         offset = float(beyond / density - near)
         if abs(offset) > r:
             return None
-    # pixels are squares across the line of sight
-    return offset, math.sqrt(2.0 * r * (far - near) / count / sine)
+    return offset, pixel_width(count, far - near, sine, r)

@@ -143,7 +143,8 @@ def fit_tubes(
         Measure residuals along the viewing rays, times the cosine of the angle of incidence: without bias
         under noise along the ray, but only near the solution.
     band : (float, float)
-        Tukey's limit at the first and the last iteration, in radii; never under three standard deviations.
+        Tukey's limit at the first and the last iteration, in radii; never under 4.685 standard deviations
+        of the noise, which keep 95 % of the efficiency of least squares.
     iterations : int
         Most Gauss-Newton steps.
     bounds : pair of (3,) ndarray, optional

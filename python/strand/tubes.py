@@ -140,7 +140,7 @@ def fit_strings(
     config: Config,
     fit_radius: bool,
 ) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays and to where views see them end."""
+    """Fit whole strings with the poses: forgivingly, then along the rays and to where views see them end."""
     margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
     curves = [_core.spline_through(nodes, spacing, margin) for nodes, _ in linked]
     ends: list[EndSighting] = []

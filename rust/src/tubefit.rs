@@ -30,6 +30,8 @@ const REACH: f64 = 2.0;
 const THIRD_DIFFERENCE: f64 = 0.1;
 const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
+/// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
+const EFFICIENT: f64 = 4.685;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
 
@@ -176,8 +178,8 @@ struct Term {
 
 /// Fits curves, poses and radius to the points of all views.
 ///
-/// Gauss–Newton with Tukey's loss whose limit shrinks from `band[0]` to `band[1]`, but stays at three standard
-/// deviations of the residuals. Poses have the reported ones as a prior; curves one of small third differences, which
+/// Gauss–Newton with Tukey's loss whose limit shrinks from `band[0]` to `band[1]`, but not below where it
+/// would cost efficiency. Poses have the reported ones as a prior; curves one of small third differences, which
 /// matters only where points are few.
 ///
 /// # Errors
@@ -270,7 +272,7 @@ impl State<'_> {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned =
                 (options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0)) * self.radius;
-            let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
+            let least = if iteration > 2 { EFFICIENT * self.noise } else { 0.6 * self.radius };
             let band = planned.max(least).min(1.2 * self.radius);
             let terms = self.terms(options, band);
             self.measure(&terms, options.residual, band);
@@ -600,7 +602,11 @@ impl State<'_> {
                 for a in 0..6 {
                     right[column + a] -= weight * x[a] * (along - mean);
                     for b in 0..=a {
-                        matrix.add_corner(column + a, column + b, weight * (1.0 - weight / total) * x[a] * x[b]);
+                        matrix.add_corner(
+                            column + a,
+                            column + b,
+                            weight * (1.0 - weight / total) * x[a] * x[b],
+                        );
                     }
                 }
                 for &(other, y, _, other_weight) in &rows[..i] {
