@@ -64,6 +64,7 @@ def tube_model_of(explained=0.9, **changes):
         radii=np.array([RADIUS]),
         radii_sd=np.zeros(1),
         sigma=3e-4,
+        bands=np.array([1.5e-3]),
         points=points,
         to_camera=np.tile([0.0, 0.0, 1.0], (count, 1)),
         view=np.repeat(np.arange(3), count // 3),
@@ -74,7 +75,7 @@ def tube_model_of(explained=0.9, **changes):
         weight=np.ones(count),
         explained=is_explained,
         inlier=is_explained & (np.abs(residual) < 1.5e-3),
-        pose_sd=np.zeros((3, 6)),
+        pose_covariance=np.zeros((3, 6, 6)),
         covariances=[],
     )
     stages = {

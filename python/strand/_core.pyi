@@ -140,6 +140,7 @@ def fit_tubes(
     min_bend: float,
     noise: float | None,
     bounds: Sequence[Sequence[float]] | None,
+    ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
 ) -> dict[str, Any]: ...
 def strip_radii(
     points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int

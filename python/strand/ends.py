@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from strand.curve import Curve
@@ -45,6 +47,83 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         stop = curve.length - _end(curve.length - s[::-1], curve.length, radius)
         parts.append(curve.part(start, stop) if stop - start > radius else None)
     return parts
+
+
+def seen_excess(cosine: float, band: float) -> tuple[float, float]:
+    """How much longer than from the side a string seems from a camera, in radii, and half the range of it.
+
+    A flat cut that faces the camera shows points which are near enough to the surface of the string carried
+    on to count as string. A round cap's outline reaches farther along the axis the more slanting the view. An
+    end is something between the two.
+
+    Parameters
+    ----------
+    cosine : float
+        Between the way out of the end and the way to the camera.
+    band : float
+        How far inside the surface a point may be, in radii.
+
+    Returns
+    -------
+    excess, doubt : float
+        Radii.
+    """
+    sine = math.sqrt(1.0 - cosine**2)
+    half_width = np.sqrt(1.0 - np.linspace(-1.0, 1.0, 402)[1:-1] ** 2)
+    # a point of the cut h under the rim, on a chord of the half width w, is h w from the surface
+    area = 2.0 * float(np.minimum(2.0 * half_width, band / half_width).mean())
+    flat = area * max(cosine, 0.0) / (2.0 * sine)
+    round_cap = math.pi / 4.0 * (1.0 / sine - 1.0)
+    return 0.5 * (flat + round_cap), 0.5 * abs(flat - round_cap)
+
+
+def pixel_width(count: int, length: float, sine: float, radius: float) -> float:
+    """Width of a pixel along a string, metres, if `count` of them see a stretch of `length` metres.
+
+    `sine` is that of the angle between the string and the way to the camera, across which pixels are squares.
+    """
+    return math.sqrt(2.0 * radius * length / count / sine)
+
+
+def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
+    """Return the standard deviation of where a string ends along itself.
+
+    In each view the end is uncertain by a pixel's width over the square root of 12, as rows of pixels may end
+    together, and by its shape, see `seen_excess`: the former independently, the latter not. Views count by
+    their points near the end.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    number : int
+        Of the curve.
+    part : Curve
+        The stretch of it that is string.
+    late : bool
+        Whether the end in question is that of greater arc length.
+
+    Returns
+    -------
+    float
+        Metres; a radius if no point is near.
+    """
+    radius = fit.radius(number)
+    length = min(_INSIDE[1] * radius, part.length)
+    place = part.arc_length(fit.parameter)
+    inwards = part.length - place if late else place
+    counted = fit.inlier & (fit.curve == number) & (inwards < length)
+    tangent = part.at([part.length if late else 0.0])[1][0]
+    outward = tangent if late else -tangent
+    total, variance, doubts = 0, 0.0, 0.0
+    for view in np.unique(fit.view[counted]):
+        mine = counted & (fit.view == view)
+        count = int(np.count_nonzero(mine))
+        cosine = float(np.clip(fit.to_camera[mine].mean(axis=0) @ outward, -0.99, 0.99))
+        width = pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
+        total += count
+        variance += count**2 * width**2 / 12.0
+        doubts += count * seen_excess(cosine, fit.band(number) / radius)[1] * radius
+    return math.hypot(math.sqrt(variance), doubts) / total if total else radius
 
 
 def _end(s: Array, length: float, radius: float) -> float:

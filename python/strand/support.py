@@ -8,6 +8,7 @@ import numpy as np
 
 from strand.config import Config
 from strand.curve import Curve, basis
+from strand.ends import end_deviation
 from strand.model import Chain
 from strand.tubefit import TubeFit
 from strand.view import Array
@@ -41,15 +42,23 @@ def described(
         s = part.nodes(config.tubes.node_spacing * fit.radius(number))
         mine = fit.inlier & (fit.curve == number)
         counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
+        places, tangents, _ = part.at(s)
+        covariance = node_covariance(fit.covariances[number], part.parameter(s))
+        if not ring:
+            # nodes divide the way from end to end: they go along with the ends
+            share = s / part.length
+            start, stop = (end_deviation(fit, number, part, late) for late in (False, True))
+            along = ((1.0 - share) * start) ** 2 + (share * stop) ** 2
+            covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
         # a ring's last node is its first again
         kept = slice(0, len(s) - 1 if ring else len(s))
         chains.append(
             Chain(
-                part.at(s)[0][kept],
+                places[kept],
                 fit.radius(number),
                 ring,
                 None if ring else part,
-                node_covariance(fit.covariances[number], part.parameter(s))[kept],
+                covariance[kept],
                 counts[kept],
                 views[kept],
                 float(radii_sd[number]),

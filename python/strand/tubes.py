@@ -18,10 +18,11 @@ from strand.ends import string_parts
 from strand.linking import link, part_at_contacts
 from strand.radius import Radii, agreeing
 from strand.selection import best_explaining
+from strand.sightings import end_sightings
 from strand.stages import Found, Run
 from strand.support import described
 from strand.topology import path_length
-from strand.tubefit import TubeFit, fit_tubes
+from strand.tubefit import EndSighting, TubeFit, fit_tubes
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
@@ -228,8 +229,10 @@ def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tu
     return fit, radii
 
 
-def fit_strings(clouds: Clouds, strings: Arcs, before: TubeFit, radii: Radii, config: Config) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays.
+def fit_strings(
+    clouds: Clouds, strings: Arcs, closed: Sequence[bool], before: TubeFit, radii: Radii, config: Config
+) -> TubeFit:
+    """Fit whole strings with the poses: forgivingly, then along the rays and to where views see them end.
 
     Radii that are free are first each string's own; strings whose radii agree then share one.
     """
@@ -238,6 +241,7 @@ def fit_strings(clouds: Clouds, strings: Arcs, before: TubeFit, radii: Radii, co
     prior = radii.prior
     prior = None if prior is None else prior[strings.ropes]
     curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
+    ends: list[EndSighting] = []
 
     def fitted(along_ray: bool) -> TubeFit:
         return _fit(
@@ -252,10 +256,19 @@ def fit_strings(clouds: Clouds, strings: Arcs, before: TubeFit, radii: Radii, co
             band=(0.5, 0.5 if along_ray else 0.4),
             iterations=(30 if radii.free else 15) if along_ray else 12,
             bounds=clouds.bounds if radii.free else None,
+            ends=ends,
         )
 
     fit = fitted(along_ray=False)
     curves, motions = fit.curves, fit.motions
+    ends = end_sightings(
+        fit,
+        string_parts(fit, exclusive=True),
+        closed,
+        clouds.viewpoints,
+        clouds.bounds,
+        config.poses.translation_sd,
+    )
     fit = fitted(along_ray=True)
     if prior is None:
         return fit
@@ -341,7 +354,7 @@ def find_strings(
     with run.stage("link"):
         strings, closed = linked(arcs, fit.radii, config)
     with run.stage("fit"):
-        fit = fit_strings(clouds, strings, fit, radii, config)
+        fit = fit_strings(clouds, strings, closed, fit, radii, config)
     with run.stage("ends"):
         found = string_parts(fit, exclusive=True)
         for i, control in enumerate(fit.curves):

@@ -55,5 +55,5 @@ pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::Spline;
 pub use strips::{Strip, strip_radii};
-pub use tubefit::{Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes};
+pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes};
 pub use tubes::{Arc, trace_tubes};

@@ -4,6 +4,8 @@
 //! pose that was reported, and the ropes' radii. A point's residual is its distance from the tube's surface; so opposite
 //! half-shells of a tube, which pull into each other when points are matched with points, are told apart by construction.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
@@ -32,6 +34,8 @@ const SLIDE: f64 = 0.05;
 /// bends too tightly, and where that ends: points that bend all the same are followed.
 const STIFFENING: f64 = 0.5;
 const LEAST_SLACK: f64 = 1e-3;
+/// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
+const EFFICIENT: f64 = 4.685;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
 
@@ -51,6 +55,21 @@ pub struct TubeView<'a> {
     pub points: &'a [Point],
     /// The camera's centre in the world frame, as reported, metres.
     pub viewpoint: Point,
+    /// Where it sees strings end.
+    pub ends: &'a [EndSighting],
+}
+
+/// Where one camera sees a string end: the only thing that it sees of the way along a straight string.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EndSighting {
+    /// Which end; sightings of the same end by several views bind these together.
+    pub end: usize,
+    /// Its place in the world frame, as the reported pose places it, metres.
+    pub place: Point,
+    /// Unit vector along the string, out of it. Across it the place says nothing.
+    pub outward: Point,
+    /// Standard deviation of the place in that direction, metres.
+    pub sd: f64,
 }
 
 /// How a residual is measured.
@@ -122,6 +141,8 @@ pub struct TubeFit {
     pub radii: Vec<f64>,
     /// Robust standard deviation of the residuals, metres.
     pub sigma: f64,
+    /// For each rope, the last limit beyond which residuals did not count, metres.
+    pub bands: Vec<f64>,
     /// For each view, where its points ended.
     pub feet: Vec<Vec<Foot>>,
     /// Gauss–Newton steps taken.
@@ -133,8 +154,9 @@ pub struct TubeFit {
 /// How well the data and the priors together fix the unknowns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Uncertainty {
-    /// Standard deviations of each view's rotation vector, radians, and translation, metres; 0 for a view that stays.
-    pub poses: Vec<[f64; 6]>,
+    /// Covariance of each view's rotation vector, radians, and translation of the points' centroid, metres; 0 for a
+    /// view that stays.
+    pub poses: Vec<[[f64; 6]; 6]>,
     /// Standard deviations of the ropes' radii, metres; 0 if they were held.
     pub radii: Vec<f64>,
     /// For each curve and control point, its 3x3 covariances with itself and with the next three, m²; empty if the
@@ -181,8 +203,8 @@ struct Term {
 
 /// Fits curves, poses and radius to the points of all views.
 ///
-/// Gauss–Newton with Tukey's loss whose limit shrinks from `band[0]` to `band[1]`, but stays at three standard
-/// deviations of the residuals. Poses have the reported ones as a prior; curves one of small third differences, which
+/// Gauss–Newton with Tukey's loss whose limit shrinks from `band[0]` to `band[1]`, but not below where it
+/// would cost efficiency. Poses have the reported ones as a prior; curves one of small third differences, which
 /// matters only where points are few.
 ///
 /// # Errors
@@ -202,6 +224,15 @@ pub fn fit_tubes(
     for view in views {
         check_finite("points", view.points)?;
         check_finite("viewpoint", &[view.viewpoint])?;
+        for sighting in view.ends {
+            check_finite("ends", &[sighting.place, sighting.outward])?;
+            check_positive("ends", sighting.sd)?;
+        }
+        let mut numbers: Vec<usize> = view.ends.iter().map(|sighting| sighting.end).collect();
+        numbers.sort_unstable();
+        if numbers.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(Error::invalid("ends", "a view sees an end once"));
+        }
     }
     if tubes.is_empty() || tubes.iter().any(|tube| tube.curve.control.len() < 4) {
         return Err(Error::invalid(
@@ -289,20 +320,20 @@ impl State<'_> {
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
             let bands: Vec<f64> = (self.radii.iter())
                 .map(|r| {
-                    let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * r };
+                    let least = if iteration > 2 { EFFICIENT * self.noise } else { 0.6 * r };
                     (planned * r).max(least).min(1.2 * r)
                 })
                 .collect();
             let terms = self.terms(options, &bands);
             self.measure(&terms, options);
             if iteration == options.iterations {
-                return self.result(terms, iteration, options);
+                return self.result(terms, bands, iteration, options);
             }
             let step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > 4 && step < 2e-4 * smallest(&self.radii) {
                 let terms = self.terms(options, &bands);
-                return self.result(terms, iteration, options);
+                return self.result(terms, bands, iteration, options);
             }
         }
     }
@@ -312,7 +343,13 @@ impl State<'_> {
         self.radii[self.ropes[curve]]
     }
 
-    fn result(&self, terms: Vec<Vec<Term>>, iterations: usize, options: &TubeFitOptions) -> Result<TubeFit> {
+    fn result(
+        &self,
+        terms: Vec<Vec<Term>>,
+        bands: Vec<f64>,
+        iterations: usize,
+        options: &TubeFitOptions,
+    ) -> Result<TubeFit> {
         let uncertainty = self.uncertainty(&terms, options)?;
         Ok(TubeFit {
             uncertainty,
@@ -320,6 +357,7 @@ impl State<'_> {
             motions: self.motions.clone(),
             radii: self.radii.clone(),
             sigma: self.sigma,
+            bands,
             feet: terms.into_iter().map(|view| view.into_iter().map(|term| term.foot).collect()).collect(),
             iterations,
         })
@@ -564,6 +602,7 @@ impl State<'_> {
             matrix.add_corner(column, column, sd.powi(-2));
             right_border[column] -= (self.radii[rope] - mean) / (sd * sd);
         }
+        self.add_ends(layout, &mut matrix, &mut right_border);
         let precision: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3].powi(-2));
         for (view, twist) in self.twists.iter().enumerate() {
             if let Some(column) = layout.column(view) {
@@ -574,6 +613,52 @@ impl State<'_> {
             }
         }
         Ok((matrix, right_band, right_border))
+    }
+
+    /// Adds the sightings of ends: each end has one place along its string, an unknown that is eliminated here.
+    fn add_ends(&self, layout: &Layout, matrix: &mut Bordered, right: &mut [f64]) {
+        let mut ends: BTreeMap<usize, Vec<(usize, &EndSighting)>> = BTreeMap::new();
+        for (view, seen) in self.views.iter().enumerate() {
+            for sighting in seen.ends {
+                ends.entry(sighting.end).or_default().push((view, sighting));
+            }
+        }
+        for sightings in ends.values() {
+            let rows: Vec<(Option<usize>, [f64; 6], f64, f64)> = sightings
+                .iter()
+                .map(|&(view, sighting)| {
+                    let moved = self.motions[view].apply(sighting.place);
+                    let arm = sub(moved, self.center);
+                    let (turn, along) = (cross(arm, sighting.outward), dot(arm, sighting.outward));
+                    let jacobian =
+                        std::array::from_fn(|k| if k < 3 { turn[k] } else { sighting.outward[k - 3] });
+                    (layout.column(view), jacobian, along, sighting.sd.powi(-2))
+                })
+                .collect();
+            let total: f64 = rows.iter().map(|&(.., weight)| weight).sum();
+            let mean = rows.iter().map(|&(.., along, weight)| weight * along).sum::<f64>() / total;
+            for (i, &(column, x, along, weight)) in rows.iter().enumerate() {
+                let Some(column) = column else { continue };
+                for a in 0..6 {
+                    right[column + a] -= weight * x[a] * (along - mean);
+                    for b in 0..=a {
+                        matrix.add_corner(
+                            column + a,
+                            column + b,
+                            weight * (1.0 - weight / total) * x[a] * x[b],
+                        );
+                    }
+                }
+                for &(other, y, _, other_weight) in &rows[..i] {
+                    let Some(other) = other else { continue };
+                    for (a, x) in x.iter().enumerate() {
+                        for (b, y) in y.iter().enumerate() {
+                            matrix.add_corner(column + a, other + b, -weight * other_weight / total * x * y);
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// One Gauss–Newton step; the largest movement of a control point, or of a view if curves are held, metres.
@@ -638,19 +723,25 @@ impl State<'_> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
-        let variance = |column: usize| {
+        let inverse = |column: usize| {
             let mut unit = vec![0.0; layout.border()];
             unit[column] = 1.0;
-            factor.solve(&vec![0.0; layout.banded], &unit).1[column]
+            factor.solve(&vec![0.0; layout.banded], &unit).1
         };
         let poses = (0..self.views.len())
             .map(|view| match layout.column(view) {
-                Some(column) => std::array::from_fn(|k| variance(column + k).sqrt()),
-                None => [0.0; 6],
+                Some(column) => std::array::from_fn(|i| {
+                    let row = inverse(column + i);
+                    std::array::from_fn(|j| row[column + j])
+                }),
+                None => [[0.0; 6]; 6],
             })
             .collect();
         let radii = (0..self.radii.len())
-            .map(|rope| if layout.radii > 0 { variance(layout.poses + rope).sqrt() } else { 0.0 })
+            .map(|rope| match layout.radii {
+                0 => 0.0,
+                _ => inverse(layout.poses + rope)[layout.poses + rope].sqrt(),
+            })
             .collect();
         let none = vec![0.0; layout.border()];
         let rows: Vec<usize> = (0..layout.banded).collect();

@@ -1,6 +1,7 @@
 //! Bindings of the tube kernels.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -110,7 +111,7 @@ pub(super) fn trace_tubes<'py>(
 /// Fit curves, poses and radii to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves, radius_prior, reference, pose_sd, along_ray,
-                    band, iterations, min_bend, noise, bounds))]
+                    band, iterations, min_bend, noise, bounds, ends))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -130,6 +131,7 @@ pub(super) fn fit_tubes<'py>(
     min_bend: f64,
     noise: Option<f64>,
     bounds: Option<[Point; 2]>,
+    ends: Vec<(usize, usize, Point, Point, f64)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -160,11 +162,19 @@ pub(super) fn fit_tubes<'py>(
         noise,
         bounds,
     };
+    let mut sightings = vec![Vec::new(); points.len()];
+    for (view, end, place, outward, sd) in ends {
+        let seen = sightings
+            .get_mut(view)
+            .ok_or_else(|| PyValueError::new_err(format!("ends: there is no view {view}")))?;
+        seen.push(crate::EndSighting { end, place, outward, sd });
+    }
     let fit = py.detach(|| {
         let views: Vec<crate::TubeView> = points
             .iter()
             .zip(viewpoints)
-            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
+            .zip(&sightings)
+            .map(|((&points, &viewpoint), ends)| crate::TubeView { points, viewpoint, ends })
             .collect();
         crate::fit_tubes(&views, &tubes, &motions, &radii, &options)
     })?;
@@ -177,6 +187,7 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("motions", motions.reshape([rows.len(), 4, 4])?)?;
     result.set_item("radii", PyArray1::from_vec(py, fit.radii))?;
     result.set_item("sigma", fit.sigma)?;
+    result.set_item("bands", PyArray1::from_vec(py, fit.bands))?;
     let feet: Vec<&crate::Foot> = fit.feet.iter().flatten().collect();
     result.set_item("curve", PyArray1::from_iter(py, feet.iter().map(|foot| foot.curve as i64)))?;
     result.set_item("parameter", PyArray1::from_iter(py, feet.iter().map(|foot| foot.parameter)))?;
@@ -185,8 +196,8 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
     result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
     result.set_item("inlier", PyArray1::from_iter(py, feet.iter().map(|foot| foot.inlier)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
-    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
+    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened().as_flattened());
+    result.set_item("pose_covariance", poses.reshape([rows.len(), 6, 6])?)?;
     result.set_item("radii_sd", PyArray1::from_vec(py, fit.uncertainty.radii))?;
     let covariances: Vec<_> = fit
         .uncertainty
