@@ -110,8 +110,7 @@ impl Tracer {
                 continue;
             }
             // what is left of its points may no longer be a tube
-            let (tubelet, support) =
-                fit(&self.patch(seed.tubelet.center), seed.tubelet, self.radius, &SECOND_LOOK);
+            let (tubelet, support) = fit(&self.patch(seed.tubelet.center), seed.tubelet, &SECOND_LOOK);
             let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
             if support.score < (0.6 * seed.support.score).max(enough)
                 || moved > 0.5 * self.radius
@@ -139,10 +138,10 @@ impl Tracer {
 
     /// Free points near a place, in the grid's order.
     fn patch(&self, center: Point) -> Patch {
-        let mut patch = Patch::default();
+        let mut patch = Patch::new(center, self.radius);
         self.grid.visit_near(center, |i, p, _| {
             if self.free[i] {
-                patch.points.push((p, self.to_camera[i]));
+                patch.push(p, self.to_camera[i]);
             }
             true
         });
@@ -187,10 +186,10 @@ impl Tracer {
         let rough = (0..DIRECTIONS).map(|k| {
             let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
             let tangent = std::array::from_fn(|i| cos * f1[i] + sin * f2[i]);
-            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, self.radius, &FIRST_LOOK)
+            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, &FIRST_LOOK)
         });
         let (tubelet, _) = rough.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
-        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, self.radius, &SECOND_LOOK);
+        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, &SECOND_LOOK);
         Some(Seed { tubelet, support })
     }
 
@@ -202,8 +201,8 @@ impl Tracer {
         loop {
             let expected = last.ahead(STEP * r);
             let patch = self.patch(expected.center);
-            let (tubelet, support) = fit(&patch, expected, r, &MARCH);
-            let ahead = support_ahead(&patch, &tubelet, r);
+            let (tubelet, support) = fit(&patch, expected, &MARCH);
+            let ahead = patch.support_ahead(&tubelet);
             let straight = dot(tubelet.tangent, last.tangent) > 0.5f64.cos();
             let jump = squared_distance(tubelet.center, expected.center).sqrt();
             let limit = (0.6 * r).powi(2);
@@ -247,15 +246,4 @@ impl Tracer {
             });
         }
     }
-}
-
-/// Points on the surface, facing their camera, within a radius ahead of a tubelet's centre.
-fn support_ahead(patch: &Patch, tubelet: &Tubelet, radius: f64) -> f64 {
-    let supports = |&&(p, to_camera): &&(Point, Point)| {
-        let offset = tubelet.offset(p);
-        (0.0..=radius).contains(&offset.along)
-            && (offset.distance - radius).abs() < 0.4 * radius
-            && dot(offset.outward, to_camera) > 0.0
-    };
-    patch.points.iter().filter(supports).count() as f64
 }
