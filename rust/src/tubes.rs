@@ -20,6 +20,8 @@ const LEAST_SCORE: f64 = 0.25;
 const CLEARANCE: f64 = 0.7;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
+/// Sides of the cubes that give a seed each, in radii: the second only where the first left points free.
+const SEED_CUBES: [f64; 2] = [2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
@@ -97,11 +99,20 @@ struct Seed {
 
 impl Tracer {
     fn trace(&mut self, min_nodes: usize) -> Vec<Arc> {
-        let mut seeds = self.seeds();
-        seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
-        let Some(best) = seeds.get(seeds.len() / 10) else { return Vec::new() };
-        let enough = LEAST_SCORE * best.support.score;
         let mut arcs = Vec::new();
+        let mut enough = None;
+        for size in SEED_CUBES {
+            let mut seeds = self.seeds(size);
+            seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
+            let Some(good) = seeds.get(seeds.len() / 10) else { continue };
+            let enough = *enough.get_or_insert(LEAST_SCORE * good.support.score);
+            self.follow(seeds, enough, min_nodes, &mut arcs);
+        }
+        arcs
+    }
+
+    /// Traces arcs from seeds, the best first, of at least a score.
+    fn follow(&mut self, seeds: Vec<Seed>, enough: f64, min_nodes: usize, arcs: &mut Vec<Arc>) {
         for seed in seeds {
             if seed.support.score < enough {
                 break;
@@ -133,7 +144,6 @@ impl Tracer {
                 arcs.push(Arc { nodes, support });
             }
         }
-        arcs
     }
 
     /// Free points near a place, in the grid's order.
@@ -153,9 +163,9 @@ impl Tracer {
         self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
     }
 
-    /// Tubelets at one point of each cell of 0.8 r, the best of several directions.
-    fn seeds(&self) -> Vec<Seed> {
-        let chosen = self.grid.sample(0.8 * self.radius);
+    /// Tubelets at one free point of each cube of a size, in radii, the best of several directions.
+    fn seeds(&self, size: f64) -> Vec<Seed> {
+        let chosen = self.grid.sample(size * self.radius, |i| self.free[i]);
         let fitted: Vec<Vec<Option<Seed>>> = chosen
             .par_chunks(SEEDS_PER_TASK)
             .map(|positions| positions.iter().map(|&i| self.seed(i)).collect())
@@ -181,6 +191,9 @@ impl Tracer {
             normal = normal.map(|x| -x);
         }
         let center = advance(p, -self.radius, normal);
+        if self.taken(center) {
+            return None;
+        }
         let patch = self.patch(center);
         let (f1, f2) = frame(normal);
         let rough = (0..DIRECTIONS).map(|k| {
