@@ -17,7 +17,7 @@ use crate::{Point, parallel};
 /// Points whose terms are computed by one task; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 512;
 /// Distance between the places of a curve that points are compared with first, in radii.
-const SAMPLING: f64 = 0.25;
+const SAMPLING: f64 = 0.5;
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
 /// How far a point may be from an axis to belong to it, in radii.
@@ -28,8 +28,15 @@ const REACH: f64 = 2.0;
 const THIRD_DIFFERENCE: f64 = 0.1;
 const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
+/// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
+/// move on from where they were.
+const SETTLED: f64 = 0.5;
+/// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
+const TOLERANCE: f64 = 0.1;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
+/// At how many places of a span it is taken.
+const DIRECTIONS: f64 = 8.0;
 
 /// What one camera saw.
 #[derive(Debug, Clone, Copy)]
@@ -124,6 +131,24 @@ pub struct Uncertainty {
     pub curves: Vec<Vec<[[Point; 3]; 4]>>,
 }
 
+/// The foot of a point that no tube is near to.
+const NOWHERE: Foot = Foot {
+    curve: 0,
+    parameter: 0.0,
+    residual: f64::INFINITY,
+    outward: [0.0; 3],
+    facing: 0.0,
+    weight: 0.0,
+    explained: false,
+};
+
+impl Foot {
+    /// Where it is, if it is anywhere.
+    fn place(&self) -> Option<OnCurve> {
+        (self.residual < f64::INFINITY).then_some(OnCurve { curve: self.curve, parameter: self.parameter })
+    }
+}
+
 /// State of a fit between iterations.
 struct State<'a> {
     views: &'a [TubeView<'a>],
@@ -143,15 +168,31 @@ struct State<'a> {
 struct Sample {
     position: Point,
     tangent: Point,
+    place: OnCurve,
+}
+
+/// A place of one of the curves.
+#[derive(Clone, Copy)]
+struct OnCurve {
     curve: usize,
     parameter: f64,
+}
+
+/// Places along all curves, to find the one that explains a point best.
+struct Search {
+    grid: Grid,
+    /// In the grid's order.
+    samples: Vec<Sample>,
+    radius: f64,
+    /// Points that turn farther away from their cameras, as a cosine, lie on the far side of a tube.
+    least_facing: f64,
 }
 
 /// One point's part in the normal equations.
 #[derive(Clone, Copy)]
 struct Term {
     moved: Point,
-    /// The outward normal as far as poses are concerned, see [`State::settled`].
+    /// The outward normal as far as poses are concerned: at a right angle to the curve's direction, see [`directions`].
     settled: Point,
     foot: Foot,
 }
@@ -239,21 +280,25 @@ fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
 impl State<'_> {
     fn run(&mut self, start_radius: f64, options: &TubeFitOptions) -> Result<TubeFit> {
         let mut iteration = 0;
+        let mut step = f64::INFINITY;
+        let mut terms = Vec::new();
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned =
                 (options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0)) * self.radius;
             let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
             let band = planned.max(least).min(1.2 * self.radius);
-            let terms = self.terms(options, band);
+            let done = iteration == options.iterations;
+            let known = (step < SETTLED && !done).then_some(terms);
+            terms = self.terms(options, band, known.as_deref());
             self.measure(&terms, options.residual, band);
-            if iteration == options.iterations {
+            if done {
                 return self.result(terms, band, iteration, options);
             }
-            let step = self.step(&terms, start_radius, options)?;
+            step = self.step(&terms, start_radius, options)?;
             iteration += 1;
-            if iteration > 4 && step < 2e-4 * self.radius {
-                let terms = self.terms(options, band);
+            if iteration > 4 && step < TOLERANCE {
+                let terms = self.terms(options, band, None);
                 return self.result(terms, band, iteration, options);
             }
         }
@@ -279,61 +324,35 @@ impl State<'_> {
         })
     }
 
-    /// The feet of all points at the current curves, poses and radius.
-    fn terms(&self, options: &TubeFitOptions, band: f64) -> Vec<Vec<Term>> {
-        let samples: Vec<Sample> = self
-            .curves
-            .iter()
-            .enumerate()
-            .flat_map(|(curve, spline)| {
-                spline.parameters(SAMPLING * self.radius).into_iter().map(move |parameter| {
-                    let place = spline.at(parameter);
-                    Sample { position: place.position, tangent: normalized(place.first), curve, parameter }
-                })
-            })
-            .collect();
-        let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
-        let grid = Grid::new(&positions, REACH * self.radius);
-        let samples = grid.gather(&samples);
-        self.views
-            .iter()
-            .zip(&self.motions)
-            .map(|(view, motion)| {
-                let camera = motion.apply(view.viewpoint);
-                let tasks: Vec<Vec<Term>> = view
-                    .points
-                    .par_chunks(POINTS_PER_TASK)
-                    .map(|points| {
-                        points
-                            .iter()
-                            .map(|&p| {
-                                let moved = motion.apply(p);
-                                let to_camera = normalized(sub(camera, moved));
-                                let mut foot =
-                                    self.foot(moved, to_camera, &grid, &samples, options.residual, band);
-                                if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
-                                    foot.weight = 0.0;
-                                }
-                                Term { moved, settled: self.settled(&foot), foot }
-                            })
-                            .collect()
-                    })
-                    .collect();
-                tasks.into_iter().flatten().collect()
-            })
-            .collect()
-    }
-
-    /// The outward normal at a foot, at a right angle to the curve's direction over several radii.
-    ///
-    /// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's
-    /// wavering a view could slide until the noise fits best, and the normal equations would count that as
-    /// information. The direction over a longer stretch hardly wavers, and in a bend it is the tangent.
-    fn settled(&self, foot: &Foot) -> Point {
-        let curve = &self.curves[foot.curve];
-        let place = |u: f64| curve.at(u.clamp(0.0, curve.end())).position;
-        let along = normalized(sub(place(foot.parameter + STRETCH), place(foot.parameter - STRETCH)));
-        normalized(advance(foot.outward, -dot(foot.outward, along), along))
+    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on.
+    fn terms(&self, options: &TubeFitOptions, band: f64, known: Option<&[Vec<Term>]>) -> Vec<Vec<Term>> {
+        let search = known.is_none().then(|| Search::new(&self.curves, self.radius, options.residual));
+        let directions: Vec<Vec<Point>> = self.curves.iter().map(directions).collect();
+        let in_view = |view: usize| {
+            let motion = &self.motions[view];
+            let camera = motion.apply(self.views[view].viewpoint);
+            let points = self.views[view].points;
+            let term = |i: usize| {
+                let moved = motion.apply(points[i]);
+                let to_camera = normalized(sub(camera, moved));
+                let start = match (&search, known) {
+                    (Some(search), _) => search.place(moved, to_camera),
+                    (None, known) => known.and_then(|known| known[view][i].foot.place()),
+                };
+                let Some(start) = start else {
+                    return Term { moved, settled: [0.0; 3], foot: NOWHERE };
+                };
+                let mut foot = self.foot(moved, to_camera, start, options.residual, band);
+                if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
+                    foot.weight = 0.0;
+                }
+                let along = directions[foot.curve][(foot.parameter * DIRECTIONS).round() as usize];
+                let settled = normalized(advance(foot.outward, -dot(foot.outward, along), along));
+                Term { moved, settled, foot }
+            };
+            (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).map(term).collect()
+        };
+        (0..self.views.len()).into_par_iter().map(in_view).collect()
     }
 
     /// Whether noise may have carried points out of the extraction range at a foot.
@@ -344,57 +363,25 @@ impl State<'_> {
         (0..3).any(|k| surface[k] < low[k] + margin || surface[k] > high[k] - margin)
     }
 
-    /// The curve and the place that explain a point best.
-    fn foot(
-        &self,
-        p: Point,
-        to_camera: Point,
-        grid: &Grid,
-        samples: &[Sample],
-        residual: Residual,
-        band: f64,
-    ) -> Foot {
+    /// A point's foot near a place.
+    fn foot(&self, p: Point, to_camera: Point, start: OnCurve, residual: Residual, band: f64) -> Foot {
         let r = self.radius;
-        let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
-        let mut best = (1.2 * r, None);
-        grid.visit_near(p, |i, _, _| {
-            let sample = &samples[i];
-            let x = sub(p, sample.position);
-            let along = dot(x, sample.tangent);
-            let q = advance(x, -along, sample.tangent);
-            let d = dot(q, q).sqrt();
-            let away = if dot(q, to_camera) < least_facing * d { 2.0 * r } else { 0.0 };
-            let cost = (d - r).abs() + away + (along.abs() - 0.2 * r).max(0.0);
-            if cost < best.0 {
-                best = (cost, Some(*sample));
-            }
-            true
-        });
-        let nowhere = Foot {
-            curve: 0,
-            parameter: 0.0,
-            residual: f64::INFINITY,
-            outward: [0.0; 3],
-            facing: 0.0,
-            weight: 0.0,
-            explained: false,
-        };
-        let Some(sample) = best.1 else { return nowhere };
-        let curve = &self.curves[sample.curve];
-        let mut parameter = sample.parameter;
+        let curve = &self.curves[start.curve];
+        let mut parameter = start.parameter;
         for _ in 0..2 {
             let place = curve.at(parameter);
-            let speed = dot(place.first, place.first);
-            parameter =
-                (parameter + dot(sub(p, place.position), place.first) / speed).clamp(0.0, curve.end());
+            let x = sub(p, place.position);
+            let square = dot(place.first, place.first);
+            let slope = (square - dot(x, place.second)).max(0.3 * square);
+            parameter = (parameter + dot(x, place.first) / slope).clamp(0.0, curve.end());
         }
         let place = curve.at(parameter);
         let tangent = normalized(place.first);
         let beyond = dot(sub(p, place.position), tangent);
         let q = advance(sub(p, place.position), -beyond, tangent);
         let d = dot(q, q).sqrt().max(f64::MIN_POSITIVE);
-        let foot = Foot { curve: sample.curve, parameter, ..nowhere };
-        if beyond.abs() > 1e-4 * r + 0.02 * r {
+        let foot = Foot { curve: start.curve, parameter, ..NOWHERE };
+        if beyond.abs() > 0.02 * r {
             return Foot { residual: d - r, ..foot };
         }
         match residual {
@@ -545,7 +532,7 @@ impl State<'_> {
         Ok((matrix, right_band, right_border))
     }
 
-    /// One Gauss–Newton step; the largest movement of a control point, or of a view if curves are held, metres.
+    /// One Gauss–Newton step. Returns its root mean square over the unknowns, in their standard deviations.
     fn step(&mut self, terms: &[Vec<Term>], start_radius: f64, options: &TubeFitOptions) -> Result<f64> {
         let r = self.radius;
         let layout = self.layout(options);
@@ -555,13 +542,13 @@ impl State<'_> {
         let (matrix, right_band, right_border) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
         let (controls, edges) = factor.solve(&right_band, &right_border);
-        let mut largest = 0.0f64;
+        let gained: f64 =
+            right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();
         if options.fit_curves {
             for (curve, &offset) in self.curves.iter_mut().zip(&layout.offsets) {
                 for (i, control) in curve.control.iter_mut().enumerate() {
                     let step: Point = std::array::from_fn(|k| controls[offset + 3 * i + k]);
                     let size = dot(step, step).sqrt();
-                    largest = largest.max(size);
                     *control = advance(*control, (0.5 * r / size.max(f64::MIN_POSITIVE)).min(1.0), step);
                 }
             }
@@ -571,16 +558,13 @@ impl State<'_> {
                 let step: [f64; 6] = std::array::from_fn(|k| edges[column + k]);
                 self.motions[view] = motion_about(step, self.center).after(&self.motions[view]);
                 self.twists[view] = twist(&self.motions[view], self.center);
-                if !options.fit_curves {
-                    largest = largest.max(step[3].hypot(step[4]).hypot(step[5]));
-                }
             }
         }
         if options.fit_radius {
             let step = edges[layout.poses].clamp(-0.15 * r, 0.15 * r);
             self.radius = (r + step).clamp(0.5 * start_radius, 2.0 * start_radius);
         }
-        Ok(largest)
+        Ok((gained / (controls.len() + edges.len()) as f64).sqrt())
     }
 
     /// Standard deviations and covariances: the inverse of the normal equations' matrix.
@@ -632,6 +616,60 @@ impl State<'_> {
             .collect();
         Ok(Uncertainty { poses, radius, curves })
     }
+}
+
+impl Search {
+    fn new(curves: &[Spline], radius: f64, residual: Residual) -> Self {
+        let sample = |curve: usize, parameter: f64| {
+            let place = curves[curve].at(parameter);
+            let tangent = normalized(place.first);
+            Sample { position: place.position, tangent, place: OnCurve { curve, parameter } }
+        };
+        let samples: Vec<Sample> = (0..curves.len())
+            .flat_map(|curve| {
+                let parameters = curves[curve].parameters(SAMPLING * radius);
+                parameters.into_iter().map(move |parameter| sample(curve, parameter))
+            })
+            .collect();
+        let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
+        let grid = Grid::new(&positions, REACH * radius);
+        let samples = grid.gather(&samples);
+        let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
+        Self { grid, samples, radius, least_facing }
+    }
+
+    /// The place that explains a point best.
+    fn place(&self, p: Point, to_camera: Point) -> Option<OnCurve> {
+        let r = self.radius;
+        let mut best = (1.2 * r, None);
+        self.grid.visit_near(p, |i, position, _| {
+            let sample = &self.samples[i];
+            let x = sub(p, position);
+            let along = dot(x, sample.tangent);
+            let q = advance(x, -along, sample.tangent);
+            let d = dot(q, q).sqrt();
+            let away = if dot(q, to_camera) < self.least_facing * d { 2.0 * r } else { 0.0 };
+            let cost = (d - r).abs() + away + (along.abs() - 0.3 * r).max(0.0);
+            if cost < best.0 {
+                best = (cost, Some(sample.place));
+            }
+            true
+        });
+        best.1
+    }
+}
+
+/// Directions of a curve at places all along, each over a longer stretch.
+///
+/// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's wavering a
+/// view could slide until the noise fits best, and the normal equations would count that as information. The
+/// direction over a longer stretch hardly wavers, and in a bend it is the tangent.
+fn directions(curve: &Spline) -> Vec<Point> {
+    let place = |u: f64| curve.at(u.clamp(0.0, curve.end())).position;
+    (0..=(curve.end() * DIRECTIONS) as usize)
+        .map(|i| i as f64 / DIRECTIONS)
+        .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
+        .collect()
 }
 
 fn undetermined() -> Error {
