@@ -136,5 +136,6 @@ def fit_tubes(
     band: Sequence[float],
     iterations: int,
     bounds: Sequence[Sequence[float]] | None,
+    uncertainty: bool,
 ) -> dict[str, Any]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...

@@ -23,7 +23,7 @@ class TubeFit:
     motions : (V, 4, 4) ndarray
         For each view the rigid motion of the world frame that corrects its reported pose.
     radius, radius_sd : float
-        The radius and its standard deviation (0 if it was held), metres.
+        The radius and its standard deviation (0 if it was held, or not asked for), metres.
     sigma : float
         Robust standard deviation of the residuals, metres.
     band : float
@@ -45,9 +45,10 @@ class TubeFit:
         Whether it is where the tube could have been seen.
     pose_sd : (V, 6) ndarray
         Standard deviations of each correction: rotation vector, radians, and translation, metres; 0 for a
-        view that was held.
+        view that was held; (0, 6) if not asked for.
     covariances : list of (n, 4, 3, 3) ndarray
-        Covariance of each control point with itself and the next three, m^2; empty if curves were held.
+        Covariance of each control point with itself and the next three, m^2; empty if curves were held
+        or it was not asked for.
     """
 
     curves: list[Array]
@@ -84,6 +85,7 @@ def fit_tubes(
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
     bounds: tuple[Array, Array] | None = None,
+    uncertainty: bool = True,
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
 
@@ -119,6 +121,8 @@ def fit_tubes(
     bounds : pair of (3,) ndarray, optional
         The extraction range, metres: noise carries points out of it but none in, so points whose place on the
         tube lies within two standard deviations of its faces have no part.
+    uncertainty : bool
+        Work out standard deviations and covariances.
 
     Returns
     -------
@@ -153,6 +157,7 @@ def fit_tubes(
         band=list(band),
         iterations=iterations,
         bounds=None if box is None else [corner.tolist() for corner in box],
+        uncertainty=uncertainty,
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
-use crate::banded::Bordered;
+use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result, check_finite, check_positive};
 use crate::geometry::{RigidMotion, advance, centroid, cross, dot, normalized, sub};
 use crate::index::Grid;
@@ -77,6 +77,8 @@ pub struct TubeFitOptions {
     /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
     /// place on the tube lies within two standard deviations of its faces have no part.
     pub bounds: Option<[Point; 2]>,
+    /// Whether to work out how well the unknowns are fixed.
+    pub uncertainty: bool,
 }
 
 /// Where a point ended.
@@ -115,8 +117,8 @@ pub struct TubeFit {
     pub feet: Vec<Vec<Foot>>,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
-    /// How well the unknowns are fixed.
-    pub uncertainty: Uncertainty,
+    /// How well the unknowns are fixed, if that was asked for.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// How well the data and the priors together fix the unknowns.
@@ -289,7 +291,7 @@ impl State<'_> {
             let least = if iteration > 2 { 4.5 * self.sigma } else { 0.6 * self.radius };
             let band = planned.max(least).min(1.2 * self.radius);
             let done = iteration == options.iterations;
-            let known = (step < SETTLED && !done).then_some(terms);
+            let known = (step < SETTLED).then_some(terms);
             terms = self.terms(options, band, known.as_deref());
             self.measure(&terms, options.residual, band);
             if done {
@@ -298,7 +300,7 @@ impl State<'_> {
             step = self.step(&terms, start_radius, options)?;
             iteration += 1;
             if iteration > 4 && step < TOLERANCE {
-                let terms = self.terms(options, band, None);
+                let terms = self.terms(options, band, Some(&terms));
                 return self.result(terms, band, iteration, options);
             }
         }
@@ -311,7 +313,7 @@ impl State<'_> {
         iterations: usize,
         options: &TubeFitOptions,
     ) -> Result<TubeFit> {
-        let uncertainty = self.uncertainty(&terms, options)?;
+        let uncertainty = options.uncertainty.then(|| self.uncertainty(&terms, options)).transpose()?;
         Ok(TubeFit {
             uncertainty,
             curves: self.curves.clone(),
@@ -466,49 +468,28 @@ impl State<'_> {
         let mut matrix = Bordered::zeros(layout.banded, layout.border());
         let mut right_band = vec![0.0; layout.banded];
         let mut right_border = vec![0.0; layout.border()];
-        let scale = 1.0 / (self.noise * self.noise);
-        let mut used = 0usize;
-        for (view, terms) in terms.iter().enumerate() {
-            let column = layout.column(view);
-            for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
-                used += 1;
-                let e = foot.outward;
-                let weight = foot.weight * scale;
-                let mut edge = [(0usize, 0.0f64); 7];
-                let mut edges = 0;
-                if let Some(column) = column {
-                    let turn = cross(sub(*moved, self.center), *settled);
-                    for k in 0..3 {
-                        edge[k] = (column + k, turn[k]);
-                        edge[3 + k] = (column + 3 + k, settled[k]);
-                    }
-                    edges = 6;
+        let of_views: Vec<ViewSums> = (0..self.views.len())
+            .into_par_iter()
+            .map(|view| self.view_sums(&terms[view], layout.column(view).is_some(), layout))
+            .collect();
+        let mut used = 0;
+        for (view, sums) in of_views.iter().enumerate() {
+            used += sums.used;
+            matrix.add_band_rows(&sums.band);
+            for (x, y) in right_band.iter_mut().zip(&sums.right_band) {
+                *x += y;
+            }
+            let poses =
+                layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+            let edges: Vec<(usize, usize)> =
+                poses.chain(layout.radius.then_some((6, layout.poses))).collect();
+            for (i, &(from, to)) in edges.iter().enumerate() {
+                right_border[to] += sums.right_edge[from];
+                for &(other, column) in &edges[..=i] {
+                    matrix.add_corner(to, column, sums.corner[from][other]);
                 }
-                if layout.radius {
-                    edge[edges] = (layout.poses, -1.0);
-                    edges += 1;
-                }
-                let edge = &edge[..edges];
-                for (i, &(a, x)) in edge.iter().enumerate() {
-                    right_border[a] -= weight * x * foot.residual;
-                    for &(b, y) in &edge[..=i] {
-                        matrix.add_corner(a, b, weight * x * y);
-                    }
-                }
-                if options.fit_curves {
-                    let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
-                    let row = layout.offsets[foot.curve] + 3 * first;
-                    let jacobian: [f64; 12] = std::array::from_fn(|i| -basis[i / 3] * e[i % 3]);
-                    for (i, &x) in jacobian.iter().enumerate() {
-                        let x = weight * x;
-                        right_band[row + i] -= x * foot.residual;
-                        for (j, &y) in jacobian[..=i].iter().enumerate() {
-                            matrix.add_band(row + i, row + j, x * y);
-                        }
-                        for &(b, y) in edge {
-                            matrix.add_border(row + i, b, x * y);
-                        }
-                    }
+                for (row, border) in sums.border.iter().enumerate() {
+                    matrix.add_border(row, to, border[from]);
                 }
             }
         }
@@ -530,6 +511,59 @@ impl State<'_> {
             }
         }
         Ok((matrix, right_band, right_border))
+    }
+
+    /// One view's part of the normal equations.
+    fn view_sums(&self, terms: &[Term], moves: bool, layout: &Layout) -> ViewSums {
+        let mut sums = ViewSums {
+            used: 0,
+            band: vec![[0.0; WIDTH]; layout.banded],
+            right_band: vec![0.0; layout.banded],
+            border: vec![[0.0; EDGE]; layout.banded],
+            corner: [[0.0; EDGE]; EDGE],
+            right_edge: [0.0; EDGE],
+        };
+        let scale = 1.0 / (self.noise * self.noise);
+        for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
+            sums.used += 1;
+            let weight = foot.weight * scale;
+            let mut edge = [0.0; EDGE];
+            if moves {
+                let turn = cross(sub(*moved, self.center), *settled);
+                edge[..3].copy_from_slice(&turn);
+                edge[3..6].copy_from_slice(settled);
+            }
+            if layout.radius {
+                edge[6] = -1.0;
+            }
+            for i in 0..EDGE {
+                let x = weight * edge[i];
+                sums.right_edge[i] -= x * foot.residual;
+                for j in 0..EDGE {
+                    sums.corner[i][j] += x * edge[j];
+                }
+            }
+            if layout.banded > 0 {
+                let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
+                let start = layout.offsets[foot.curve] + 3 * first;
+                let rows = start..start + WIDTH;
+                let jacobian: [f64; WIDTH] = std::array::from_fn(|i| -basis[i / 3] * foot.outward[i % 3]);
+                let band = sums.band[rows.clone()].iter_mut();
+                let border = sums.border[rows.clone()].iter_mut();
+                let right = sums.right_band[rows].iter_mut();
+                for (i, ((band, border), right)) in band.zip(border).zip(right).enumerate() {
+                    let x = weight * jacobian[i];
+                    *right -= x * foot.residual;
+                    for (entry, y) in band[WIDTH - 1 - i..].iter_mut().zip(&jacobian) {
+                        *entry += x * y;
+                    }
+                    for j in 0..EDGE {
+                        border[j] += x * edge[j];
+                    }
+                }
+            }
+        }
+        sums
     }
 
     /// One Gauss–Newton step. Returns its root mean square over the unknowns, in their standard deviations.
@@ -670,6 +704,20 @@ fn directions(curve: &Spline) -> Vec<Point> {
         .map(|i| i as f64 / DIRECTIONS)
         .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
         .collect()
+}
+
+/// Unknowns of one view: rotation, translation, the radius, and one that is always 0, for even numbers.
+const EDGE: usize = 8;
+
+/// One view's part of the normal equations, laid out as [`Bordered`] is, but for its own unknowns only.
+struct ViewSums {
+    /// Points that have a part.
+    used: usize,
+    band: Vec<[f64; WIDTH]>,
+    right_band: Vec<f64>,
+    border: Vec<[f64; EDGE]>,
+    corner: [[f64; EDGE]; EDGE],
+    right_edge: [f64; EDGE],
 }
 
 fn undetermined() -> Error {

@@ -70,7 +70,7 @@ pub(super) fn trace_tubes<'py>(
 /// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
-                    band, iterations, bounds))]
+                    band, iterations, bounds, uncertainty))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -87,6 +87,7 @@ pub(super) fn fit_tubes<'py>(
     band: [f64; 2],
     iterations: usize,
     bounds: Option<[Point; 2]>,
+    uncertainty: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -113,6 +114,7 @@ pub(super) fn fit_tubes<'py>(
         band,
         iterations,
         bounds,
+        uncertainty,
     };
     let fit = py.detach(|| {
         let views: Vec<crate::TubeView> = points
@@ -139,11 +141,11 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
     result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
     result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
-    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
-    result.set_item("radius_sd", fit.uncertainty.radius)?;
-    let covariances: Vec<_> = fit
-        .uncertainty
+    let uncertainty = fit.uncertainty.unwrap_or_default();
+    let poses = PyArray1::from_slice(py, uncertainty.poses.as_flattened());
+    result.set_item("pose_sd", poses.reshape([uncertainty.poses.len(), 6])?)?;
+    result.set_item("radius_sd", uncertainty.radius)?;
+    let covariances: Vec<_> = uncertainty
         .curves
         .iter()
         .map(|curve| {
