@@ -94,6 +94,7 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
         fit_curves=False,
         band=(1.0, 0.5),
         iterations=10,
+        uncertainty=False,
     )
     return fit.motions
 
@@ -125,6 +126,7 @@ def fit_arcs(
             fit_radius=fit_radius and last,
             iterations=12 if last else 8,
             bounds=clouds.bounds if fit_radius else None,
+            uncertainty=last,
         )
         motions, radius = fit.motions, fit.radius
     assert fit is not None
@@ -134,26 +136,22 @@ def fit_arcs(
 def fit_strings(
     clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
 ) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays."""
+    """Fit whole strings with the poses, along the rays."""
     margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
-    curves = [_core.spline_through(nodes, spacing, margin) for nodes in chains]
-    for along_ray in (False, True):
-        fit = fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            curves,
-            motions,
-            radius,
-            pose_sd=_pose_sd(config),
-            reference=_free(clouds),
-            fit_radius=fit_radius and along_ray,
-            along_ray=along_ray,
-            band=(0.5, 0.5 if along_ray else 0.4),
-            iterations=15 if along_ray else 12,
-            bounds=clouds.bounds if fit_radius else None,
-        )
-        curves, motions, radius = fit.curves, fit.motions, fit.radius
-    return fit
+    return fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        [_core.spline_through(nodes, spacing, margin) for nodes in chains],
+        motions,
+        radius,
+        pose_sd=_pose_sd(config),
+        reference=_free(clouds),
+        fit_radius=fit_radius,
+        along_ray=True,
+        band=(0.5, 0.5),
+        iterations=20,
+        bounds=clouds.bounds if fit_radius else None,
+    )
 
 
 def find_strings(
