@@ -11,7 +11,7 @@ use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result, check_finite, check_positive};
 use crate::geometry::{RigidMotion, advance, centroid, cross, dot, normalized, sub};
 use crate::index::Grid;
-use crate::spline::Spline;
+use crate::spline::{Pieces, Spline};
 use crate::{Point, parallel};
 
 /// Points whose terms are computed by one task; fixed, so that results do not depend on the number of threads.
@@ -30,7 +30,7 @@ const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
 /// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
 /// move on from where they were.
-const SETTLED: f64 = 0.5;
+const SETTLED: f64 = 2.0;
 /// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
 const TOLERANCE: f64 = 0.1;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
@@ -330,6 +330,7 @@ impl State<'_> {
     fn terms(&self, options: &TubeFitOptions, band: f64, known: Option<&[Vec<Term>]>) -> Vec<Vec<Term>> {
         let search = known.is_none().then(|| Search::new(&self.curves, self.radius, options.residual));
         let directions: Vec<Vec<Point>> = self.curves.iter().map(directions).collect();
+        let pieces: Vec<Pieces> = self.curves.iter().map(Spline::pieces).collect();
         let in_view = |view: usize| {
             let motion = &self.motions[view];
             let camera = motion.apply(self.views[view].viewpoint);
@@ -344,7 +345,8 @@ impl State<'_> {
                 let Some(start) = start else {
                     return Term { moved, settled: [0.0; 3], foot: NOWHERE };
                 };
-                let mut foot = self.foot(moved, to_camera, start, options.residual, band);
+                let mut foot =
+                    self.foot(moved, to_camera, start, &pieces[start.curve], options.residual, band);
                 if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
                     foot.weight = 0.0;
                 }
@@ -366,9 +368,16 @@ impl State<'_> {
     }
 
     /// A point's foot near a place.
-    fn foot(&self, p: Point, to_camera: Point, start: OnCurve, residual: Residual, band: f64) -> Foot {
+    fn foot(
+        &self,
+        p: Point,
+        to_camera: Point,
+        start: OnCurve,
+        curve: &Pieces,
+        residual: Residual,
+        band: f64,
+    ) -> Foot {
         let r = self.radius;
-        let curve = &self.curves[start.curve];
         let mut parameter = start.parameter;
         for _ in 0..2 {
             let place = curve.at(parameter);
@@ -699,7 +708,8 @@ impl Search {
 /// view could slide until the noise fits best, and the normal equations would count that as information. The
 /// direction over a longer stretch hardly wavers, and in a bend it is the tangent.
 fn directions(curve: &Spline) -> Vec<Point> {
-    let place = |u: f64| curve.at(u.clamp(0.0, curve.end())).position;
+    let pieces = curve.pieces();
+    let place = |u: f64| pieces.at(u.clamp(0.0, curve.end())).position;
     (0..=(curve.end() * DIRECTIONS) as usize)
         .map(|i| i as f64 / DIRECTIONS)
         .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))

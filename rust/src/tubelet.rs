@@ -282,7 +282,7 @@ pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Suppor
         tubelet.tangent = normalized(advance(tubelet.tangent, 1.0, along(step[1])));
         let bent = advance(tubelet.curvature, 1.0 / radius, along(step[2]));
         tubelet.curvature = advance(bent, -dot(bent, tubelet.tangent), tubelet.tangent);
-        if step[0][0].hypot(step[0][1]) < 1e-3 && step[1][0].hypot(step[1][1]) < 1e-3 {
+        if step[0][0].hypot(step[0][1]) < 1e-2 && step[1][0].hypot(step[1][1]) < 1e-2 {
             break;
         }
     }
