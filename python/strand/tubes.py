@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,8 @@ from strand.view import Array, View, checked_radius, checked_views, extraction_r
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
+# mean number of points in a cube of two radii that is enough to trace arcs; strings are fitted to all points
+_ENOUGH = 20
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -58,6 +60,14 @@ class Clouds:
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
+    def thinned(self, radius: float) -> Clouds:
+        """Return every n-th point of each view, n as large as tracing allows."""
+        cells = np.floor(np.concatenate(self.points) / (2.0 * radius)).astype(np.int64)
+        # cells far apart may share a number, which hardly changes how many there are
+        occupied = len(np.unique(cells @ np.array([1, 1 << 20, 1 << 40])))
+        step = max(round(len(cells) / (_ENOUGH * occupied)), 1)
+        return replace(self, points=[cloud[::step] for cloud in self.points])
+
 
 def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
     """Trace arcs through the points of all views at corrected poses."""
@@ -75,6 +85,7 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
     still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
     if len(clouds.points) == 1:
         return still
+    clouds = clouds.thinned(radius)
     alone = Clouds(
         [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
     )
@@ -109,14 +120,15 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of this radius in the points.
     """
-    fit = None
+    fit, few = None, clouds.thinned(radius)
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
-        arcs = trace(clouds, motions, radius, min_nodes=3)
+        arcs = trace(few, motions, radius, min_nodes=3)
         if not arcs:
             raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
         margin, spacing = _ARC_MARGIN * radius, config.tubes.spacing * radius
+        used = clouds if last else few
         fit = fit_tubes(
-            clouds.points,
+            used.points,
             clouds.viewpoints,
             [_core.spline_through(arc, spacing, margin) for arc in arcs],
             motions,
