@@ -111,7 +111,13 @@ def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
 
 
 def fit_arcs(
-    clouds: Clouds, motions: Array, radius: float, config: Config, fit_radius: bool = False
+    clouds: Clouds,
+    motions: Array,
+    radius: float,
+    config: Config,
+    *,
+    fit_radius: bool = False,
+    uncertainty: bool = False,
 ) -> TubeFit:
     """Trace arcs and fit them with the poses, more than once.
 
@@ -138,7 +144,7 @@ def fit_arcs(
             fit_radius=fit_radius and last,
             iterations=12 if last else 8,
             bounds=clouds.bounds if fit_radius else None,
-            uncertainty=last,
+            uncertainty=uncertainty and last,
         )
         motions, radius = fit.motions, fit.radius
     assert fit is not None
@@ -206,7 +212,7 @@ def find_strings(
     with run.stage("register"):
         motions = registered_roughly(clouds, radius, config)
     with run.stage("arcs"):
-        fit = fit_arcs(clouds, motions, radius, config, fit_radius)
+        fit = fit_arcs(clouds, motions, radius, config, fit_radius=fit_radius)
         radius = fit.radius
         parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
         arcs = [
@@ -290,7 +296,8 @@ def register_views(
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
-    fit = fit_arcs(clouds, registered_roughly(clouds, radius, config), radius, config)
+    motions = registered_roughly(clouds, radius, config)
+    fit = fit_arcs(clouds, motions, radius, config, uncertainty=True)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]

@@ -111,14 +111,16 @@ impl Factor {
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (band.len(), border.len());
         let mut x = band.to_vec();
-        for i in 0..n {
+        // zeros before the first other entry stay zeros
+        let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
+        for i in start..n {
             for k in i.saturating_sub(WIDTH - 1)..i {
                 x[i] -= self.band[i][k + WIDTH - 1 - i] * x[k];
             }
             x[i] *= self.band[i][WIDTH - 1];
         }
         let mut rest = DVector::from_column_slice(border);
-        for i in 0..n {
+        for i in start..n {
             for a in 0..m {
                 rest[a] -= self.border[i * m + a] * x[i];
             }
