@@ -575,7 +575,8 @@ impl State<'_> {
         sums
     }
 
-    /// One Gauss–Newton step. Returns its root mean square over the unknowns, in their standard deviations.
+    /// One Gauss–Newton step. Returns its root mean square over the unknowns, or the radius' part if that is larger, in
+    /// standard deviations.
     fn step(&mut self, terms: &[Vec<Term>], start_radius: f64, options: &TubeFitOptions) -> Result<f64> {
         let r = self.radius;
         let layout = self.layout(options);
@@ -603,11 +604,17 @@ impl State<'_> {
                 self.twists[view] = twist(&self.motions[view], self.center);
             }
         }
+        let mut size = (gained / (controls.len() + edges.len()) as f64).sqrt();
         if options.fit_radius {
+            let mut unit = vec![0.0; layout.border()];
+            unit[layout.poses] = 1.0;
+            let variance = factor.solve(&vec![0.0; layout.banded], &unit).1[layout.poses];
+            // one unknown among many, and all the others follow it
+            size = size.max(edges[layout.poses].abs() / variance.sqrt());
             let step = edges[layout.poses].clamp(-0.15 * r, 0.15 * r);
             self.radius = (r + step).clamp(0.5 * start_radius, 2.0 * start_radius);
         }
-        Ok((gained / (controls.len() + edges.len()) as f64).sqrt())
+        Ok(size)
     }
 
     /// Standard deviations and covariances: the inverse of the normal equations' matrix.
