@@ -135,8 +135,8 @@ def test_ropes_that_do_not_differ_share_one_radius():
 def test_radii_that_are_known_are_kept_and_told_apart():
     views, bounds, truth = crossing(0.003, 0.006)
     model = strand.reconstruct(views, [0.006, 0.003], bounds)
-    assert [chain.radius for chain in model.chains] == [0.003, 0.006]
-    assert [chain.radius_sd for chain in model.chains] == [0.0, 0.0]
+    assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.01)
+    assert all(0 < chain.radius_sd <= 0.003 * chain.radius for chain in model.chains)
     for chain, axis in zip(model.chains, truth, strict=True):
         off = [strand.Chain(axis, chain.radius).nearest(point)[1] for point in chain.points[2:-2]]
         assert np.sqrt(np.mean(np.square(off))) < 3e-4

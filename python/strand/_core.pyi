@@ -141,6 +141,7 @@ def fit_tubes(
     noise: float | None,
     bounds: Sequence[Sequence[float]] | None,
     ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
+    uncertainty: bool,
 ) -> dict[str, Any]: ...
 def strip_radii(
     points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int

@@ -164,18 +164,22 @@ def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.nda
     for k, curve in enumerate(curves):
         r = fit.radius(k)
         slack = max(2.5 * fit.sigma, 0.15 * r)
-        s = curve.arc_length(fit.parameter)
-        at_end = (s < _NEAR_END * r) | (s > curve.length - _NEAR_END * r)
-        points = np.flatnonzero(counted & (fit.curve == k) & at_end)
-        if not len(points):
-            continue
-        position = fit.points[points]
-        offset = position[:, None] - centres[None]
-        lengthwise = (offset * tangents).sum(axis=2)
-        across = offset - lengthwise[..., None] * tangents
-        distance = np.linalg.norm(across, axis=2)
-        facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
-        elsewhere = (number[None] != k) | (np.abs(along[None] - s[points][:, None]) > 5.0 * r)
-        on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - radii) < slack) & facing
-        ambiguous[points] = (on_surface & elsewhere).any(axis=1)
+        reach = 1.3 * float(fit.radii.max()) + slack
+        own = np.flatnonzero(counted & (fit.curve == k))
+        s = curve.arc_length(fit.parameter[own])
+        for at_end in (s < _NEAR_END * r, s > curve.length - _NEAR_END * r):
+            points, here = own[at_end], s[at_end]
+            if not len(points):
+                continue
+            position = fit.points[points]
+            low, high = position.min(axis=0) - reach, position.max(axis=0) + reach
+            near = np.flatnonzero(((centres > low) & (centres < high)).all(axis=1))
+            offset = position[:, None] - centres[near]
+            lengthwise = (offset * tangents[near]).sum(axis=2)
+            across = offset - lengthwise[..., None] * tangents[near]
+            distance = np.linalg.norm(across, axis=2)
+            facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
+            elsewhere = (number[near] != k) | (np.abs(along[near] - here[:, None]) > 5.0 * r)
+            on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - radii[near]) < slack) & facing
+            ambiguous[points] |= (on_surface & elsewhere).any(axis=1)
     return ambiguous

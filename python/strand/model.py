@@ -24,7 +24,8 @@ class Chain:
     points : (M, 3) array_like of float
         Nodes in the world frame, metres, M >= 2, no two in a row equal.
     radius : float
-        The string's radius, metres.
+        The string's radius, metres. The default method's is what the points say of it, also if it was given:
+        that counts as known to 0.3 %, as by a calliper.
     closed : bool
         Whether the last node joins the first, as in a ring.
     curve : Curve, optional
@@ -34,7 +35,7 @@ class Chain:
     points_seen, views_seen : (M,) ndarray of int, optional
         How many points support each node, from how many views; 0 where the curve only bridges a gap.
     radius_sd : float
-        The radius's standard deviation, metres; 0 if it was given.
+        The radius's standard deviation, metres; 0 if none is known.
 
     Raises
     ------

@@ -82,7 +82,7 @@ def reconstruct(
     used = _used(raw, filtered, run)
     seen = [filtered[number] for number in used]
     if radii.free and len(seen) == 1:
-        radii = dataclasses.replace(radii, free=False)
+        radii = dataclasses.replace(radii, free=False, held=True)
         run.warnings.append(
             "radius: one view alone fixes it by how wide the string looks; give it if it is known"
         )

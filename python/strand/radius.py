@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +23,8 @@ _KERNEL, _STEP, _APART = 0.08, 0.01, 0.3
 _LEAST_MODE = 0.1
 # radii that differ by less than this share, or this many standard deviations, are taken for one
 _SAME, _SAME_SD = 0.05, 3.0
+# what is not known of a radius that is given, in radii
+_GIVEN_SD = 0.003
 # what is not known of a strip's width, in radii: strings lie beside each other, patches are round
 _WIDTH_SD = 0.05
 
@@ -34,28 +36,31 @@ class Radii:
     Attributes
     ----------
     values, sd : (K,) ndarray
-        One radius for each kind of rope and its standard deviation, 0 if it was given, metres.
+        One radius for each kind of rope and its standard deviation, metres.
     free : bool
-        Whether the fit may change them.
+        Whether they were not given and the data are to fix them.
+    held : bool
+        Whether the data cannot.
     """
 
     values: Array
     sd: Array
     free: bool
+    held: bool = False
 
     @property
     def prior(self) -> Array | None:
         """(K, 2) Means and standard deviations for the fit; None if the radii are held."""
-        return np.column_stack([self.values, self.sd]) if self.free else None
+        return None if self.held else np.column_stack([self.values, self.sd])
 
     def only(self, numbers: Sequence[int]) -> Radii:
         """Return some of them."""
         chosen = list(numbers)
-        return Radii(self.values[chosen], self.sd[chosen], self.free)
+        return replace(self, values=self.values[chosen], sd=self.sd[chosen])
 
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:
-        """Return radii that are known.
+        """Return radii that are known, as well as a calliper tells them.
 
         Raises
         ------
@@ -65,10 +70,10 @@ class Radii:
             If one is not finite and positive, or there is none.
         """
         several: Sequence[float] = [radius] if isinstance(radius, (int, float, np.number)) else radius
-        values = np.array([checked_radius(one) for one in several])
+        values = np.unique([checked_radius(one) for one in several])
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")
-        return cls(np.unique(values), np.zeros(len(np.unique(values))), free=False)
+        return cls(values, _GIVEN_SD * values, free=False)
 
 
 def estimate_radius(

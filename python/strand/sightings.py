@@ -19,6 +19,8 @@ _HIDDEN = 2.5
 # least and greatest cosine between the way out of an end and the way to the camera: below the least so few
 # pixels see the end that the outlier filter takes them; above the greatest its shape is all that one sees
 _COSINES = (-0.5, 0.6)
+# farthest from where it is expected that an end is found, in radii: curves are carried on by little more
+_FARTHEST = 1.8
 # fewer points on the stretch inside say little
 _LEAST_POINTS = 12
 
@@ -52,7 +54,7 @@ def end_sightings(
     bounds : pair of (3,) ndarray or None
         The extraction range: what runs out of it does not end there.
     translation_sd : float
-        Of the reported poses, metres: views that disagree by more than three of it see something else.
+        Of the reported poses, metres: views that disagree by more than four of it see something else.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def end_sightings(
             agreeing = [
                 EndSighting(view, end, moved(spot[None], back)[0], outward, sd)
                 for view, spot, offset, sd, back in seen
-                if abs(offset - middle) < 3.0 * math.hypot(sd, translation_sd)
+                if abs(offset - middle) < 4.0 * math.hypot(sd, translation_sd)
             ]
             if len(agreeing) > 1:
                 found.extend(agreeing)
@@ -165,6 +167,6 @@ def _end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, f
         density = weight[body].sum() / (far - near)
         beyond = weight[inwards < near].sum()
         offset = float(beyond / density - near)
-        if abs(offset) > r:
+        if abs(offset) > _FARTHEST * r:
             return None
     return offset, pixel_width(count, far - near, sine, r)

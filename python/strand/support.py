@@ -72,8 +72,9 @@ def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np
     spacing = nodes[1] - nodes[0]
     nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
     counts = np.bincount(nearest, minlength=len(nodes))
-    pairs = np.unique(np.stack([nearest, view], axis=1), axis=0)
-    return counts, np.bincount(pairs[:, 0], minlength=len(nodes))
+    cameras = int(view.max(initial=0)) + 1
+    pairs = np.unique(nearest * cameras + view)
+    return counts, np.bincount(pairs // cameras, minlength=len(nodes))
 
 
 def node_covariance(covariance: Array, parameter: Array) -> Array:

@@ -48,8 +48,10 @@ class TubeFit:
         For each view the rigid motion of the world frame that corrects its reported pose.
     ropes : (C,) ndarray of int64
         For each curve, the number of the rope that it is a piece of.
-    radii, radii_sd : (K,) ndarray
-        The ropes' radii and their standard deviations (0 if they were held), metres.
+    radii : (K,) ndarray
+        The ropes' radii, metres.
+    radii_sd : (K,) ndarray
+        Their standard deviations, 0 if they were held, metres; empty if not asked for.
     sigma : float
         Robust standard deviation of the residuals, metres.
     bands : (K,) ndarray
@@ -73,9 +75,10 @@ class TubeFit:
         Whether it is explained, with a residual within the limit beyond which residuals did not count.
     pose_covariance : (V, 6, 6) ndarray
         Covariance of each correction: rotation vector, radians, and translation of the points' centroid,
-        metres; 0 for a view that was held.
+        metres; 0 for a view that was held; (0, 6, 6) if not asked for.
     covariances : list of (n, 4, 3, 3) ndarray
-        Covariance of each control point with itself and the next three, m^2; empty if curves were held.
+        Covariance of each control point with itself and the next three, m^2; empty if curves were held
+        or it was not asked for.
     """
 
     curves: list[Array]
@@ -131,6 +134,7 @@ def fit_tubes(
     noise: float | None = None,
     bounds: tuple[Array, Array] | None = None,
     ends: Sequence[EndSighting] = (),
+    uncertainty: bool = True,
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
 
@@ -179,6 +183,8 @@ def fit_tubes(
         tube lies within two standard deviations of its faces have no part.
     ends : sequence of EndSighting
         Where views see strings end: fixes them along straight strings.
+    uncertainty : bool
+        Work out standard deviations and covariances.
 
     Returns
     -------
@@ -228,6 +234,7 @@ def fit_tubes(
         noise=noise,
         bounds=None if box is None else [corner.tolist() for corner in box],
         ends=[(seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in ends],
+        uncertainty=uncertainty,
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):

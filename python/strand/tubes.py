@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any
 
@@ -27,6 +27,8 @@ from strand.view import Array, View, checked_radius, checked_views, extraction_r
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
+# mean number of points in a cube of two radii that is enough to trace arcs; strings are fitted to all points
+_ENOUGH = 20
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -62,6 +64,14 @@ class Clouds:
         """Return the views' points; the middle view is the reference."""
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
+
+    def thinned(self, radius: float) -> Clouds:
+        """Return every n-th point of each view, n as large as tracing allows."""
+        cells = np.floor(np.concatenate(self.points) / (2.0 * radius)).astype(np.int64)
+        # cells far apart may share a number, which hardly changes how many there are
+        occupied = len(np.unique(cells @ np.array([1, 1 << 20, 1 << 40])))
+        step = max(round(len(cells) / (_ENOUGH * occupied)), 1)
+        return replace(self, points=[cloud[::step] for cloud in self.points])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +136,7 @@ def _on_arcs(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs) -> TubeFi
         reference=None,
         fit_curves=False,
         iterations=0,
+        uncertainty=False,
     )
 
 
@@ -160,6 +171,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
     still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
     if len(clouds.points) == 1:
         return still
+    clouds = clouds.thinned(float(radii.min()))
     alone = Clouds(
         [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
     )
@@ -180,11 +192,14 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
         fit_curves=False,
         band=(1.0, 0.5),
         iterations=10,
+        uncertainty=False,
     )
     return fit.motions
 
 
-def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tuple[TubeFit, Radii]:
+def fit_arcs(
+    clouds: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
+) -> tuple[TubeFit, Radii]:
     """Trace arcs and fit them with the poses, more than once; radii that are free last.
 
     Returns the last fit, and those of the radii that some arc has.
@@ -194,13 +209,13 @@ def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tu
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
-    fit = None
+    fit, few = None, clouds.thinned(float(radii.values.min()))
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
-        arcs = trace(clouds, motions, radii.values, min_nodes=3)
+        arcs = trace(few, motions, radii.values, min_nodes=3)
         present = sorted(set(arcs.ropes))
         radii, arcs = radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
         fit = _fit(
-            clouds,
+            clouds if last else few,
             _splines(arcs, radii.values, config, _ARC_MARGIN),
             arcs.ropes,
             motions,
@@ -208,6 +223,7 @@ def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tu
             config,
             iterations=12 if last else 8,
             bounds=clouds.bounds if radii.free else None,
+            uncertainty=uncertainty and last,
         )
         motions = fit.motions
     assert fit is not None
@@ -225,6 +241,7 @@ def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tu
         band=(0.8, 0.5),
         iterations=30,
         bounds=clouds.bounds,
+        uncertainty=False,
     )
     return fit, radii
 
@@ -232,18 +249,17 @@ def fit_arcs(clouds: Clouds, motions: Array, radii: Radii, config: Config) -> tu
 def fit_strings(
     clouds: Clouds, strings: Arcs, closed: Sequence[bool], before: TubeFit, radii: Radii, config: Config
 ) -> TubeFit:
-    """Fit whole strings with the poses: forgivingly, then along the rays and to where views see them end.
+    """Fit whole strings with the poses along the rays, then again to where views see them end.
 
     Radii that are free are first each string's own; strings whose radii agree then share one.
     """
-    ropes = list(range(len(strings.ropes))) if radii.free else strings.ropes
-    start = before.radii[strings.ropes] if radii.free else before.radii
-    prior = radii.prior
-    prior = None if prior is None else prior[strings.ropes]
+    ropes, start = strings.ropes, before.radii
+    if radii.free:
+        ropes, start, radii = list(range(len(ropes))), start[ropes], radii.only(ropes)
     curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
     ends: list[EndSighting] = []
 
-    def fitted(along_ray: bool) -> TubeFit:
+    def fitted(uncertainty: bool) -> TubeFit:
         return _fit(
             clouds,
             curves,
@@ -251,16 +267,16 @@ def fit_strings(
             motions,
             start,
             config,
-            radius_prior=prior if along_ray else None,
-            along_ray=along_ray,
-            band=(0.5, 0.5 if along_ray else 0.4),
-            iterations=(30 if radii.free else 15) if along_ray else 12,
+            radius_prior=radii.prior,
+            along_ray=True,
+            band=(0.5, 0.5),
+            iterations=30 if radii.free else 20,
             bounds=clouds.bounds if radii.free else None,
             ends=ends,
+            uncertainty=uncertainty,
         )
 
-    fit = fitted(along_ray=False)
-    curves, motions = fit.curves, fit.motions
+    fit = fitted(uncertainty=radii.free)
     ends = end_sightings(
         fit,
         string_parts(fit, exclusive=True),
@@ -269,16 +285,12 @@ def fit_strings(
         clouds.bounds,
         config.poses.translation_sd,
     )
-    fit = fitted(along_ray=True)
-    if prior is None:
-        return fit
-    kinds = agreeing(fit.radii, fit.radii_sd)
-    if len(set(kinds)) == len(kinds):
-        return fit
-    curves, motions, ropes = fit.curves, fit.motions, kinds
-    first = [kinds.index(kind) for kind in range(max(kinds) + 1)]
-    start, prior = fit.radii[first], prior[first]
-    return fitted(along_ray=True)
+    curves, motions, start = fit.curves, fit.motions, fit.radii
+    if radii.free:
+        ropes = agreeing(fit.radii, fit.radii_sd)
+        first = [ropes.index(kind) for kind in range(max(ropes) + 1)]
+        start, radii = start[first], radii.only(first)
+    return fitted(uncertainty=True)
 
 
 def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
@@ -360,7 +372,7 @@ def find_strings(
         for i, control in enumerate(fit.curves):
             if closed[i]:
                 found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
-        radii_sd = fit.radii_sd[fit.ropes] if radii.free else radii.sd[strings.ropes]
+        radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
         chains = described(fit, found, closed, radii_sd, config)
     share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
@@ -425,7 +437,8 @@ def register_views(
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
     radii = Radii.given(radius)
-    fit, _ = fit_arcs(clouds, registered_roughly(clouds, radii.values, config), radii, config)
+    motions = registered_roughly(clouds, radii.values, config)
+    fit, _ = fit_arcs(clouds, motions, radii, config, uncertainty=True)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]

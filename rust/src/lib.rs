@@ -32,6 +32,7 @@ mod filter;
 mod geometry;
 mod icp;
 mod index;
+mod lanes;
 mod normals;
 mod parallel;
 #[cfg(feature = "python")]

@@ -9,17 +9,17 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 
-use crate::banded::Bordered;
+use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result, check_finite, check_positive};
 use crate::geometry::{RigidMotion, advance, centroid, cross, dot, normalized, sub};
 use crate::index::Grid;
-use crate::spline::Spline;
+use crate::spline::{Pieces, Spline};
 use crate::{Point, parallel};
 
 /// Points whose terms are computed by one task; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 512;
 /// Distance between the places of a curve that points are compared with first, in radii.
-const SAMPLING: f64 = 0.25;
+const SAMPLING: f64 = 0.5;
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
 /// How far a point may be from an axis to belong to it, in radii.
@@ -33,11 +33,18 @@ const SLIDE: f64 = 0.05;
 /// What the prior's standard deviation of a curve's second differences is multiplied with after each step at which it
 /// bends too tightly, and where that ends: points that bend all the same are followed.
 const STIFFENING: f64 = 0.5;
-const LEAST_SLACK: f64 = 1e-3;
+const LEAST_SLACK: f64 = 1e-4;
 /// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
 const EFFICIENT: f64 = 4.685;
+/// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
+/// move on from where they were.
+const SETTLED: f64 = 2.0;
+/// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
+const TOLERANCE: f64 = 0.1;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
+/// At how many places of a span it is taken.
+const DIRECTIONS: f64 = 8.0;
 
 /// A string to fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,6 +114,8 @@ pub struct TubeFitOptions {
     /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
     /// place on the tube lies within two standard deviations of its faces have no part.
     pub bounds: Option<[Point; 2]>,
+    /// Whether to work out how well the unknowns are fixed.
+    pub uncertainty: bool,
 }
 
 /// Where a point ended.
@@ -147,8 +156,8 @@ pub struct TubeFit {
     pub feet: Vec<Vec<Foot>>,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
-    /// How well the unknowns are fixed.
-    pub uncertainty: Uncertainty,
+    /// How well the unknowns are fixed, if that was asked for.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// How well the data and the priors together fix the unknowns.
@@ -162,6 +171,25 @@ pub struct Uncertainty {
     /// For each curve and control point, its 3x3 covariances with itself and with the next three, m²; empty if the
     /// curves were held.
     pub curves: Vec<Vec<[[Point; 3]; 4]>>,
+}
+
+/// The foot of a point that no tube is near to.
+const NOWHERE: Foot = Foot {
+    curve: 0,
+    parameter: 0.0,
+    residual: f64::INFINITY,
+    outward: [0.0; 3],
+    facing: 0.0,
+    weight: 0.0,
+    explained: false,
+    inlier: false,
+};
+
+impl Foot {
+    /// Where it is, if it is anywhere.
+    fn place(&self) -> Option<OnCurve> {
+        (self.residual < f64::INFINITY).then_some(OnCurve { curve: self.curve, parameter: self.parameter })
+    }
 }
 
 /// State of a fit between iterations.
@@ -188,15 +216,31 @@ struct State<'a> {
 struct Sample {
     position: Point,
     tangent: Point,
+    radius: f64,
+    place: OnCurve,
+}
+
+/// A place of one of the curves.
+#[derive(Clone, Copy)]
+struct OnCurve {
     curve: usize,
     parameter: f64,
+}
+
+/// Places along all curves, to find the one that explains a point best.
+struct Search {
+    grid: Grid,
+    /// In the grid's order.
+    samples: Vec<Sample>,
+    /// Points that turn farther away from their cameras, as a cosine, lie on the far side of a tube.
+    least_facing: f64,
 }
 
 /// One point's part in the normal equations.
 #[derive(Clone, Copy)]
 struct Term {
     moved: Point,
-    /// The outward normal as far as poses are concerned, see [`State::settled`].
+    /// The outward normal as far as poses are concerned: at a right angle to the curve's direction, see [`directions`].
     settled: Point,
     foot: Foot,
 }
@@ -315,6 +359,8 @@ fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
 impl State<'_> {
     fn run(&mut self, options: &TubeFitOptions) -> Result<TubeFit> {
         let mut iteration = 0;
+        let mut step = f64::INFINITY;
+        let mut terms = Vec::new();
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
@@ -324,15 +370,17 @@ impl State<'_> {
                     (planned * r).max(least).min(1.2 * r)
                 })
                 .collect();
-            let terms = self.terms(options, &bands);
+            let done = iteration == options.iterations;
+            let known = (step < SETTLED).then_some(terms);
+            terms = self.terms(options, &bands, known.as_deref());
             self.measure(&terms, options);
-            if iteration == options.iterations {
+            if done {
                 return self.result(terms, bands, iteration, options);
             }
-            let step = self.step(&terms, options)?;
+            step = self.step(&terms, options)?;
             iteration += 1;
-            if !self.stiffen(options) && iteration > 4 && step < 2e-4 * smallest(&self.radii) {
-                let terms = self.terms(options, &bands);
+            if !self.stiffen(options) && iteration > 4 && step < TOLERANCE {
+                let terms = self.terms(options, &bands, Some(&terms));
                 return self.result(terms, bands, iteration, options);
             }
         }
@@ -350,7 +398,7 @@ impl State<'_> {
         iterations: usize,
         options: &TubeFitOptions,
     ) -> Result<TubeFit> {
-        let uncertainty = self.uncertainty(&terms, options)?;
+        let uncertainty = options.uncertainty.then(|| self.uncertainty(&terms, options)).transpose()?;
         Ok(TubeFit {
             uncertainty,
             curves: self.curves.clone(),
@@ -363,62 +411,37 @@ impl State<'_> {
         })
     }
 
-    /// The feet of all points at the current curves, poses and radius.
-    fn terms(&self, options: &TubeFitOptions, bands: &[f64]) -> Vec<Vec<Term>> {
-        let samples: Vec<Sample> = self
-            .curves
-            .iter()
-            .enumerate()
-            .flat_map(|(curve, spline)| {
-                let spacing = SAMPLING * self.radius(curve);
-                spline.parameters(spacing).into_iter().map(move |parameter| {
-                    let place = spline.at(parameter);
-                    Sample { position: place.position, tangent: normalized(place.first), curve, parameter }
-                })
-            })
-            .collect();
-        let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
-        let grid = Grid::new(&positions, REACH * self.radii.iter().copied().fold(0.0, f64::max));
-        let samples = grid.gather(&samples);
-        self.views
-            .iter()
-            .zip(&self.motions)
-            .map(|(view, motion)| {
-                let camera = motion.apply(view.viewpoint);
-                let tasks: Vec<Vec<Term>> = view
-                    .points
-                    .par_chunks(POINTS_PER_TASK)
-                    .map(|points| {
-                        points
-                            .iter()
-                            .map(|&p| {
-                                let moved = motion.apply(p);
-                                let to_camera = normalized(sub(camera, moved));
-                                let mut foot =
-                                    self.foot(moved, to_camera, &grid, &samples, options.residual, bands);
-                                if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
-                                    foot.weight = 0.0;
-                                }
-                                Term { moved, settled: self.settled(&foot), foot }
-                            })
-                            .collect()
-                    })
-                    .collect();
-                tasks.into_iter().flatten().collect()
-            })
-            .collect()
-    }
-
-    /// The outward normal at a foot, at a right angle to the curve's direction over several radii.
-    ///
-    /// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's
-    /// wavering a view could slide until the noise fits best, and the normal equations would count that as
-    /// information. The direction over a longer stretch hardly wavers, and in a bend it is the tangent.
-    fn settled(&self, foot: &Foot) -> Point {
-        let curve = &self.curves[foot.curve];
-        let place = |u: f64| curve.at(u.clamp(0.0, curve.end())).position;
-        let along = normalized(sub(place(foot.parameter + STRETCH), place(foot.parameter - STRETCH)));
-        normalized(advance(foot.outward, -dot(foot.outward, along), along))
+    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on.
+    fn terms(&self, options: &TubeFitOptions, bands: &[f64], known: Option<&[Vec<Term>]>) -> Vec<Vec<Term>> {
+        let search = known.is_none().then(|| Search::new(self, options.residual));
+        let directions: Vec<Vec<Point>> = self.curves.iter().map(directions).collect();
+        let pieces: Vec<Pieces> = self.curves.iter().map(Spline::pieces).collect();
+        let in_view = |view: usize| {
+            let motion = &self.motions[view];
+            let camera = motion.apply(self.views[view].viewpoint);
+            let points = self.views[view].points;
+            let term = |i: usize| {
+                let moved = motion.apply(points[i]);
+                let to_camera = normalized(sub(camera, moved));
+                let start = match (&search, known) {
+                    (Some(search), _) => search.place(moved, to_camera),
+                    (None, known) => known.and_then(|known| known[view][i].foot.place()),
+                };
+                let Some(start) = start else {
+                    return Term { moved, settled: [0.0; 3], foot: NOWHERE };
+                };
+                let mut foot =
+                    self.foot(moved, to_camera, start, &pieces[start.curve], options.residual, bands);
+                if options.bounds.is_some_and(|bounds| self.is_cut(&foot, bounds)) {
+                    foot.weight = 0.0;
+                }
+                let along = directions[foot.curve][(foot.parameter * DIRECTIONS).round() as usize];
+                let settled = normalized(advance(foot.outward, -dot(foot.outward, along), along));
+                Term { moved, settled, foot }
+            };
+            (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).map(term).collect()
+        };
+        (0..self.views.len()).into_par_iter().map(in_view).collect()
     }
 
     /// Whether noise may have carried points out of the extraction range at a foot.
@@ -429,60 +452,33 @@ impl State<'_> {
         (0..3).any(|k| surface[k] < low[k] + margin || surface[k] > high[k] - margin)
     }
 
-    /// The curve and the place that explain a point best.
+    /// A point's foot near a place.
     fn foot(
         &self,
         p: Point,
         to_camera: Point,
-        grid: &Grid,
-        samples: &[Sample],
+        start: OnCurve,
+        curve: &Pieces,
         residual: Residual,
         bands: &[f64],
     ) -> Foot {
-        let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
-        let mut best = (f64::INFINITY, None);
-        grid.visit_near(p, |i, _, _| {
-            let sample = &samples[i];
-            let r = self.radius(sample.curve);
-            let x = sub(p, sample.position);
-            let along = dot(x, sample.tangent);
-            let q = advance(x, -along, sample.tangent);
-            let d = dot(q, q).sqrt();
-            let away = if dot(q, to_camera) < least_facing * d { 2.0 * r } else { 0.0 };
-            let cost = (d - r).abs() + away + (along.abs() - 0.2 * r).max(0.0);
-            if cost < best.0.min(1.2 * r) {
-                best = (cost, Some(*sample));
-            }
-            true
-        });
-        let nowhere = Foot {
-            curve: 0,
-            parameter: 0.0,
-            residual: f64::INFINITY,
-            outward: [0.0; 3],
-            facing: 0.0,
-            weight: 0.0,
-            explained: false,
-            inlier: false,
-        };
-        let Some(sample) = best.1 else { return nowhere };
-        let curve = &self.curves[sample.curve];
-        let r = self.radius(sample.curve);
-        let band = bands[self.ropes[sample.curve]];
-        let mut parameter = sample.parameter;
+        let r = self.radius(start.curve);
+        let band = bands[self.ropes[start.curve]];
+        let mut parameter = start.parameter;
         for _ in 0..2 {
             let place = curve.at(parameter);
-            let speed = dot(place.first, place.first);
-            parameter =
-                (parameter + dot(sub(p, place.position), place.first) / speed).clamp(0.0, curve.end());
+            let x = sub(p, place.position);
+            let square = dot(place.first, place.first);
+            let slope = (square - dot(x, place.second)).max(0.3 * square);
+            parameter = (parameter + dot(x, place.first) / slope).clamp(0.0, curve.end());
         }
         let place = curve.at(parameter);
         let tangent = normalized(place.first);
         let beyond = dot(sub(p, place.position), tangent);
         let q = advance(sub(p, place.position), -beyond, tangent);
         let d = dot(q, q).sqrt().max(f64::MIN_POSITIVE);
-        let foot = Foot { curve: sample.curve, parameter, ..nowhere };
-        if beyond.abs() > 1e-4 * r + 0.02 * r {
+        let foot = Foot { curve: start.curve, parameter, ..NOWHERE };
+        if beyond.abs() > 0.02 * r {
             return Foot { residual: d - r, ..foot };
         }
         match residual {
@@ -543,48 +539,37 @@ impl State<'_> {
         let mut matrix = Bordered::zeros(layout.banded, layout.border());
         let mut right_band = vec![0.0; layout.banded];
         let mut right_border = vec![0.0; layout.border()];
-        let scale = 1.0 / (self.noise * self.noise);
-        let mut used = 0usize;
-        for (view, terms) in terms.iter().enumerate() {
-            let column = layout.column(view);
-            for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
-                used += 1;
-                let e = foot.outward;
-                let weight = foot.weight * scale;
-                let mut edge = [(0usize, 0.0f64); 7];
-                let mut edges = 0;
-                if let Some(column) = column {
-                    let turn = cross(sub(*moved, self.center), *settled);
-                    for k in 0..3 {
-                        edge[k] = (column + k, turn[k]);
-                        edge[3 + k] = (column + 3 + k, settled[k]);
-                    }
-                    edges = 6;
-                }
-                if layout.radii > 0 {
-                    edge[edges] = (layout.poses + self.ropes[foot.curve], -1.0);
-                    edges += 1;
-                }
-                let edge = &edge[..edges];
-                for (i, &(a, x)) in edge.iter().enumerate() {
-                    right_border[a] -= weight * x * foot.residual;
-                    for &(b, y) in &edge[..=i] {
-                        matrix.add_corner(a, b, weight * x * y);
+        let of_views: Vec<ViewSums> = (0..self.views.len())
+            .into_par_iter()
+            .map(|view| self.view_sums(&terms[view], layout.column(view).is_some(), layout))
+            .collect();
+        let mut used = 0;
+        for (view, sums) in of_views.iter().enumerate() {
+            used += sums.used;
+            matrix.add_band_rows(&sums.band);
+            for (x, y) in right_band.iter_mut().zip(&sums.right_band) {
+                *x += y;
+            }
+            for (rope, (corner, right_edge)) in sums.corner.iter().zip(&sums.right_edge).enumerate() {
+                let poses =
+                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+                let radius = (layout.radii > 0).then_some((6, layout.poses + rope));
+                let edges: Vec<(usize, usize)> = poses.chain(radius).collect();
+                for (i, &(from, to)) in edges.iter().enumerate() {
+                    right_border[to] += right_edge[from];
+                    for &(other, column) in &edges[..=i] {
+                        matrix.add_corner(to, column, corner[from][other]);
                     }
                 }
-                if options.fit_curves {
-                    let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
-                    let row = layout.offsets[foot.curve] + 3 * first;
-                    let jacobian: [f64; 12] = std::array::from_fn(|i| -basis[i / 3] * e[i % 3]);
-                    for (i, &x) in jacobian.iter().enumerate() {
-                        let x = weight * x;
-                        right_band[row + i] -= x * foot.residual;
-                        for (j, &y) in jacobian[..=i].iter().enumerate() {
-                            matrix.add_band(row + i, row + j, x * y);
-                        }
-                        for &(b, y) in edge {
-                            matrix.add_border(row + i, b, x * y);
-                        }
+            }
+            for (curve, &offset) in layout.offsets.iter().enumerate().filter(|_| layout.banded > 0) {
+                let poses =
+                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+                let radius = (layout.radii > 0).then_some((6, layout.poses + self.ropes[curve]));
+                let rows = offset..offset + 3 * self.curves[curve].control.len();
+                for (from, to) in poses.chain(radius) {
+                    for row in rows.clone() {
+                        matrix.add_border(row, to, sums.border[row][from]);
                     }
                 }
             }
@@ -661,7 +646,62 @@ impl State<'_> {
         }
     }
 
-    /// One Gauss–Newton step; the largest movement of a control point, or of a view if curves are held, metres.
+    /// One view's part of the normal equations.
+    fn view_sums(&self, terms: &[Term], moves: bool, layout: &Layout) -> ViewSums {
+        let mut sums = ViewSums {
+            used: 0,
+            band: vec![[0.0; WIDTH]; layout.banded],
+            right_band: vec![0.0; layout.banded],
+            border: vec![[0.0; EDGE]; layout.banded],
+            corner: vec![[[0.0; EDGE]; EDGE]; self.radii.len()],
+            right_edge: vec![[0.0; EDGE]; self.radii.len()],
+        };
+        let scale = 1.0 / (self.noise * self.noise);
+        for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
+            sums.used += 1;
+            let rope = self.ropes[foot.curve];
+            let weight = foot.weight * scale;
+            let mut edge = [0.0; EDGE];
+            if moves {
+                let turn = cross(sub(*moved, self.center), *settled);
+                edge[..3].copy_from_slice(&turn);
+                edge[3..6].copy_from_slice(settled);
+            }
+            if layout.radii > 0 {
+                edge[6] = -1.0;
+            }
+            for i in 0..EDGE {
+                let x = weight * edge[i];
+                sums.right_edge[rope][i] -= x * foot.residual;
+                for j in 0..EDGE {
+                    sums.corner[rope][i][j] += x * edge[j];
+                }
+            }
+            if layout.banded > 0 {
+                let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
+                let start = layout.offsets[foot.curve] + 3 * first;
+                let rows = start..start + WIDTH;
+                let jacobian: [f64; WIDTH] = std::array::from_fn(|i| -basis[i / 3] * foot.outward[i % 3]);
+                let band = sums.band[rows.clone()].iter_mut();
+                let border = sums.border[rows.clone()].iter_mut();
+                let right = sums.right_band[rows].iter_mut();
+                for (i, ((band, border), right)) in band.zip(border).zip(right).enumerate() {
+                    let x = weight * jacobian[i];
+                    *right -= x * foot.residual;
+                    for (entry, y) in band[WIDTH - 1 - i..].iter_mut().zip(&jacobian) {
+                        *entry += x * y;
+                    }
+                    for j in 0..EDGE {
+                        border[j] += x * edge[j];
+                    }
+                }
+            }
+        }
+        sums
+    }
+
+    /// One Gauss–Newton step. Returns its root mean square over the unknowns, or a radius' part if that is larger, in
+    /// standard deviations.
     fn step(&mut self, terms: &[Vec<Term>], options: &TubeFitOptions) -> Result<f64> {
         let layout = self.layout(options);
         if layout.banded + layout.border() == 0 {
@@ -670,14 +710,14 @@ impl State<'_> {
         let (matrix, right_band, right_border) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
         let (controls, edges) = factor.solve(&right_band, &right_border);
-        let mut largest = 0.0f64;
+        let gained: f64 =
+            right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();
         if options.fit_curves {
             for (number, (curve, &offset)) in self.curves.iter_mut().zip(&layout.offsets).enumerate() {
                 let r = self.radii[self.ropes[number]];
                 for (i, control) in curve.control.iter_mut().enumerate() {
                     let step: Point = std::array::from_fn(|k| controls[offset + 3 * i + k]);
                     let size = dot(step, step).sqrt();
-                    largest = largest.max(size);
                     *control = advance(*control, (0.5 * r / size.max(f64::MIN_POSITIVE)).min(1.0), step);
                 }
             }
@@ -687,17 +727,21 @@ impl State<'_> {
                 let step: [f64; 6] = std::array::from_fn(|k| edges[column + k]);
                 self.motions[view] = motion_about(step, self.center).after(&self.motions[view]);
                 self.twists[view] = twist(&self.motions[view], self.center);
-                if !options.fit_curves {
-                    largest = largest.max(step[3].hypot(step[4]).hypot(step[5]));
-                }
             }
         }
+        let mut size = (gained / (controls.len() + edges.len()) as f64).sqrt();
         for rope in 0..layout.radii {
+            let column = layout.poses + rope;
+            let mut unit = vec![0.0; layout.border()];
+            unit[column] = 1.0;
+            let variance = factor.solve(&vec![0.0; layout.banded], &unit).1[column];
+            // one unknown among many, and all the others follow it
+            size = size.max(edges[column].abs() / variance.sqrt());
             let (r, start) = (self.radii[rope], self.start_radii[rope]);
-            let step = edges[layout.poses + rope].clamp(-0.15 * r, 0.15 * r);
+            let step = edges[column].clamp(-0.15 * r, 0.15 * r);
             self.radii[rope] = (r + step).clamp(0.5 * start, 2.0 * start);
         }
-        Ok(largest)
+        Ok(size)
     }
 
     /// Stiffens curves where they bend too tightly; says whether one does.
@@ -799,6 +843,82 @@ fn along_ray(foot: Foot, q: Point, to_camera: Point, tangent: Point, r: f64, ban
     let weight = if near { tukey(residual, band * cosine.max(0.5)) / (cosine * cosine) } else { 0.0 };
     let inlier = residual.abs() < band;
     Foot { residual, outward, facing, explained: true, inlier, weight, ..foot }
+}
+
+impl Search {
+    fn new(state: &State, residual: Residual) -> Self {
+        let curves = &state.curves;
+        let sample = |curve: usize, parameter: f64| {
+            let place = curves[curve].at(parameter);
+            let tangent = normalized(place.first);
+            Sample {
+                position: place.position,
+                tangent,
+                radius: state.radius(curve),
+                place: OnCurve { curve, parameter },
+            }
+        };
+        let samples: Vec<Sample> = (0..curves.len())
+            .flat_map(|curve| {
+                let parameters = curves[curve].parameters(SAMPLING * state.radius(curve));
+                parameters.into_iter().map(move |parameter| sample(curve, parameter))
+            })
+            .collect();
+        let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
+        let grid = Grid::new(&positions, REACH * state.radii.iter().copied().fold(0.0, f64::max));
+        let samples = grid.gather(&samples);
+        let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
+        Self { grid, samples, least_facing }
+    }
+
+    /// The place that explains a point best.
+    fn place(&self, p: Point, to_camera: Point) -> Option<OnCurve> {
+        let mut best = (f64::INFINITY, None);
+        self.grid.visit_near(p, |i, position, _| {
+            let sample = &self.samples[i];
+            let r = sample.radius;
+            let x = sub(p, position);
+            let along = dot(x, sample.tangent);
+            let q = advance(x, -along, sample.tangent);
+            let d = dot(q, q).sqrt();
+            let away = if dot(q, to_camera) < self.least_facing * d { 2.0 * r } else { 0.0 };
+            let cost = (d - r).abs() + away + (along.abs() - 0.3 * r).max(0.0);
+            if cost < best.0.min(1.2 * r) {
+                best = (cost, Some(sample.place));
+            }
+            true
+        });
+        best.1
+    }
+}
+
+/// Directions of a curve at places all along, each over a longer stretch.
+///
+/// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's wavering a
+/// view could slide until the noise fits best, and the normal equations would count that as information. The
+/// direction over a longer stretch hardly wavers, and in a bend it is the tangent.
+fn directions(curve: &Spline) -> Vec<Point> {
+    let pieces = curve.pieces();
+    let place = |u: f64| pieces.at(u.clamp(0.0, curve.end())).position;
+    (0..=(curve.end() * DIRECTIONS) as usize)
+        .map(|i| i as f64 / DIRECTIONS)
+        .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
+        .collect()
+}
+
+/// Unknowns of one view and rope: rotation, translation, the radius, and one that is always 0, for even numbers.
+const EDGE: usize = 8;
+
+/// One view's part of the normal equations, laid out as [`Bordered`] is, but for its own unknowns only.
+struct ViewSums {
+    /// Points that have a part.
+    used: usize,
+    band: Vec<[f64; WIDTH]>,
+    right_band: Vec<f64>,
+    border: Vec<[f64; EDGE]>,
+    /// For each rope.
+    corner: Vec<[[f64; EDGE]; EDGE]>,
+    right_edge: Vec<[f64; EDGE]>,
 }
 
 fn undetermined() -> Error {

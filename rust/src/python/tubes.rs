@@ -111,7 +111,7 @@ pub(super) fn trace_tubes<'py>(
 /// Fit curves, poses and radii to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves, radius_prior, reference, pose_sd, along_ray,
-                    band, iterations, min_bend, noise, bounds, ends))]
+                    band, iterations, min_bend, noise, bounds, ends, uncertainty))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -132,6 +132,7 @@ pub(super) fn fit_tubes<'py>(
     noise: Option<f64>,
     bounds: Option<[Point; 2]>,
     ends: Vec<(usize, usize, Point, Point, f64)>,
+    uncertainty: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -161,6 +162,7 @@ pub(super) fn fit_tubes<'py>(
         min_bend,
         noise,
         bounds,
+        uncertainty,
     };
     let mut sightings = vec![Vec::new(); points.len()];
     for (view, end, place, outward, sd) in ends {
@@ -196,11 +198,11 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
     result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
     result.set_item("inlier", PyArray1::from_iter(py, feet.iter().map(|foot| foot.inlier)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened().as_flattened());
-    result.set_item("pose_covariance", poses.reshape([rows.len(), 6, 6])?)?;
-    result.set_item("radii_sd", PyArray1::from_vec(py, fit.uncertainty.radii))?;
-    let covariances: Vec<_> = fit
-        .uncertainty
+    let uncertainty = fit.uncertainty.unwrap_or_default();
+    let poses = PyArray1::from_slice(py, uncertainty.poses.as_flattened().as_flattened());
+    result.set_item("pose_covariance", poses.reshape([uncertainty.poses.len(), 6, 6])?)?;
+    result.set_item("radii_sd", PyArray1::from_vec(py, uncertainty.radii))?;
+    let covariances: Vec<_> = uncertainty
         .curves
         .iter()
         .map(|curve| {
