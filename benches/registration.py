@@ -6,8 +6,8 @@ Simulated strings are seen by views of various numbers and distances, at poses t
 off a stage are. A pose's error is how far it displaces the string's true points (root mean square), split
 into the part across the string and the part along it. It is split into directions too: a pose's six
 corrections, each over the standard deviation of the reported poses, have the joint fit's covariance, and the
-data fix those of its principal directions whose standard deviation is less than half the reported poses', so
-that the data say three times what the prior does. In the fixed directions the error is a displacement and
+data fix those of its principal directions whose standard deviation is less than 0.71 times the reported
+poses', so that the data say more than the report. In the fixed directions the error is a displacement and
 an angle, beside the angle that the joint fit's covariance makes expect; in the open ones, such as along a
 straight string and about it, it is a displacement, of the views that have any. The middle view is exact by
 construction and not counted; figures are medians over the other views. The curve's error is the distance of
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 SHAPES = ("straight", "arc", "s", "paper")
 NOISE = 0.7e-3  # metres
 TURN_SD, SHIFT_SD = np.radians(0.5), 1.5e-3  # of the reported poses, in the table plane
-FIXED = 0.5  # standard deviation over the reported poses' under which the data fix a direction
+FIXED = 0.5**0.5  # standard deviation over the reported poses' under which the data fix a direction
 SPREADS = {
     "two views, 30° apart": (-15, 15),
     "two views, 60° apart": (-30, 30),

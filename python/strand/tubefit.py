@@ -184,7 +184,8 @@ def fit_tubes(
     ends : sequence of EndSighting
         Where views see strings end: fixes them along straight strings.
     uncertainty : bool
-        Work out standard deviations and covariances.
+        Work out standard deviations and covariances, and hold views at the reported poses in directions that
+        the data leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
 
     Returns
     -------

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
 use crate::banded::{Bordered, WIDTH};
@@ -41,6 +41,12 @@ const EFFICIENT: f64 = 4.685;
 const SETTLED: f64 = 2.0;
 /// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
 const TOLERANCE: f64 = 0.1;
+/// The data fix a direction of a pose where its standard deviation is under this share of the reported pose's, as they
+/// then say more than the report; in the others the view is held there, this many times as precisely as it was reported,
+/// in at most so many more steps.
+const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
+const HOLD: f64 = 1e4;
+const STEPS_HELD: usize = 6;
 /// How far to both sides a curve's direction is taken where poses are concerned, in spans.
 const STRETCH: f64 = 2.0;
 /// At how many places of a span it is taken.
@@ -114,7 +120,8 @@ pub struct TubeFitOptions {
     /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
     /// place on the tube lies within two standard deviations of its faces have no part.
     pub bounds: Option<[Point; 2]>,
-    /// Whether to work out how well the unknowns are fixed.
+    /// Whether to work out how well the unknowns are fixed, and to hold views at the reported poses in directions
+    /// that the data leave open.
     pub uncertainty: bool,
 }
 
@@ -206,6 +213,8 @@ struct State<'a> {
     start_radii: Vec<f64>,
     /// For each curve, what the standard deviation of its second differences' prior is multiplied with.
     slack: Vec<f64>,
+    /// For each view, the precision that holds it at the reported pose in open directions.
+    held: Vec<[[f64; 6]; 6]>,
     sigma: f64,
     /// Standard deviation of a point whose weight is 1: of its residual, or of the noise along its ray.
     noise: f64,
@@ -336,6 +345,7 @@ pub fn fit_tubes(
         radii: radii.to_vec(),
         start_radii: radii.to_vec(),
         slack: vec![1.0; tubes.len()],
+        held: vec![[[0.0; 6]; 6]; views.len()],
         sigma: 0.2 * smallest(radii),
         noise: 0.2 * smallest(radii),
     };
@@ -375,15 +385,38 @@ impl State<'_> {
             terms = self.terms(options, &bands, known.as_deref());
             self.measure(&terms, options);
             if done {
-                return self.result(terms, bands, iteration, options);
+                return self.result(terms, &bands, iteration, options);
             }
             step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > 4 && step < TOLERANCE {
                 let terms = self.terms(options, &bands, Some(&terms));
-                return self.result(terms, bands, iteration, options);
+                return self.result(terms, &bands, iteration, options);
             }
         }
+    }
+
+    /// Holds views at the reported poses in directions that the data leave open; says whether there are any.
+    ///
+    /// What little the data seem to say of such a direction is mostly what curves make of noise: views would wander.
+    fn hold(&mut self, uncertainty: &Uncertainty, options: &TubeFitOptions) -> bool {
+        let sd: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3]);
+        let mut open = false;
+        for (held, covariance) in self.held.iter_mut().zip(&uncertainty.poses) {
+            let scaled = Matrix6::from_fn(|i, j| covariance[i][j] / (sd[i] * sd[j]));
+            let eigen = SymmetricEigen::new(scaled);
+            for (&variance, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+                if variance > FIXED * FIXED {
+                    open = true;
+                    for (i, row) in held.iter_mut().enumerate() {
+                        for (j, entry) in row.iter_mut().enumerate() {
+                            *entry += HOLD * direction[i] * direction[j] / (sd[i] * sd[j]);
+                        }
+                    }
+                }
+            }
+        }
+        open
     }
 
     /// The radius of a curve.
@@ -392,20 +425,30 @@ impl State<'_> {
     }
 
     fn result(
-        &self,
-        terms: Vec<Vec<Term>>,
-        bands: Vec<f64>,
-        iterations: usize,
+        &mut self,
+        mut terms: Vec<Vec<Term>>,
+        bands: &[f64],
+        mut iterations: usize,
         options: &TubeFitOptions,
     ) -> Result<TubeFit> {
         let uncertainty = options.uncertainty.then(|| self.uncertainty(&terms, options)).transpose()?;
+        if uncertainty.as_ref().is_some_and(|uncertainty| self.hold(uncertainty, options)) {
+            for _ in 0..STEPS_HELD {
+                let step = self.step(&terms, options)?;
+                terms = self.terms(options, bands, Some(&terms));
+                iterations += 1;
+                if step < TOLERANCE {
+                    break;
+                }
+            }
+        }
         Ok(TubeFit {
             uncertainty,
             curves: self.curves.clone(),
             motions: self.motions.clone(),
             radii: self.radii.clone(),
             sigma: self.sigma,
-            bands,
+            bands: bands.to_vec(),
             feet: terms.into_iter().map(|view| view.into_iter().map(|term| term.foot).collect()).collect(),
             iterations,
         })
@@ -594,6 +637,12 @@ impl State<'_> {
                 for k in 0..6 {
                     matrix.add_corner(column + k, column + k, precision[k]);
                     right_border[column + k] -= precision[k] * twist[k];
+                    for (l, entry) in self.held[view][k].iter().enumerate() {
+                        right_border[column + k] -= entry * twist[l];
+                        if l <= k {
+                            matrix.add_corner(column + k, column + l, *entry);
+                        }
+                    }
                 }
             }
         }
