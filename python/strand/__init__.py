@@ -18,7 +18,7 @@ from strand._core import (
 )
 from strand.config import Config
 from strand.io import FileFormatError, load_scene
-from strand.model import Chain, Model, load
+from strand.model import Chain, Join, Model, load
 from strand.pipeline import reconstruct
 from strand.radius import estimate_radius
 from strand.tubefit import TubeFit, fit_tubes
@@ -30,6 +30,7 @@ __all__ = [
     "Config",
     "FileFormatError",
     "IcpResult",
+    "Join",
     "Model",
     "NotEnoughDataError",
     "StrandError",

@@ -281,8 +281,13 @@ class Linking:
     ----------
     free_end : float
         Cost of an end that is joined to none.
+    seen_through : float
+        Cost of a join for each radius of it that lies where a camera saw nothing.
     gap : float
-        The longest gap that is bridged, in string radii.
+        The longest gap that is bridged, in string radii, unless the number of strings is given; somewhat
+        longer ones where no camera could have seen the string.
+    margin : float
+        A join whose next best alternative costs less than this more is warned of.
     loop : float
         An arc's two ends are joined to a ring only if it is longer than this, in string radii.
     contact : float
@@ -295,7 +300,9 @@ class Linking:
     """
 
     free_end: float = 5.0
+    seen_through: float = 2.0
     gap: float = 12.0
+    margin: float = 1.5
     loop: float = 10.0
     contact: float = 1.6
     contact_gap: float = 1.5

@@ -121,6 +121,11 @@ class Curve:
         first, last = self.parameter([start, stop])
         return Curve(self.control, float(first), float(last))
 
+    def reversed(self) -> Curve:
+        """Return the same stretch, run the other way."""
+        last = len(self.control) - 3
+        return Curve(self.control[::-1], last - self.stop, last - self.start)
+
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, unit tangent and curvature vector at arc length `s`.
 

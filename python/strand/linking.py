@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -12,12 +13,24 @@ from strand.config import Linking
 from strand.strings import bridge
 from strand.topology import end_direction, path_length, walk
 from strand.view import Array
+from strand.visibility import Sight
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6
+# gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are
+# tried
+_SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
+# gaps that no camera could see into may be longer by this factor; the share that counts as none of it
+_UNSEEN, _MOSTLY = 1.7, 0.8
+# no gap is bridged of which cameras saw through a larger share
+_SEEN_THROUGH = 0.3
+# arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
+_STUB, _AIM = 2.5, 0.5
+# so many ways to bridge gaps are compared
+_WAYS = 20000
 
 
-def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> list[Array]:
+def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back: float = 0.0) -> list[Array]:
     """Cut arcs where another's end lies inside them.
 
     Two strands cannot be in one place, so a trace took a wrong turn there.
@@ -29,6 +42,8 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> l
     radius : float
         The strings' radius, metres.
     config : Linking
+    back : float
+        How far such an end is cut back too, as long as it is that near, in radii.
 
     Returns
     -------
@@ -49,11 +64,69 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking) -> l
                 inside = half < s[nearest] < s[-1] - half
                 if inside and distance[nearest] < config.contact * radius:
                     kept[j] &= np.abs(s - s[nearest]) > half
+                    kept[i] &= ~_merged(arc, np.abs(lengths[i] - place), other, i == j, radius, back)
     pieces = []
     for arc, keep in zip(arcs, kept, strict=True):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]])))
         pieces += [arc[a:b] for a, b in edges.reshape(-1, 2) if b - a >= 3]
     return pieces
+
+
+def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float, back: float) -> np.ndarray:
+    """(M,) Nodes up to `back` radii from an arc's end that have not yet left another strand."""
+    if back <= 0:
+        return np.zeros(len(arc), dtype=bool)
+    apart = np.linalg.norm(arc[:, None] - other[None], axis=2)
+    if same:
+        apart[np.abs(from_end[:, None] - from_end[None]) < 4.0 * radius + from_end[:, None]] = np.inf
+    left = from_end[apart.min(axis=1) > 1.75 * radius]
+    return np.asarray(from_end < min(float(left.min()) if len(left) else np.inf, back * radius))
+
+
+def aimed(arcs: Sequence[Array], radius: float) -> list[Array]:
+    """Turn stubs whose direction is no better than chance into that of the arc that leads to them.
+
+    What is seen of a string beyond a crossing near its end is about as long as wide; a tube fitted to it
+    may lie across. The arc that points at it says how it runs: along the circle from its end to the stub's
+    middle.
+
+    Parameters
+    ----------
+    arcs : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The strings' radius, metres.
+
+    Returns
+    -------
+    list of (M, 3) ndarray
+        The arcs in their order, stubs turned.
+    """
+    lengths = [path_length(arc)[-1] for arc in arcs]
+    ends = [
+        (nodes[-1], end_direction(nodes, 0.0, 1.5 * radius))
+        for arc, length in zip(arcs, lengths, strict=True)
+        if length >= _STUB * radius
+        for nodes in (arc[::-1], arc)
+    ]
+    turned = []
+    for arc, length in zip(arcs, lengths, strict=True):
+        middle = arc[len(arc) // 2]
+        best, least = None, _AIM
+        for end, leave in ends if length < _STUB * radius else []:
+            step = middle - end
+            gap = float(np.linalg.norm(step))
+            if not 1.2 * radius < gap < 6.0 * radius:
+                continue
+            straight = step / gap
+            angle = float(np.arccos(np.clip(leave @ straight, -1.0, 1.0)))
+            if angle < least:
+                best, least = 2.0 * (leave @ straight) * straight - leave, angle
+        own = end_direction(arc, 0.0, length)
+        if best is not None and abs(own @ best) < np.cos(_AIM):
+            arc = middle + np.linspace(-0.5, 0.5, len(arc))[:, None] * length * best
+        turned.append(arc)
+    return turned
 
 
 def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) -> float:
@@ -79,7 +152,262 @@ def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) ->
     return float(2.0 * (a * a + b * b) + energy + 0.25 * gap / radius)
 
 
-def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Array, bool]]:
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What joining each pair of ends would cost: end 2k is the first node of arc k, 2k + 1 its last.
+
+    Attributes
+    ----------
+    arcs : tuple of (M, 3) ndarray
+        Ordered nodes, metres.
+    costs : dict of (int, int) to float
+        Of the pairs that are cheaper to join than to leave.
+    """
+
+    arcs: tuple[Array, ...]
+    costs: dict[tuple[int, int], float]
+
+    @classmethod
+    def between(
+        cls, arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+    ) -> Links:
+        """Price all joins by the curves that would make them, and by what the views saw along these.
+
+        Parameters
+        ----------
+        arcs : sequence of (M, 3) ndarray
+            Ordered nodes, metres.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw; without it space that was seen empty costs nothing.
+        """
+        span = 1.5 * radius
+        ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
+        position = np.array([p for p, _ in ends]).reshape(-1, 3)
+        distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+        # where nothing could have been seen, gaps may be longer
+        farthest = config.gap * radius * (1.0 if sight is None else _UNSEEN)
+        costs: dict[tuple[int, int], float] = {}
+        for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
+            i, j = int(i), int(j)
+            if i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius:
+                continue
+            (p, leave), (q, arrive) = ends[i], ends[j]
+            cost = join_cost(p, leave, q, arrive, radius)
+            if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
+                nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
+                if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
+                    continue
+                empty = float(sight.empty(nodes, radius).mean()) if len(nodes) else 0.0
+                cost += config.seen_through * empty * distance[i, j] / radius
+            if cost < 2.0 * config.free_end:
+                costs[i, j] = cost
+        return cls(tuple(arcs), costs)
+
+    def matched(
+        self, free_end: float, without: Collection[tuple[int, int]] = ()
+    ) -> tuple[list[tuple[int, int]], float]:
+        """Join ends by the matching of least cost.
+
+        Parameters
+        ----------
+        free_end : float
+            Cost of an end that is joined to none.
+        without : collection of (int, int)
+            Pairs that may not be joined.
+
+        Returns
+        -------
+        joins : list of (int, int)
+        cost : float
+            Of all joins and free ends.
+        """
+        graph = rx.PyGraph()
+        graph.add_nodes_from(range(2 * len(self.arcs)))
+        for pair, cost in self.costs.items():
+            if cost < 2.0 * free_end and pair not in without:
+                graph.add_edge(*pair, round((2.0 * free_end - cost) * _UNIT))
+        joins = sorted((min(pair), max(pair)) for pair in rx.max_weight_matching(graph, weight_fn=int))
+        free = 2 * (len(self.arcs) - len(joins))
+        return joins, sum(self.costs[pair] for pair in joins) + free * free_end
+
+    def bridged(
+        self,
+        joins: Sequence[tuple[int, int]],
+        pieces: Sequence[int],
+        ropes: int,
+        radius: float,
+        config: Linking,
+        sight: Sight | None,
+    ) -> list[tuple[int, int]]:
+        """Join chains over gaps of any length until so many are left.
+
+        Parameters
+        ----------
+        joins : sequence of (int, int)
+            Pairs of ends that are joined already.
+        pieces : sequence of int
+            For each arc the number of its chain; -1 for those that are left out.
+        ropes : int
+            How many chains to leave.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw.
+
+        Returns
+        -------
+        list of (int, int)
+            The joins and those that cost least together, none of which closes a ring or leads through what
+            cameras saw to be empty; so more chains may be left.
+        """
+        taken = {end for pair in joins for end in pair}
+        free = [end for end in range(2 * len(self.arcs)) if end not in taken and pieces[end // 2] >= 0]
+        count = len({number for number in pieces if number >= 0})
+        priced = []
+        for i, j in combinations(free, 2):
+            if pieces[i // 2] != pieces[j // 2]:
+                before, after = _outward(self.arcs, i), _outward(self.arcs, j)[::-1]
+                nodes = least_bending(before, after, radius, sight, config)
+                gap = float(np.linalg.norm(after[0] - before[-1]))
+                way = np.vstack([before[-1:], nodes, after[:1]])
+                if sight is not None and sight.empty(way, radius).mean() > _SEEN_THROUGH:
+                    continue
+                turn = 4.0 - 2.0 * (
+                    end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
+                ) @ (after[0] - before[-1]) / max(gap, 1e-12)
+                cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
+                priced.append((float(cost), i, j))
+        priced.sort()
+        more: list[tuple[int, int]] = []
+        wanted = count - ropes
+        while wanted > 0 and not more:
+            more = _cheapest(priced, pieces, wanted)
+            wanted -= 1
+        return [*joins, *more]
+
+    def end(self, number: int) -> Array:
+        """(3,) Where an end lies, metres."""
+        return np.asarray(self.arcs[number // 2][-1 if number % 2 else 0])
+
+    def joined(
+        self, joins: Sequence[tuple[int, int]], radius: float, config: Linking, sight: Sight | None
+    ) -> list[tuple[Array, bool]]:
+        """Make chains of arcs.
+
+        Parameters
+        ----------
+        joins : sequence of (int, int)
+            Pairs of ends.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw: bridges keep to what they did not see.
+
+        Returns
+        -------
+        list of ((K, 3) ndarray, bool)
+            Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself:
+            then its last node is its first again.
+        """
+        chains = []
+        for entered, closed in walk(len(self.arcs), joins):
+            parts = [self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
+            nodes = parts[0]
+            for part in parts[1:]:
+                nodes = _joined(nodes, part, radius, config, sight)
+            if closed:
+                nodes = _cut_back(nodes, nodes[0], radius)
+                nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
+            chains.append((nodes, closed))
+        return chains
+
+
+def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
+    """Bending energy of a bridge between two arcs, times the radius, and what it costs to be seen through."""
+    steps = np.diff(nodes, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    units = steps / np.maximum(lengths, 1e-12)[:, None]
+    turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
+    cost = float((turns**2 / np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)).sum() * radius)
+    if sight is not None:
+        cost += config.seen_through * float(sight.empty(nodes, radius).mean() * lengths.sum()) / radius
+    return cost
+
+
+def least_bending(before: Array, after: Array, radius: float, sight: Sight | None, config: Linking) -> Array:
+    """Nodes of the cubic between two arcs that bends least and keeps to space that no camera saw to be empty.
+
+    Parameters
+    ----------
+    before, after : (K, 3) ndarray
+        Ordered nodes, metres; the bridge goes from the last of `before` to the first of `after`.
+    radius : float
+        The strings' radius, metres.
+    sight : Sight, optional
+        What the views saw.
+    config : Linking
+
+    Returns
+    -------
+    (B, 3) ndarray
+        The nodes between the two, metres.
+    """
+    span, spacing = 1.5 * radius, 0.4 * radius
+    plain = bridge(before, after, span, spacing)
+    if np.linalg.norm(after[0] - before[-1]) < _SHORT * radius:
+        return plain
+    best, least = plain, np.inf
+    for leave in _REACHES:
+        for arrive in _REACHES:
+            nodes = bridge(before, after, span, spacing, (leave, arrive))
+            cost = bridge_cost(np.vstack([before[-1:], nodes, after[:1]]), radius, sight, config)
+            if cost < least - 1e-9:
+                best, least = nodes, cost
+    return best
+
+
+def _cheapest(
+    priced: Sequence[tuple[float, int, int]], pieces: Sequence[int], wanted: int
+) -> list[tuple[int, int]]:
+    """Return the `wanted` pairs, dearer ones later, that cost least together and join ever other chains."""
+    best: tuple[float, list[tuple[int, int]]] = (np.inf, [])
+    ways = 0
+
+    def search(first: int, chosen: list[tuple[int, int]], cost: float, group: dict[int, int]) -> None:
+        nonlocal best, ways
+        left = wanted - len(chosen)
+        if left <= 0:
+            best = min(best, (cost, list(chosen)), key=lambda way: way[0])
+            return
+        for k in range(first, len(priced) - left + 1):
+            more, i, j = priced[k]
+            ways += 1
+            # what is to come is not cheaper
+            if cost + left * more >= best[0] or (ways > _WAYS and best[1]):
+                return
+            a, b = group[pieces[i // 2]], group[pieces[j // 2]]
+            if a == b or any(end in pair for pair in chosen for end in (i, j)):
+                continue
+            merged = {piece: a if number == b else number for piece, number in group.items()}
+            search(k + 1, [*chosen, (i, j)], cost + more, merged)
+
+    search(0, [], 0.0, {number: number for number in pieces})
+    return [(min(pair), max(pair)) for pair in best[1]]
+
+
+def _outward(arcs: Sequence[Array], end: int) -> Array:
+    """Nodes of an arc in the order in which they lead to one of its ends."""
+    return arcs[end // 2][:: 1 if end % 2 else -1]
+
+
+def link(
+    arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+) -> list[tuple[Array, bool]]:
     """Join arcs to chains by the matching of all their ends that costs least.
 
     Parameters
@@ -89,37 +417,16 @@ def link(arcs: Sequence[Array], radius: float, config: Linking) -> list[tuple[Ar
     radius : float
         The strings' radius, metres.
     config : Linking
+    sight : Sight, optional
+        What the views saw.
 
     Returns
     -------
     list of ((K, 3) ndarray, bool)
-        Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself: then
-        its last node is its first again.
+        As `Links.joined`.
     """
-    span = 1.5 * radius
-    ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
-    graph = rx.PyGraph()
-    graph.add_nodes_from(range(len(ends)))
-    for i, j in combinations(range(len(ends)), 2):
-        (p, leave), (q, arrive) = ends[i], ends[j]
-        own = i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius
-        if own or np.linalg.norm(p - q) > config.gap * radius:
-            continue
-        gain = 2.0 * config.free_end - join_cost(p, leave, q, arrive, radius)
-        if gain > 0:
-            graph.add_edge(i, j, round(gain * _UNIT))
-    joins = sorted(rx.max_weight_matching(graph, weight_fn=int))
-    chains = []
-    for entered, closed in walk(len(arcs), joins):
-        parts = [arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
-        nodes = parts[0]
-        for part in parts[1:]:
-            nodes = _joined(nodes, part, radius)
-        if closed:
-            nodes = _cut_back(nodes, nodes[0], radius)
-            nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
-        chains.append((nodes, closed))
-    return chains
+    links = Links.between(arcs, radius, config, sight)
+    return links.joined(links.matched(config.free_end)[0], radius, config, sight)
 
 
 def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
@@ -129,8 +436,8 @@ def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
     return nodes[: max(len(nodes) - count, min(len(nodes), 4))]
 
 
-def _joined(before: Array, after: Array, radius: float) -> Array:
+def _joined(before: Array, after: Array, radius: float, config: Linking, sight: Sight | None) -> Array:
     """One chain of two, cut back where they overlap, with a cubic between."""
     before = _cut_back(before, after[0], radius)
     after = _cut_back(after[::-1], before[-1], radius)[::-1]
-    return np.vstack([before, bridge(before, after, 1.5 * radius, 0.4 * radius), after])
+    return np.vstack([before, least_bending(before, after, radius, sight, config), after])

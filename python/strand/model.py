@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand import io
 from strand.curve import Curve
+from strand.nextview import best_camera
 from strand.view import Array, checked_radius, finite_array
 
 
@@ -94,6 +95,20 @@ class Chain:
         return float(self._knots[-1]) if self.curve is None else self.curve.length
 
     @property
+    def bridged(self) -> NDArray[np.bool_]:
+        """(M,) Whether a node only bridges a gap: it lies in a radius or more of string without a point.
+
+        All False if `points_seen` is not known.
+        """
+        bare = np.zeros(len(self.points), dtype=bool)
+        if self.points_seen is not None:
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], self.points_seen == 0, [0]])))
+            spacing = self.length / len(self.points)
+            for start, stop in edges.reshape(-1, 2):
+                bare[start:stop] = (stop - start) * spacing >= self.radius
+        return bare
+
+    @property
     def arc_length(self) -> Array:
         """(M,) Arc length from the first node to each node, metres."""
         if self.curve is not None:
@@ -134,6 +149,23 @@ class Chain:
             return np.repeat(units, 2, axis=0), np.zeros((2, 3))
         tangents = np.vstack([units[:1], middle, units[-1:]])
         return tangents, np.vstack([bend[:1], bend, bend[-1:]])
+
+    def reversed(self) -> Chain:
+        """Return the same chain, its nodes in the other order."""
+
+        def turned(rows: Any) -> Any:
+            return None if rows is None else rows[::-1]
+
+        return Chain(
+            self.points[::-1],
+            self.radius,
+            self.closed,
+            None if self.curve is None else self.curve.reversed(),
+            turned(self.covariance),
+            turned(self.points_seen),
+            turned(self.views_seen),
+            self.radius_sd,
+        )
 
     def at(self, s: ArrayLike) -> Array:
         """Position at arc length `s`.
@@ -211,6 +243,29 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
+class Join:
+    """A place where pieces that were seen were joined to one string.
+
+    Attributes
+    ----------
+    place : (3,) ndarray
+        The middle of the gap, world frame, metres.
+    chains : tuple of int
+        Numbers of the chains that run there.
+    margin : float
+        How much dearer the next best way to join the pieces is, in the units of `Config.linking`'s costs,
+        where a free end costs 5. Near 0: as good.
+    alternative : (3,) ndarray or None
+        Where the string would go on instead, metres; None: it would end.
+    """
+
+    place: Array
+    chains: tuple[int, ...]
+    margin: float
+    alternative: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """A point chain model: the strings that the views show.
 
@@ -229,6 +284,11 @@ class Model:
     pose_sd : (V, 6) ndarray
         Standard deviations of the poses' corrections in the world frame: rotation vector, radians, and
         translation of the points' centroid, metres; 0 for the view that stayed, NaN where none is known.
+    confidence : float
+        How likely it is that the strings run as the chains say, from 0 to 1: in order, none missing, none
+        joined to another, ends in place. NaN if the method does not say.
+    joins : tuple of Join
+        Where pieces were joined over gaps and crossings, the least certain first.
     """
 
     chains: tuple[Chain, ...]
@@ -237,11 +297,42 @@ class Model:
     warnings: tuple[str, ...] = ()
     stages: dict[str, Any] = field(default_factory=dict, repr=False)
     pose_sd: Array = field(default_factory=lambda: np.empty((0, 6)))
+    confidence: float = float("nan")
+    joins: tuple[Join, ...] = ()
+
+    def next_view(self) -> Array:
+        """Camera position from which one more view would tell most: it best sees the least certain place.
+
+        That is the join with the least margin; without joins, the place that fewest points support.
+
+        Returns
+        -------
+        (3,) ndarray
+            World frame, metres; as far from the place as the cameras were, in the median.
+
+        Raises
+        ------
+        ValueError
+            If there is no chain or no pose.
+        """
+        if not self.chains or not len(self.poses):
+            raise ValueError("model: expected chains and poses, got none")
+        if self.joins:
+            place = self.joins[0].place
+        else:
+            weakest = [
+                (int(chain.points_seen.min()), k)
+                for k, chain in enumerate(self.chains)
+                if chain.points_seen is not None
+            ]
+            chain = self.chains[min(weakest)[1]] if weakest else self.chains[0]
+            seen = chain.points_seen
+            place = chain.points[len(chain.points) // 2 if seen is None else int(seen.argmin())]
+        radius = self.chains[0].radius
+        return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write chains, poses, their deviations, timings and warnings to a JSON file, whole or not at all.
-
-        The arrays between the stages are not written.
+        """Write all but the arrays between the stages to a JSON file, whole or not at all.
 
         Parameters
         ----------
@@ -264,6 +355,16 @@ class Model:
                 "pose_sd": [None if np.isnan(sd).any() else sd.tolist() for sd in self.pose_sd],
                 "timings": self.timings,
                 "warnings": list(self.warnings),
+                "confidence": None if np.isnan(self.confidence) else self.confidence,
+                "joins": [
+                    {
+                        "place": join.place.tolist(),
+                        "chains": list(join.chains),
+                        "margin": join.margin,
+                        "alternative": None if join.alternative is None else join.alternative.tolist(),
+                    }
+                    for join in self.joins
+                ],
             },
         )
 
@@ -305,6 +406,17 @@ def _chain(data: dict[str, Any]) -> Chain:
     )
 
 
+def _join(data: dict[str, Any]) -> Join:
+    """Make a join of what `Model.save` wrote."""
+    other = data["alternative"]
+    return Join(
+        np.asarray(data["place"], dtype=np.float64),
+        tuple(int(number) for number in data["chains"]),
+        float(data["margin"]),
+        None if other is None else np.asarray(other, dtype=np.float64),
+    )
+
+
 def load(path: str | os.PathLike[str]) -> Model:
     """Read a model that `Model.save` wrote.
 
@@ -316,7 +428,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With the same chains, poses, deviations, timings and warnings, bit for bit; without stages.
+        With the same chains, poses, deviations, timings, warnings, confidence and joins, bit for bit; without
+        stages.
 
     Raises
     ------
@@ -334,8 +447,16 @@ def load(path: str | os.PathLike[str]) -> Model:
         chains = tuple(_chain(chain) for chain in data["chains"])
         poses = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
         pose_sd = np.array([[np.nan] * 6 if sd is None else sd for sd in data["pose_sd"]], dtype=np.float64)
+        confidence = data.get("confidence")
         return Model(
-            chains, poses, dict(data["timings"]), tuple(data["warnings"]), {}, pose_sd.reshape(-1, 6)
+            chains,
+            poses,
+            dict(data["timings"]),
+            tuple(data["warnings"]),
+            {},
+            pose_sd.reshape(-1, 6),
+            float("nan") if confidence is None else float(confidence),
+            tuple(_join(join) for join in data.get("joins", [])),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

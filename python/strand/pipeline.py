@@ -12,6 +12,7 @@ from strand import published, tubes
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.model import Chain, Model
+from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.radius import Radii, estimate_radius
 from strand.stages import Run
@@ -25,6 +26,7 @@ def reconstruct(
     ropes: int | None = None,
     config: Config | None = None,
     *,
+    previous: Model | None = None,
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Model:
@@ -41,9 +43,13 @@ def reconstruct(
         The extraction range: low and high corner of an axis-aligned box in the world frame, metres;
         everything if not given.
     ropes : int, optional
-        How many ropes there are; as many as the data show if not given.
+        How many ropes there are; as many as the data show if not given. By default gaps between pieces,
+        however long, are then bridged until no more are left (see `Chain.bridged`).
     config : Config, optional
         The method and its numbers; `Config()`, tubes fitted to the points, if not given.
+    previous : Model, optional
+        An earlier model of the same strings: chains that are near its chains run the same way. Others, and
+        all without it, start at the end that lies farther back along the direction (0.83, 0.47, 0.31).
     keep_stages : bool
         Keep the arrays between the stages, in `Model.stages`: "raw", "filtered" and "registered" (a tuple of
         (N, 3) arrays, one for each view used); "arcs" (what was seen of the strings before they were linked)
@@ -67,7 +73,7 @@ def reconstruct(
         If no view has points in the extraction range, or they make no chain.
     """
     config = Config() if config is None else config
-    views, radii, ropes = _checked(views, radius, ropes, config)
+    views, radii, ropes = _checked(views, radius, ropes, config, previous)
     run = Run(progress)
     box = None if bounds is None else extraction_range(bounds)
     with run.stage("extract"):
@@ -89,8 +95,9 @@ def reconstruct(
     if config.method == "published":
         found = published.find_strings(seen, used, float(radii.values[0]), ropes, config, run)
     else:
-        found = tubes.find_strings(seen, used, box, radii, config, run)
-    chains = _chosen(found.chains, ropes, run)
+        whole = [views[number] for number in used]
+        found = tubes.find_strings(seen, whole, used, box, radii, ropes, config, run)
+    chains = tuple(oriented(_chosen(found.chains, ropes, run), () if previous is None else previous.chains))
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -101,11 +108,17 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd)
+    return Model(
+        chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, found.confidence, found.joins
+    )
 
 
 def _checked(
-    views: Sequence[View], radius: float | Sequence[float] | None, ropes: int | None, config: Config
+    views: Sequence[View],
+    radius: float | Sequence[float] | None,
+    ropes: int | None,
+    config: Config,
+    previous: Model | None,
 ) -> tuple[tuple[View, ...], Radii | None, int | None]:
     """Check the arguments that have no type of their own."""
     views = checked_views(views)
@@ -117,6 +130,8 @@ def _checked(
             raise ValueError(f"ropes: expected at least 1, got {ropes}")
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
+    if previous is not None and not isinstance(previous, Model):
+        raise TypeError(f"previous: expected a Model or None, got {previous!r}")
     if config.method == "published" and (radii is None or len(radii.values) > 1):
         raise ValueError("radius: the published method needs the strings' one radius, metres")
     return views, radii, ropes

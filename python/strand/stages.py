@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from strand.model import Chain
+from strand.model import Chain, Join
 from strand.view import Array
 
 
@@ -44,9 +44,15 @@ class Found:
         the method knows none.
     stages : dict of str to object
         The arrays between the stages.
+    confidence : float
+        How likely the answer is right; NaN where the method does not say.
+    joins : tuple of Join
+        The least certain first.
     """
 
     chains: list[Chain]
     poses: list[Array]
     pose_sd: list[Array]
     stages: dict[str, Any]
+    confidence: float = float("nan")
+    joins: tuple[Join, ...] = ()

@@ -25,7 +25,9 @@ def trim(segment: Array, front: float, back: float) -> Array:
     return kept if len(kept) else segment[middle : middle + 1]
 
 
-def bridge(before: Array, after: Array, span: float, spacing: float) -> Array:
+def bridge(
+    before: Array, after: Array, span: float, spacing: float, reach: tuple[float, float] = (1.0, 1.0)
+) -> Array:
     """Nodes of the cubic that goes on from one segment to the next.
 
     Parameters
@@ -36,19 +38,20 @@ def bridge(before: Array, after: Array, span: float, spacing: float) -> Array:
         The stretch of each over which its direction is taken, metres of arc length.
     spacing : float
         The distance between nodes, metres.
+    reach : (float, float)
+        Lengths of the tangents at the two ends, as parts of the gap.
 
     Returns
     -------
     (B, 3) ndarray
-        The nodes between the two, metres: p(t) of a cubic Hermite curve whose tangents are as long as the
-        gap.
+        The nodes between the two, metres: p(t) of a cubic Hermite curve.
     """
     start, stop = before[-1], after[0]
     gap = float(np.linalg.norm(stop - start))
     count = int(gap / spacing) + 1
     t = (np.arange(1, count) / count)[:, None]
-    leave = end_direction(before, 0.0, span) * gap
-    arrive = -end_direction(after[::-1], 0.0, span) * gap
+    leave = end_direction(before, 0.0, span) * gap * reach[0]
+    arrive = -end_direction(after[::-1], 0.0, span) * gap * reach[1]
     return np.asarray(
         (2 * t**3 - 3 * t**2 + 1) * start
         + (t**3 - 2 * t**2 + t) * leave

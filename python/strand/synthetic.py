@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand import io
 from strand.shapes import SHAPES, lay, positive, shape
+from strand.tangles import tangle
 from strand.view import Array, View, finite_array, rigid_motion
 
-__all__ = ["SHAPES", "SyntheticScene", "camera_pose", "render_depth", "scene", "sense", "shape"]
+__all__ = ["SHAPES", "SyntheticScene", "camera_pose", "render_depth", "scene", "sense", "shape", "tangle"]
 
 _TABLE = 1.0  # metres, side of the table
 _ELEVATION = math.radians(50.0)  # of the camera above the table, seen from the middle

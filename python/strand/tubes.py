@@ -12,18 +12,21 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
+from strand.assembly import Judged, decide, reopened
+from strand.certainty import branches, confidence, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
-from strand.linking import link, part_at_contacts
+from strand.model import Chain, Join
+from strand.pieces import left_over
 from strand.radius import Radii, agreeing
 from strand.selection import best_explaining
 from strand.sightings import end_sightings
 from strand.stages import Found, Run
 from strand.support import described
-from strand.topology import path_length
 from strand.tubefit import EndSighting, TubeFit, fit_tubes
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
+from strand.visibility import Sight
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
@@ -31,6 +34,9 @@ _REFERENCE_NODES = 8
 _ENOUGH = 20
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+# how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
+_REOPENED, _BETTER = 1, 1.0
 
 # share of the points on strings under which something is amiss
 _USUAL_SHARE = 0.92
@@ -243,7 +249,112 @@ def fit_arcs(
         bounds=clouds.bounds,
         uncertainty=False,
     )
+    kinds = agreeing(fit.radii, np.zeros(len(fit.radii)))
+    if len(set(kinds)) < len(kinds):
+        # strands side by side looked like a thicker rope
+        first = [kinds.index(kind) for kind in range(max(kinds) + 1)]
+        return fit_arcs(clouds, fit.motions, radii.only(first), config, uncertainty=uncertainty)
     return fit, radii
+
+
+def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
+    """Fit again with the pieces of string that no arc explains, if there are any."""
+    pieces = [left_over(fit, rope) for rope in range(len(fit.radii))]
+    if not any(pieces):
+        return fit
+    found = Arcs(
+        [nodes for some in pieces for nodes in some],
+        [rope for rope, some in enumerate(pieces) for _ in some],
+    )
+    return _fit(
+        clouds,
+        [*fit.curves, *_splines(found, fit.radii, config, 0.5)],
+        [*fit.ropes.tolist(), *found.ropes],
+        fit.motions,
+        fit.radii,
+        config,
+        band=(0.5, 0.4),
+        iterations=8,
+        uncertainty=False,
+    )
+
+
+def compared(
+    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, ropes: int | None, config: Config
+) -> list[list[Judged]]:
+    """For each kind of rope, fit and compare ways to make strings of its arcs; the best first.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If no string is long enough.
+    """
+    ways = []
+    kinds = len(before.radii)
+    for rope, radius in enumerate(before.radii):
+        mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
+        points = clouds if kinds == 1 else _of_rope(clouds, before, rope)
+        sample = points.thinned(float(radius))
+
+        def fitted(
+            chains: Sequence[tuple[Array, bool]], sample: Clouds = sample, radius: float = radius
+        ) -> TubeFit:
+            strings = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
+            curves = _splines(strings, np.array([radius]), config, _STRING_MARGIN)
+            return _fit(
+                sample,
+                curves,
+                strings.ropes,
+                before.motions,
+                np.array([radius]),
+                config,
+                band=(0.5, 0.4),
+                iterations=12,
+                uncertainty=False,
+            )
+
+        ways.append(decide(mine, float(radius), config.linking, sight, fitted, ropes if kinds == 1 else None))
+    if not any(ways):
+        raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+    return ways
+
+
+def _of_rope(clouds: Clouds, fit: TubeFit, rope: int) -> Clouds:
+    """Points that arcs of one kind of rope explain."""
+    mine = fit.explained & (fit.ropes[fit.curve] == rope)
+    ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
+    kept = [cloud[chosen] for cloud, chosen in zip(clouds.points, np.split(mine, ends), strict=True)]
+    return replace(clouds, points=kept)
+
+
+def chosen(ways: Sequence[Sequence[Judged]]) -> tuple[Arcs, list[bool]]:
+    """Return the strings of the best way of each kind of rope, and which of them are rings."""
+    chains = [
+        (chain, rope) for rope, judged in enumerate(ways) if judged for chain in judged[0].assembly.chains
+    ]
+    strings = Arcs([nodes for (nodes, _), _ in chains], [rope for _, rope in chains])
+    return strings, [ring for (_, ring), _ in chains]
+
+
+def certainty(
+    ways: Sequence[Sequence[Judged]],
+    chains: Sequence[Chain],
+    parts: Sequence[Curve | None],
+    closed: Sequence[bool],
+    fit: TubeFit,
+    sight: Sight,
+    config: Config,
+) -> tuple[tuple[Join, ...], float]:
+    """Return the joins, the least certain first, and the confidence of the least certain kind of rope."""
+    joins: list[Join] = []
+    sure = 1.0
+    open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
+    for judged in ways:
+        if judged:
+            mine = joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
+            joins.extend(mine)
+            sure = min(sure, confidence(judged, mine, chains, open_parts, fit, sight))
+    return tuple(sorted(joins, key=lambda join: join.margin)), sure
 
 
 def fit_strings(
@@ -304,32 +415,13 @@ def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
     return Arcs(nodes, ropes)
 
 
-def linked(arcs: Arcs, radii: Array, config: Config) -> tuple[Arcs, list[bool]]:
-    """Link the arcs of each rope to strings, and say which of them are rings.
-
-    Raises
-    ------
-    strand.NotEnoughDataError
-        If no string is long enough.
-    """
-    strings, closed = Arcs([], []), []
-    for rope, radius in enumerate(radii):
-        mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
-        for nodes, ring in link(part_at_contacts(mine, radius, config.linking), radius, config.linking):
-            if path_length(nodes)[-1] > config.linking.min_length * radius:
-                strings.nodes.append(nodes)
-                strings.ropes.append(rope)
-                closed.append(ring)
-    if not strings.nodes:
-        raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
-    return strings, closed
-
-
 def find_strings(
     views: Sequence[View],
+    raw: Sequence[View],
     numbers: Sequence[int],
     bounds: Bounds,
     radii: Radii,
+    ropes: int | None,
     config: Config,
     run: Run,
 ) -> Found:
@@ -338,11 +430,15 @@ def find_strings(
     Parameters
     ----------
     views : sequence of View
+    raw : sequence of View
+        The same views with all that they saw, beyond the strings too.
     numbers : sequence of int
         What each is called in warnings.
     bounds : pair of (3,) ndarray or None
         The extraction range that they were cut to, metres.
     radii : Radii
+    ropes : int or None
+        How many strings there are: gaps are bridged until no more are left.
     config : Config
     run : Run
 
@@ -362,18 +458,33 @@ def find_strings(
         motions = registered_roughly(clouds, radii.values, config)
     with run.stage("arcs"):
         fit, radii = fit_arcs(clouds, motions, radii, config)
-        arcs = seen_arcs(fit, config)
+        before = with_left_over(clouds, fit, config)
+        arcs = seen_arcs(before, config)
     with run.stage("link"):
-        strings, closed = linked(arcs, fit.radii, config)
-    with run.stage("fit"):
-        fit = fit_strings(clouds, strings, closed, fit, radii, config)
-    with run.stage("ends"):
-        found = string_parts(fit, exclusive=True)
-        for i, control in enumerate(fit.curves):
-            if closed[i]:
-                found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
-        radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
-        chains = described(fit, found, closed, radii_sd, config)
+        poses = [motion @ view.pose for motion, view in zip(before.motions, raw, strict=True)]
+        sight = Sight.of(raw, poses, views)
+        judged = compared(clouds, arcs, before, sight, ropes, config)
+    for _ in range(1 + _REOPENED):
+        strings, closed = chosen(judged)
+        with run.stage("fit"):
+            fit = fit_strings(clouds, strings, closed, before, radii, config)
+        with run.stage("ends"):
+            found = string_parts(fit, exclusive=True)
+            for i, control in enumerate(fit.curves):
+                if closed[i]:
+                    found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
+            # what speaks against one kind of rope may be another
+            pieces = reopened(fit, found, sight) if len(judged) == 1 else None
+        if pieces is None:
+            break
+        with run.stage("link"):
+            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, ropes, config)
+        if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
+            break
+        judged = again
+    radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
+    chains = described(fit, found, closed, radii_sd, config)
+    joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
     share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
         run.warnings.append(
@@ -384,7 +495,8 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    return Found(chains, poses, list(fit.pose_sd), stages)
+    _warn_of_doubt(joins, chains, config, run)
+    return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
 
 
 def register_views(
@@ -459,6 +571,25 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
     return curve.part(margin, float(stop))
+
+
+def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Config, run: Run) -> None:
+    """Name the places where strings may run otherwise, and where they seem to branch."""
+    for join in joins:
+        if join.margin < config.linking.margin:
+            other = (
+                "it may end there"
+                if join.alternative is None
+                else f"it may go on at {np.round(join.alternative, 3).tolist()}"
+            )
+            run.warnings.append(
+                f"unsure how the string runs at {np.round(join.place, 3).tolist()}: {other} "
+                f"(margin {join.margin:.1f}); Model.next_view says from where to look"
+            )
+    for number, trunk, place in branches(chains):
+        run.warnings.append(
+            f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
+        )
 
 
 def _warn_of_open_poses(fit: TubeFit, numbers: Sequence[int], poses: Poses, run: Run) -> None:

@@ -1,0 +1,292 @@
+"""Ways to make strings of arcs, each fitted to the points and compared with the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from strand.config import Linking
+from strand.curve import Curve
+from strand.ends import string_parts
+from strand.linking import Links, aimed, part_at_contacts
+from strand.pieces import left_over, unexplained
+from strand.topology import path_length, walk
+from strand.tubefit import TubeFit
+from strand.view import Array
+from strand.visibility import Sight
+
+Chains = list[tuple[Array, bool]]
+
+# what an explanation costs: bending for each radian^2 / radius of it, bends sharper than this (times the
+# radius) besides, each string, each radius of string that was seen through or that is in another strand's
+# place
+_BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 10.0, 2.0, 4.0
+# a stretch of string this long that cameras saw through, in radii, is none
+_PHANTOM = 3.0
+# each string more or less than there are
+_COUNT = 30.0
+# two strands are 2 radii apart; nearer than this is no noise
+_CONTACT = 1.5
+# ends cut back by so many radii where arcs run into each other
+_CUT_BACK = (2.5, 6.0)
+# what a join may cost to be obvious, for each end
+_OBVIOUS = 1.25
+# joins whose matching costs up to this much more without them are tried without, and at most so many
+_DOUBT, _TRIES = 8.0, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """One way to make strings of arcs.
+
+    Attributes
+    ----------
+    links : Links
+        The arcs, and what joins cost.
+    joins : tuple of (int, int)
+        Pairs of ends that are joined.
+    chains : list of ((K, 3) ndarray, bool)
+        Nodes of each string, metres, and whether it is closed.
+    matching_cost : float
+    left_out : tuple of float
+        Lengths of what became too short a string, metres.
+    """
+
+    links: Links
+    joins: tuple[tuple[int, int], ...]
+    chains: Chains
+    matching_cost: float
+    left_out: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """An assembly after it was fitted.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    fit : TubeFit
+    cost : float
+        What is left unexplained, and what it takes to explain the rest, in radii of string.
+    """
+
+    assembly: Assembly
+    fit: TubeFit
+    cost: float
+
+
+def assembled(
+    arcs: Sequence[Array],
+    radius: float,
+    config: Linking,
+    sight: Sight | None,
+    without: Sequence[tuple[int, int]] = (),
+    links: Links | None = None,
+    ropes: int | None = None,
+) -> Assembly | None:
+    """Join arcs by the matching of least cost; None if that leaves no string long enough.
+
+    If that leaves more strings than there are, longer gaps are bridged too.
+    """
+    if links is None:
+        links = Links.between(arcs, radius, config, sight)
+    joins, cost = links.matched(config.free_end, without)
+
+    def long_enough(chain: tuple[Array, bool]) -> bool:
+        return bool(path_length(chain[0])[-1] > config.min_length * radius)
+
+    made = links.joined(joins, radius, config, sight)
+    if ropes is not None and sum(map(long_enough, made)) > ropes:
+        pieces = [-1] * len(links.arcs)
+        for number, (chain, (entered, closed)) in enumerate(
+            zip(made, walk(len(links.arcs), joins), strict=True)
+        ):
+            for end in entered:
+                pieces[end // 2] = number if long_enough(chain) and not closed else -1
+        joins = links.bridged(joins, pieces, ropes, radius, config, sight)
+        made = links.joined(joins, radius, config, sight)
+    chains = [chain for chain in made if long_enough(chain)]
+    left_out = tuple(float(path_length(chain[0])[-1]) for chain in made if not long_enough(chain))
+    return Assembly(links, tuple(joins), chains, cost, left_out) if chains else None
+
+
+def decide(
+    arcs: Sequence[Array],
+    radius: float,
+    config: Linking,
+    sight: Sight | None,
+    fitted: Callable[[Chains], TubeFit],
+    ropes: int | None = None,
+) -> list[Judged]:
+    """Fit the likely assemblies of arcs and compare them.
+
+    Parameters
+    ----------
+    arcs : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The strings' radius, metres.
+    config : Linking
+    sight : Sight, optional
+        What the views saw.
+    fitted : callable
+        Fits chains to the points.
+    ropes : int, optional
+        How many strings there are.
+
+    Returns
+    -------
+    list of Judged
+        No two alike, the best first; empty if there is no string.
+    """
+    judged: list[Judged] = []
+
+    def consider(assembly: Assembly | None) -> None:
+        if assembly is not None and not any(
+            alike(assembly.chains, other.assembly.chains, radius) for other in judged
+        ):
+            fit = fitted(assembly.chains)
+            amiss = 0 if ropes is None else abs(len(assembly.chains) - ropes)
+            judged.append(Judged(assembly, fit, explanation_cost(fit, sight) + _COUNT * amiss))
+
+    def tried(pieces: Sequence[Array]) -> None:
+        consider(assembled(pieces, radius, config, sight, ropes=ropes))
+
+    arcs = aimed(arcs, radius)
+    parted = part_at_contacts(arcs, radius, config)
+    tried(parted)
+    if len(parted) != len(arcs):
+        tried(arcs)
+        for back in _CUT_BACK:
+            tried(part_at_contacts(arcs, radius, config, back))
+    # with the obvious joins made first, more ends turn out to lie inside others
+    links = Links.between(arcs, radius, config, sight)
+    merged = [nodes for nodes, _ in links.joined(links.matched(_OBVIOUS)[0], radius, config, sight)]
+    if len(merged) < len(arcs):
+        for back in _CUT_BACK:
+            pieces = part_at_contacts(merged, radius, config, back)
+            if len(pieces) > len(merged):
+                tried(pieces)
+    if not judged:
+        return []
+    best = min(judged, key=lambda one: one.cost).assembly
+    tries = sorted(
+        (best.links.matched(config.free_end, [pair])[1] - best.matching_cost, pair)
+        for pair in best.joins
+        if pair in best.links.costs
+    )
+    few = ropes is not None and len(best.chains) < ropes
+    for more, pair in tries[:_TRIES]:
+        if more < _DOUBT or few:
+            consider(assembled([], radius, config, sight, [pair], best.links, ropes))
+    return sorted(judged, key=lambda one: one.cost)
+
+
+def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[Array] | None:
+    """Look at a fit for what speaks against it: points left over, string where cameras saw none.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    parts : sequence of (Curve or None)
+        The stretch of each curve that is string.
+    sight : Sight
+        What the views saw.
+
+    Returns
+    -------
+    list of (M, 3) ndarray or None
+        Nodes of the pieces to decide on again, metres; None if nothing speaks against the fit.
+    """
+    r = fit.radius(0)
+    extra = left_over(fit)
+    pieces: list[Array] = []
+    cut = False
+    for part in parts:
+        if part is None:
+            continue
+        nodes = part.at(part.nodes(0.5 * r))[0]
+        empty = sight.empty(nodes, r)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], empty, [0]]))).reshape(-1, 2)
+        keep = np.ones(len(nodes), dtype=bool)
+        for start, stop in edges:
+            if (stop - start) * 0.5 >= _PHANTOM:
+                keep[start:stop] = False
+        cut = cut or not keep.all()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]]))).reshape(-1, 2)
+        pieces += [nodes[start:stop] for start, stop in edges if stop - start >= 3]
+    return pieces + extra if extra or cut else None
+
+
+def alike(some: Chains, others: Chains, radius: float) -> bool:
+    """Tell whether two sets of chains run through the same places in the same order."""
+    if len(some) != len(others):
+        return False
+    left = [(_places(nodes), path_length(nodes)[-1], closed) for nodes, closed in others]
+    for nodes, closed in some:
+        places, length = _places(nodes), path_length(nodes)[-1]
+        for k, (theirs, their_length, their_closed) in enumerate(left):
+            apart = min(
+                np.linalg.norm(places - theirs, axis=1).max(),
+                np.linalg.norm(places - theirs[::-1], axis=1).max(),
+            )
+            if closed == their_closed and abs(length - their_length) < 4.0 * radius and apart < 4.0 * radius:
+                del left[k]
+                break
+        else:
+            return False
+    return True
+
+
+def _places(nodes: Array) -> Array:
+    """(33, 3) Places evenly along a chain."""
+    s = path_length(nodes)
+    return np.stack([np.interp(np.linspace(0.0, s[-1], 33), s, nodes[:, k]) for k in range(3)], axis=1)
+
+
+def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
+    """Cost of an explanation of the points, in radii of string.
+
+    What lengths of string the unexplained points would make, the bending energy, a price for each string, and
+    for each stretch of string where there can be none.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    sight : Sight, optional
+        What the views saw.
+
+    Returns
+    -------
+    float
+    """
+    r = fit.radius(0)
+    parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
+    if not parts:
+        return float("inf")
+    lost = unexplained(fit)
+    each = (~lost).sum() * r / max(sum(part.length for part in parts), r)
+    cost = float(lost.sum() / max(each, 1.0)) + _STRING * len(fit.curves)
+    spacing = 0.25
+    centres, places, number = [], [], []
+    for k, part in enumerate(parts):
+        s = part.nodes(spacing * r)
+        position, _, curvature = part.at(s)
+        bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, 1.5)
+        cost += _BENDING * spacing * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
+        if sight is not None:
+            cost += _EMPTY * spacing * float(sight.empty(position, r).sum())
+        centres.append(position[::2])
+        places.append(s[::2])
+        number.append(np.full(len(s[::2]), k))
+    centre, place, which = np.concatenate(centres), np.concatenate(places), np.concatenate(number)
+    near = np.zeros(len(centre), dtype=bool)
+    for start in range(0, len(centre), 512):
+        rows = slice(start, start + 512)
+        squared = ((centre[rows, None] - centre[None]) ** 2).sum(axis=2)
+        own = (which[rows, None] == which[None]) & (np.abs(place[rows, None] - place[None]) < 5.0 * r)
+        near[rows] = (~own & (squared < (_CONTACT * r) ** 2)).any(axis=1)
+    return cost + _INSIDE * 2.0 * spacing * float(near.sum())

@@ -1,0 +1,67 @@
+"""Which end of a string is its start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.model import Chain
+
+# the end that lies farther back along this direction is the start: askew to the axes, so that strings laid
+# along them are not a tie
+_FORWARD = np.array([0.83, 0.47, 0.31])
+
+
+def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Chain]:
+    """Turn chains so that they start at the end that a rule names, or where they started before.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+    previous : sequence of Chain
+        Chains of an earlier model of the same strings. One that is near gives its orientation on.
+
+    Returns
+    -------
+    list of Chain
+        In the same order. Open ones start at the end that lies farther back along a fixed direction askew
+        to the world's axes; closed ones run anticlockwise seen from above.
+    """
+    turned = []
+    for chain in chains:
+        before = _same(chain, previous)
+        backwards = _starts_late(chain) if before is None else _against(chain, before)
+        turned.append(chain.reversed() if backwards else chain)
+    return turned
+
+
+def _starts_late(chain: Chain) -> bool:
+    points = chain.points
+    if chain.closed:
+        x, y = points[:, 0], points[:, 1]
+        return bool((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0)
+    return bool((points[0] - points[-1]) @ _FORWARD > 0)
+
+
+def _same(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
+    """Return the earlier chain that is nearest to one, if it lies within a few of its lengths' tenths."""
+    best, least = None, 0.1 * chain.length
+    places = chain.at(np.linspace(0.0, chain.length, 25))
+    for before in previous:
+        if before.closed == chain.closed:
+            apart = float(np.mean([before.nearest(place)[1] for place in places]))
+            if apart < least:
+                best, least = before, apart
+    return best
+
+
+def _against(chain: Chain, before: Chain) -> bool:
+    """Tell whether a chain runs against an earlier one."""
+    places = np.linspace(0.0, chain.length, 25)
+    s = np.array([before.nearest(place)[0] for place in chain.at(places)])
+    steps = np.diff(s)
+    if before.closed:
+        # the shorter way round
+        steps -= before.length * np.rint(steps / before.length)
+    return bool(steps.sum() < 0)
