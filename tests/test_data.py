@@ -86,3 +86,24 @@ def test_a_real_rope_goes_from_gripper_to_gripper_straight_through_its_crossing(
     inner = view.points[::10]
     distance = np.array([chain.nearest(p)[1] for p in inner])
     assert np.median(np.abs(distance - 0.006)) < 0.0015
+
+
+def test_a_rope_behind_a_bar_is_followed_from_gripper_to_gripper():
+    camera = json.loads((REAL / "intrinsics.json").read_text())
+    intrinsics = np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
+    lengths = []
+    for frame in ("0091", "0156", "0190", "0285", "0500", "0590"):
+        depth = np.asarray(Image.open(REAL / f"depth_{frame}.png")) * 1e-3
+        view = strand.View.from_depth(depth, intrinsics)
+        (chain,) = strand.reconstruct([view], radius=0.0038, ropes=1).chains
+        # in all frames the grippers hold the leftmost and the rightmost of the rope
+        for side in (view.points[:, 0].argmin(), view.points[:, 0].argmax()):
+            gripper = view.points[side]
+            assert min(np.linalg.norm(chain.points[[0, -1]] - gripper, axis=1)) < 0.012
+        # gaps are marked, and nothing else
+        apart = np.array([np.linalg.norm(view.points - node, axis=1).min() for node in chain.points])
+        assert (apart[chain.bridged] > 0.5 * chain.radius).all()
+        assert np.mean(apart[~chain.bridged] < 2.0 * chain.radius) > 0.97
+        lengths.append(chain.length)
+    # it is the same rope
+    assert np.ptp(lengths) < 0.035 * np.mean(lengths)
