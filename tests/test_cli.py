@@ -100,7 +100,7 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     out, err = capsys.readouterr()
     model = strand.load(tmp_path / "a.json")
     (chain,) = model.chains
-    row = f"1 +{chain.length * 1e3:.1f} +{len(chain.points)} +4\\.20 +open"
+    row = f"1 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
     assert re.search(rf"^{row}$", out, re.MULTILINE)
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]
     assert out.splitlines()[-1] == str(tmp_path / "a.json")

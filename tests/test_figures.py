@@ -60,10 +60,11 @@ def tube_model_of(explained=0.9, **changes):
     fit = TubeFit(
         curves=[LINE[::4]],
         motions=np.tile(np.eye(4), (3, 1, 1)),
-        radius=RADIUS,
-        radius_sd=0.0,
+        ropes=np.zeros(1, dtype=np.int64),
+        radii=np.array([RADIUS]),
+        radii_sd=np.zeros(1),
         sigma=3e-4,
-        band=1.5e-3,
+        bands=np.array([1.5e-3]),
         points=points,
         to_camera=np.tile([0.0, 0.0, 1.0], (count, 1)),
         view=np.repeat(np.arange(3), count // 3),
@@ -73,7 +74,8 @@ def tube_model_of(explained=0.9, **changes):
         facing=np.ones(count),
         weight=np.ones(count),
         explained=is_explained,
-        pose_sd=np.zeros((3, 6)),
+        inlier=is_explained & (np.abs(residual) < 1.5e-3),
+        pose_covariance=np.zeros((3, 6, 6)),
         covariances=[],
     )
     stages = {

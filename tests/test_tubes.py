@@ -162,6 +162,41 @@ def test_what_the_data_leave_open_stays_as_reported_and_is_named():
     assert any("leave a direction of its" in warning for warning in model.warnings)
 
 
+def test_straight_strings_slide_less_than_their_poses_were_wrong():
+    given, found, normalised = [], [], []
+    for seed in range(5):
+        scene = strand.synthetic.scene("straight", seed=seed)
+        model = strand.reconstruct(scene.views, scene.radius, scene.bounds, keep_stages=True)
+        nodes = scene.truth[0]
+        along = (nodes[-1] - nodes[0]) / np.linalg.norm(nodes[-1] - nodes[0])
+        for number, covariance in enumerate(model.stages["fit"].pose_covariance):
+            slides = []
+            for pose in (scene.poses[number], model.poses[number]):
+                motion = pose @ np.linalg.inv(scene.poses_true[number])
+                slides.append(along @ (nodes @ motion[:3, :3].T + motion[:3, 3] - nodes).mean(axis=0))
+            if number != 3:
+                given.append(slides[0])
+                found.append(slides[1])
+                normalised.append(slides[1] / np.sqrt(along @ covariance[3:, 3:] @ along))
+    assert np.sqrt(np.mean(np.square(found))) < 0.7 * np.sqrt(np.mean(np.square(given)))
+    assert 0.6 < np.sqrt(np.mean(np.square(normalised))) < 1.6
+
+
+def test_ends_are_as_uncertain_as_they_say():
+    normalised = []
+    for name in ("s", "arc", "straight"):
+        for seed in range(3):
+            scene = strand.synthetic.scene(name, seed=seed)
+            (chain,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
+            for node, covariance, outward in (
+                (chain.points[0], chain.covariance[0], -chain.tangents[0]),
+                (chain.points[-1], chain.covariance[-1], chain.tangents[-1]),
+            ):
+                true = min(scene.truth[0][[0, -1]], key=lambda end: np.linalg.norm(end - node))
+                normalised.append(outward @ (node - true) / np.sqrt(outward @ covariance @ outward))
+    assert 0.4 < np.sqrt(np.mean(np.square(normalised))) < 2.0
+
+
 @pytest.mark.parametrize("radius", [0.003, 0.0042, 0.006, 0.010])
 def test_the_radius_is_found_from_the_data(radius):
     scene = strand.synthetic.scene("s", seed=4, radius=radius)
@@ -355,6 +390,13 @@ def test_numbers_that_would_fill_the_memory_are_refused(paper):
         ({"iterations": -1}, ValueError, "iterations"),
         ({"pose_sd": (1.0,)}, ValueError, "pose_sd"),
         ({"band": (1.0,)}, ValueError, "band"),
+        ({"ropes": [1]}, ValueError, "ropes"),
+        ({"ropes": [0, 0]}, ValueError, "ropes"),
+        ({"ropes": [0.0]}, ValueError, "ropes"),
+        ({"radius_prior": (0.1, 0.0)}, ValueError, "radius_prior"),
+        ({"radius_prior": [0.1]}, ValueError, "radius_prior"),
+        ({"min_bend": 0.0}, ValueError, "min_bend"),
+        ({"noise": -1.0}, ValueError, "noise"),
         ({"bounds": ([1.0] * 3, [0.0] * 3)}, ValueError, "bounds"),
     ],
 )

@@ -20,6 +20,7 @@ from strand.config import Config
 from strand.io import FileFormatError, load_scene
 from strand.model import Chain, Join, Model, load
 from strand.pipeline import reconstruct
+from strand.radius import estimate_radius
 from strand.tubefit import TubeFit, fit_tubes
 from strand.tubes import register_views
 from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
@@ -39,6 +40,7 @@ __all__ = [
     "centerline",
     "count_neighbors",
     "estimate_normals",
+    "estimate_radius",
     "fit_tubes",
     "icp",
     "load",

@@ -20,6 +20,7 @@ __all__ = [
     "radius_outlier_mask",
     "set_num_threads",
     "spline_through",
+    "strip_radii",
     "trace_chains",
     "trace_tubes",
 ]
@@ -125,16 +126,24 @@ def fit_tubes(
     points: Sequence[ArrayLike],
     viewpoints: ArrayLike,
     curves: Sequence[ArrayLike],
+    ropes: Sequence[int],
     motions: Sequence[ArrayLike],
-    radius: float,
+    radii: Sequence[float],
     *,
     fit_curves: bool,
-    fit_radius: bool,
+    radius_prior: Sequence[Sequence[float]] | None,
     reference: int | None,
     pose_sd: Sequence[float],
     along_ray: bool,
     band: Sequence[float],
     iterations: int,
+    min_bend: float,
+    noise: float | None,
     bounds: Sequence[Sequence[float]] | None,
+    ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
+    uncertainty: bool,
 ) -> dict[str, Any]: ...
+def strip_radii(
+    points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int
+) -> NDArray[np.float64]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...

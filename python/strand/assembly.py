@@ -201,7 +201,7 @@ def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[
     list of (M, 3) ndarray or None
         Nodes of the pieces to decide on again, metres; None if nothing speaks against the fit.
     """
-    r = fit.radius
+    r = fit.radius(0)
     extra = left_over(fit)
     pieces: list[Array] = []
     cut = False
@@ -263,7 +263,7 @@ def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
     -------
     float
     """
-    r = fit.radius
+    r = fit.radius(0)
     parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
     if not parts:
         return float("inf")

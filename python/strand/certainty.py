@@ -122,7 +122,8 @@ def confidence(
     float
         From 0 to 1.
     """
-    best, radius = judged[0], fit.radius
+    best = judged[0]
+    radius = best.fit.radius(0)
     doubt = _ALWAYS + _JOINS * sum(float(np.exp(-max(join.margin, 0.0) / _SCALE)) for join in joins)
     if len(judged) > 1:
         doubt += float(np.exp(-(judged[1].cost - best.cost) / _SCALE))
@@ -136,14 +137,13 @@ def confidence(
 def _vague_ends(parts: Sequence[Curve | None], fit: TubeFit) -> int:
     """Count the ends that few points show, or that lie elsewhere if points count that may be another's."""
     count = 0
-    r = fit.radius
-    supports = fit.explained & (np.abs(fit.residual) < fit.band)
     for number, (kept, whole) in enumerate(zip(parts, string_parts(fit, exclusive=False), strict=True)):
         if kept is None or whole is None:
             continue
+        r = fit.radius(number)
         curve = Curve.whole(kept.control)
         start, stop, *others = curve.arc_length([kept.start, kept.stop, whole.start, whole.stop])
-        s = curve.arc_length(fit.parameter[supports & (fit.curve == number)])
+        s = curve.arc_length(fit.parameter[fit.inlier & (fit.curve == number)])
         usual = np.count_nonzero((s > start) & (s < stop)) / max(stop - start, r)
         for end, other, inwards in ((start, others[0], 1.0), (stop, others[1], -1.0)):
             inside = (s - end) * inwards

@@ -24,6 +24,8 @@ def _check(section: object) -> None:
     where = type(section).__name__
     for entry in dataclasses.fields(section):  # type: ignore[arg-type]
         value = getattr(section, entry.name)
+        if value is None and entry.default is None:
+            continue
         whole = entry.type == "int"
         if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
             kind = "a whole number" if whole else "a number"
@@ -46,11 +48,15 @@ class Filter:
         it the paper's count, varies from camera to camera.
     min_neighbors : int
         The count below which a point is dropped in any case.
+    usual : float
+        Where the median is below this, the view is coarse for its strings, and the searching radius is
+        widened until it should not be: few neighbours say little, and edges would be dropped with outliers.
     """
 
     radius: float = 1.0
     min_fraction: float = 0.25
     min_neighbors: int = 4
+    usual: float = 10.0
 
     def __post_init__(self) -> None:
         _check(self)
@@ -245,16 +251,23 @@ class Tubes:
         Arcs shorter than this are left out, in string radii.
     node_spacing : float
         Distance between a chain's nodes, in string radii.
+    min_bend : float
+        The tightest bend of a string's axis: its radius of curvature, in string radii.
+    noise : float, optional
+        Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the data if
+        not given.
     """
 
     spacing: float = 2.5
     rounds: int = 2
     min_arc: float = 1.0
     node_spacing: float = 0.25
+    min_bend: float = 1.5
+    noise: float | None = None
 
     def __post_init__(self) -> None:
         _check(self)
-        for name, least in (("rounds", 1), ("spacing", 0.5), ("node_spacing", 0.01)):
+        for name, least in (("rounds", 1), ("spacing", 0.5), ("node_spacing", 0.01), ("min_bend", 1.0)):
             value = getattr(self, name)
             if value < least:
                 raise ValueError(f"Tubes.{name}: expected at least {least}, got {value}")
@@ -352,7 +365,8 @@ class Config:
         -------
         Config
         """
-        return cls(method="published")
+        # views keep the searching radius, however coarse they are
+        return cls(method="published", filter=Filter(usual=1.0))
 
 
 _SECTIONS: dict[str, type[Any]] = {

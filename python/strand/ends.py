@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from strand.curve import Curve
@@ -30,7 +32,7 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     list of (Curve or None)
         None for a curve that fewer than eight points support.
     """
-    counted = fit.explained & (np.abs(fit.residual) < fit.band)
+    counted = fit.inlier.copy()
     curves = [Curve.whole(control) for control in fit.curves]
     if exclusive:
         counted &= ~_ambiguous(fit, curves, counted)
@@ -40,10 +42,88 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         if len(s) < 8:
             parts.append(None)
             continue
-        start = _end(s, curve.length, fit.radius)
-        stop = curve.length - _end(curve.length - s[::-1], curve.length, fit.radius)
-        parts.append(curve.part(start, stop) if stop - start > fit.radius else None)
+        radius = fit.radius(number)
+        start = _end(s, curve.length, radius)
+        stop = curve.length - _end(curve.length - s[::-1], curve.length, radius)
+        parts.append(curve.part(start, stop) if stop - start > radius else None)
     return parts
+
+
+def seen_excess(cosine: float, band: float) -> tuple[float, float]:
+    """How much longer than from the side a string seems from a camera, in radii, and half the range of it.
+
+    A flat cut that faces the camera shows points which are near enough to the surface of the string carried
+    on to count as string. A round cap's outline reaches farther along the axis the more slanting the view. An
+    end is something between the two.
+
+    Parameters
+    ----------
+    cosine : float
+        Between the way out of the end and the way to the camera.
+    band : float
+        How far inside the surface a point may be, in radii.
+
+    Returns
+    -------
+    excess, doubt : float
+        Radii.
+    """
+    sine = math.sqrt(1.0 - cosine**2)
+    half_width = np.sqrt(1.0 - np.linspace(-1.0, 1.0, 402)[1:-1] ** 2)
+    # a point of the cut h under the rim, on a chord of the half width w, is h w from the surface
+    area = 2.0 * float(np.minimum(2.0 * half_width, band / half_width).mean())
+    flat = area * max(cosine, 0.0) / (2.0 * sine)
+    round_cap = math.pi / 4.0 * (1.0 / sine - 1.0)
+    return 0.5 * (flat + round_cap), 0.5 * abs(flat - round_cap)
+
+
+def pixel_width(count: int, length: float, sine: float, radius: float) -> float:
+    """Width of a pixel along a string, metres, if `count` of them see a stretch of `length` metres.
+
+    `sine` is that of the angle between the string and the way to the camera, across which pixels are squares.
+    """
+    return math.sqrt(2.0 * radius * length / count / sine)
+
+
+def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
+    """Return the standard deviation of where a string ends along itself.
+
+    In each view the end is uncertain by a pixel's width over the square root of 12, as rows of pixels may end
+    together, and by its shape, see `seen_excess`: the former independently, the latter not. Views count by
+    their points near the end.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    number : int
+        Of the curve.
+    part : Curve
+        The stretch of it that is string.
+    late : bool
+        Whether the end in question is that of greater arc length.
+
+    Returns
+    -------
+    float
+        Metres; a radius if no point is near.
+    """
+    radius = fit.radius(number)
+    length = min(_INSIDE[1] * radius, part.length)
+    place = part.arc_length(fit.parameter)
+    inwards = part.length - place if late else place
+    counted = fit.inlier & (fit.curve == number) & (inwards < length)
+    tangent = part.at([part.length if late else 0.0])[1][0]
+    outward = tangent if late else -tangent
+    total, variance, doubts = 0, 0.0, 0.0
+    for view in np.unique(fit.view[counted]):
+        mine = counted & (fit.view == view)
+        count = int(np.count_nonzero(mine))
+        cosine = float(np.clip(fit.to_camera[mine].mean(axis=0) @ outward, -0.99, 0.99))
+        width = pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
+        total += count
+        variance += count**2 * width**2 / 12.0
+        doubts += count * seen_excess(cosine, fit.band(number) / radius)[1] * radius
+    return math.hypot(math.sqrt(variance), doubts) / total if total else radius
 
 
 def _end(s: Array, length: float, radius: float) -> float:
@@ -73,28 +153,33 @@ def _end(s: Array, length: float, radius: float) -> float:
 
 def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.ndarray:
     """Points near the end of their curve that lie on the surface of another strand as well."""
-    r = fit.radius
-    places = [curve.nodes(0.25 * r) for curve in curves]
+    places = [curve.nodes(0.25 * fit.radius(number)) for number, curve in enumerate(curves)]
     samples = [curve.at(s)[:2] for curve, s in zip(curves, places, strict=True)]
     centres = np.concatenate([sample[0] for sample in samples])
     tangents = np.concatenate([sample[1] for sample in samples])
     number = np.repeat(np.arange(len(curves)), [len(s) for s in places])
     along = np.concatenate(places)
-    slack = max(2.5 * fit.sigma, 0.15 * r)
+    radii = fit.radii[fit.ropes[number]]
     ambiguous = np.zeros(len(fit.curve), dtype=bool)
     for k, curve in enumerate(curves):
-        s = curve.arc_length(fit.parameter)
-        at_end = (s < _NEAR_END * r) | (s > curve.length - _NEAR_END * r)
-        points = np.flatnonzero(counted & (fit.curve == k) & at_end)
-        if not len(points):
-            continue
-        position = fit.points[points]
-        offset = position[:, None] - centres[None]
-        lengthwise = (offset * tangents).sum(axis=2)
-        across = offset - lengthwise[..., None] * tangents
-        distance = np.linalg.norm(across, axis=2)
-        facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
-        elsewhere = (number[None] != k) | (np.abs(along[None] - s[points][:, None]) > 5.0 * r)
-        on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - r) < slack) & facing
-        ambiguous[points] = (on_surface & elsewhere).any(axis=1)
+        r = fit.radius(k)
+        slack = max(2.5 * fit.sigma, 0.15 * r)
+        reach = 1.3 * float(fit.radii.max()) + slack
+        own = np.flatnonzero(counted & (fit.curve == k))
+        s = curve.arc_length(fit.parameter[own])
+        for at_end in (s < _NEAR_END * r, s > curve.length - _NEAR_END * r):
+            points, here = own[at_end], s[at_end]
+            if not len(points):
+                continue
+            position = fit.points[points]
+            low, high = position.min(axis=0) - reach, position.max(axis=0) + reach
+            near = np.flatnonzero(((centres > low) & (centres < high)).all(axis=1))
+            offset = position[:, None] - centres[near]
+            lengthwise = (offset * tangents[near]).sum(axis=2)
+            across = offset - lengthwise[..., None] * tangents[near]
+            distance = np.linalg.norm(across, axis=2)
+            facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
+            elsewhere = (number[near] != k) | (np.abs(along[near] - here[:, None]) > 5.0 * r)
+            on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - radii[near]) < slack) & facing
+            ambiguous[points] |= (on_surface & elsewhere).any(axis=1)
     return ambiguous

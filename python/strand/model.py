@@ -25,7 +25,8 @@ class Chain:
     points : (M, 3) array_like of float
         Nodes in the world frame, metres, M >= 2, no two in a row equal.
     radius : float
-        The string's radius, metres.
+        The string's radius, metres. The default method's is what the points say of it, also if it was given:
+        that counts as known to 0.3 %, as by a calliper.
     closed : bool
         Whether the last node joins the first, as in a ring.
     curve : Curve, optional
@@ -34,6 +35,8 @@ class Chain:
         Covariance of each node, m^2.
     points_seen, views_seen : (M,) ndarray of int, optional
         How many points support each node, from how many views; 0 where the curve only bridges a gap.
+    radius_sd : float
+        The radius's standard deviation, metres; 0 if none is known.
 
     Raises
     ------
@@ -41,7 +44,7 @@ class Chain:
         If `points` does not hold floating point numbers.
     ValueError
         If `points` is not (M, 3), not finite, has fewer than two nodes or equal neighbours, or
-        `radius` is not positive.
+        `radius` is not positive, or `radius_sd` is negative.
     """
 
     points: Array
@@ -51,6 +54,7 @@ class Chain:
     covariance: Array | None = None
     points_seen: NDArray[np.int64] | None = None
     views_seen: NDArray[np.int64] | None = None
+    radius_sd: float = 0.0
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, (None, 3))
@@ -58,6 +62,8 @@ class Chain:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "radius", checked_radius(self.radius))
+        if not (np.isfinite(self.radius_sd) and self.radius_sd >= 0):
+            raise ValueError(f"radius_sd: expected a number of metres >= 0, got {self.radius_sd}")
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
         count = len(points)
@@ -363,7 +369,12 @@ class Model:
 
 def _chain_data(chain: Chain) -> dict[str, Any]:
     """Everything that a chain holds, in JSON's types."""
-    data: dict[str, Any] = {"points": chain.points.tolist(), "radius": chain.radius, "closed": chain.closed}
+    data: dict[str, Any] = {
+        "points": chain.points.tolist(),
+        "radius": chain.radius,
+        "radius_sd": chain.radius_sd,
+        "closed": chain.closed,
+    }
     if chain.curve is not None:
         curve = chain.curve
         data["curve"] = {"control": curve.control.tolist(), "start": curve.start, "stop": curve.stop}
@@ -377,15 +388,19 @@ def _chain_data(chain: Chain) -> dict[str, Any]:
 def _chain(data: dict[str, Any]) -> Chain:
     """Make a chain of what `_chain_data` gave."""
     curve = data.get("curve")
+    kinds = {"covariance": float, "points_seen": int, "views_seen": int}
+    arrays: dict[str, NDArray[Any] | None] = {
+        name: np.asarray(data[name], kind) if name in data else None for name, kind in kinds.items()
+    }
     return Chain(
         np.asarray(data["points"], dtype=np.float64),
         data["radius"],
         bool(data["closed"]),
         None if curve is None else Curve(np.asarray(curve["control"], float), curve["start"], curve["stop"]),
-        *(
-            np.asarray(data[name], dtype=kind) if name in data else None
-            for name, kind in (("covariance", float), ("points_seen", int), ("views_seen", int))
-        ),
+        arrays["covariance"],
+        arrays["points_seen"],
+        arrays["views_seen"],
+        data["radius_sd"],
     )
 
 

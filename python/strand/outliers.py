@@ -27,6 +27,12 @@ def without_outliers(view: View, radius: float, config: Filter) -> View:
     """
     if not len(view.points):
         return view
-    counts = _core.count_neighbors(view.points, config.radius * radius)
-    enough = max(config.min_fraction * float(np.median(counts)), config.min_neighbors)
+    reach = config.radius * radius
+    counts = _core.count_neighbors(view.points, reach)
+    usual = float(np.median(counts))
+    if 0 < usual < config.usual:
+        # on a surface counts grow with the square of the reach
+        counts = _core.count_neighbors(view.points, reach * np.sqrt(config.usual / usual))
+        usual = float(np.median(counts))
+    enough = max(config.min_fraction * usual, config.min_neighbors)
     return replace(view, points=view.points[counts >= enough])

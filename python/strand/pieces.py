@@ -23,17 +23,17 @@ _NEIGHBOURS = 0.12
 
 def unexplained(fit: TubeFit) -> np.ndarray:
     """(N,) Whether no curve explains a point: it lies off all surfaces, or where none could be seen."""
-    slack = max(2.5 * fit.sigma, 0.15 * fit.radius)
+    slack = np.maximum(2.5 * fit.sigma, 0.15 * fit.radii[fit.ropes[fit.curve]])
     return np.asarray(~(fit.explained & (np.abs(fit.residual) < slack)))
 
 
 def density(fit: TubeFit, curves: Sequence[Curve]) -> float:
     """Points for each metre of string."""
     length = sum(curve.length for curve in curves)
-    return float((fit.explained & (np.abs(fit.residual) < fit.band)).sum() / max(length, fit.radius))
+    return float(fit.inlier.sum() / max(length, float(fit.radii.min())))
 
 
-def left_over(fit: TubeFit) -> list[Array]:
+def left_over(fit: TubeFit, rope: int = 0) -> list[Array]:
     """Trace pieces of string through the points that no curve explains.
 
     A strand that touches another, or passes close under it, is claimed with it by a trace; what it leaves is
@@ -42,13 +42,15 @@ def left_over(fit: TubeFit) -> list[Array]:
     Parameters
     ----------
     fit : TubeFit
+    rope : int
+        The kind of rope whose radius they are to have.
 
     Returns
     -------
     list of (M, 3) ndarray
         Ordered nodes of pieces with enough points of their own, away from all curves, metres.
     """
-    r = fit.radius
+    r = float(fit.radii[rope])
     lost = unexplained(fit)
     if lost.sum() < 20:
         return []

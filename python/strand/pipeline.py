@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -13,14 +14,14 @@ from strand.config import Config
 from strand.model import Chain, Model
 from strand.orientation import oriented
 from strand.outliers import without_outliers
-from strand.radius import LARGEST, estimate_radius
+from strand.radius import Radii, estimate_radius
 from strand.stages import Run
-from strand.view import View, checked_radius, checked_views, extraction_range
+from strand.view import View, checked_views, extraction_range
 
 
 def reconstruct(
     views: Sequence[View],
-    radius: float | None = None,
+    radius: float | Sequence[float] | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     ropes: int | None = None,
     config: Config | None = None,
@@ -35,8 +36,9 @@ def reconstruct(
     ----------
     views : sequence of View
         What the cameras saw. Registration keeps the middle one of those that see something where it is.
-    radius : float, optional
-        The strings' radius, metres; estimated from the data if not given (not by the published method).
+    radius : float or sequence of float, optional
+        The strings' radius, or the radii of ropes that differ, metres; estimated from the data if not given
+        (not by the published method, which takes one).
     bounds : pair of (3,) array_like of float, optional
         The extraction range: low and high corner of an axis-aligned box in the world frame, metres;
         everything if not given.
@@ -71,32 +73,30 @@ def reconstruct(
         If no view has points in the extraction range, or they make no chain.
     """
     config = Config() if config is None else config
-    views, radius, ropes = _checked(views, radius, ropes, config, previous)
+    views, radii, ropes = _checked(views, radius, ropes, config, previous)
     run = Run(progress)
     box = None if bounds is None else extraction_range(bounds)
     with run.stage("extract"):
         raw = [view if box is None else view.crop(box) for view in views]
     if not any(len(view.points) for view in raw):
         raise NotEnoughDataError("views: no view has a point in the extraction range")
-    start = radius
-    if start is None:
+    if radii is None:
         with run.stage("radius"):
-            start = estimate_radius(raw, box, config)
+            radii = Radii(*estimate_radius(raw), free=True)
     with run.stage("filter"):
-        filtered = [without_outliers(view, start, config.filter) for view in raw]
+        filtered = [without_outliers(view, float(radii.values[0]), config.filter) for view in raw]
     used = _used(raw, filtered, run)
     seen = [filtered[number] for number in used]
-    if radius is None and len(seen) == 1:
-        run.warnings.append("radius: one view alone hardly fixes it; give it if it is known")
+    if radii.free and len(seen) == 1:
+        radii = dataclasses.replace(radii, free=False, held=True)
+        run.warnings.append(
+            "radius: one view alone fixes it by how wide the string looks; give it if it is known"
+        )
     if config.method == "published":
-        found = published.find_strings(seen, used, start, ropes, config, run)
+        found = published.find_strings(seen, used, float(radii.values[0]), ropes, config, run)
     else:
         whole = [views[number] for number in used]
-        found = tubes.find_strings(
-            seen, whole, used, box, start, ropes, config, run, fit_radius=radius is None
-        )
-    if radius is None and any(chain.radius > LARGEST for chain in found.chains):
-        raise NotEnoughDataError(f"views: no tube of a radius up to {LARGEST * 1e3:.0f} mm fits the points")
+        found = tubes.find_strings(seen, whole, used, box, radii, ropes, config, run)
     chains = tuple(oriented(_chosen(found.chains, ropes, run), () if previous is None else previous.chains))
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
@@ -115,15 +115,14 @@ def reconstruct(
 
 def _checked(
     views: Sequence[View],
-    radius: float | None,
+    radius: float | Sequence[float] | None,
     ropes: int | None,
     config: Config,
     previous: Model | None,
-) -> tuple[tuple[View, ...], float | None, int | None]:
+) -> tuple[tuple[View, ...], Radii | None, int | None]:
     """Check the arguments that have no type of their own."""
     views = checked_views(views)
-    if radius is not None:
-        radius = checked_radius(radius)
+    radii = None if radius is None else Radii.given(radius)
     if ropes is not None:
         if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
             raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
@@ -133,9 +132,9 @@ def _checked(
         raise TypeError(f"config: expected a Config, got {config!r}")
     if previous is not None and not isinstance(previous, Model):
         raise TypeError(f"previous: expected a Model or None, got {previous!r}")
-    if radius is None and config.method == "published":
-        raise ValueError("radius: the published method needs the string's radius, metres")
-    return views, radius, ropes
+    if config.method == "published" and (radii is None or len(radii.values) > 1):
+        raise ValueError("radius: the published method needs the strings' one radius, metres")
+    return views, radii, ropes
 
 
 def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:

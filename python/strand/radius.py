@@ -1,85 +1,156 @@
-"""The strings' radius from the data."""
+"""The strings' radii from the data."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from strand import _core
 from strand._core import NotEnoughDataError
-from strand.config import Config
-from strand.outliers import without_outliers
-from strand.tubefit import TubeFit
-from strand.tubes import Bounds, Clouds, fit_arcs
-from strand.view import View
+from strand.view import Array, View, checked_radius, checked_views
 
-# the radii that the search starts from, metres, and the largest it accepts
-_STARTS = (2e-3, 4e-3, 8e-3)
+# the largest radius that is looked for, metres
 LARGEST = 20e-3
-# least scatter of the cosine between normal and viewing direction over the visible half of a tube
-_HALF_TUBE = 0.12
+# places of each view that are asked for an estimate, and how many estimates a radius needs
+_SEEDS, _FEWEST = 400, 10
+# on a logarithmic scale: width of the kernel of their density, spacing of its places, least distance of modes
+_KERNEL, _STEP, _APART = 0.08, 0.01, 0.3
+# modes lower than this share of the highest are no ropes
+_LEAST_MODE = 0.1
+# radii that differ by less than this share, or this many standard deviations, are taken for one
+_SAME, _SAME_SD = 0.05, 3.0
+# what is not known of a radius that is given, in radii
+_GIVEN_SD = 0.003
+# what is not known of a strip's width, in radii: strings lie beside each other, patches are round
+_WIDTH_SD = 0.05
 
 
-def estimate_radius(views: Sequence[View], bounds: Bounds, config: Config) -> float:
-    """Find the radius to start from: the one that explains most of the middle view.
+@dataclass(frozen=True, eq=False)
+class Radii:
+    """What is known of the ropes' radii before the fit.
 
-    From several starts, arcs are traced in the view with the middle number and fitted with the radius free;
-    what is kept explains most points with the least scatter.
+    Attributes
+    ----------
+    values, sd : (K,) ndarray
+        One radius for each kind of rope and its standard deviation, metres.
+    free : bool
+        Whether they were not given and the data are to fix them.
+    held : bool
+        Whether the data cannot.
+    """
+
+    values: Array
+    sd: Array
+    free: bool
+    held: bool = False
+
+    @property
+    def prior(self) -> Array | None:
+        """(K, 2) Means and standard deviations for the fit; None if the radii are held."""
+        return None if self.held else np.column_stack([self.values, self.sd])
+
+    def only(self, numbers: Sequence[int]) -> Radii:
+        """Return some of them."""
+        chosen = list(numbers)
+        return replace(self, values=self.values[chosen], sd=self.sd[chosen])
+
+    @classmethod
+    def given(cls, radius: float | Sequence[float]) -> Radii:
+        """Return radii that are known, as well as a calliper tells them.
+
+        Raises
+        ------
+        TypeError
+            If one is not a number.
+        ValueError
+            If one is not finite and positive, or there is none.
+        """
+        several: Sequence[float] = [radius] if isinstance(radius, (int, float, np.number)) else radius
+        values = np.unique([checked_radius(one) for one in several])
+        if not len(values):
+            raise ValueError("radius: expected a number of metres or several, got none")
+        return cls(values, _GIVEN_SD * values, free=False)
+
+
+def estimate_radius(
+    views: Sequence[View], bounds: tuple[ArrayLike, ArrayLike] | None = None
+) -> tuple[Array, Array]:
+    """Estimate the strings' radii from how wide they look.
+
+    To its camera a stretch of string is a strip, across which the points' variance is r^2 / 3 whatever the
+    noise in depth. Every view gives such estimates at several hundred places; their modes are the radii.
+    Strings that lie side by side look like a wide one and make modes of their own, so there may be more modes
+    than kinds of rope.
 
     Parameters
     ----------
     views : sequence of View
-        Cropped to the extraction range.
-    bounds : pair of (3,) ndarray or None
-        The extraction range, metres.
-    config : Config
+        Views of strings alone.
+    bounds : pair of (3,) array_like, optional
+        The extraction range: low and high corner of an axis-aligned box in the world frame, metres; views are
+        cropped to it.
 
     Returns
     -------
-    float
-        Metres.
+    radii, sd : (K,) ndarray
+        Ascending, and their standard deviations, metres: 5 % and half of what a pixel covers, as the
+        outermost pixels may be missing or mixed with what is behind.
 
     Raises
     ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If there are no views, or `bounds` is out of range.
     strand.NotEnoughDataError
-        If no start leads to tubes.
+        If the views show no strips.
     """
-    seen = [view for view in views if len(view.points)]
-    best: tuple[float, float] | None = None
-    if seen:
-        view = seen[len(seen) // 2]
-        for start in _STARTS:
-            try:
-                value, radius = _refined(view, bounds, start, config)
-            except NotEnoughDataError:
-                continue
-            if radius < LARGEST and (best is None or value > best[0]):
-                best = (value, radius)
-    if best is None:
-        raise NotEnoughDataError("views: the middle one shows no tube that would give a radius")
-    return best[1]
+    views = checked_views(views)
+    if bounds is not None:
+        views = tuple(view.crop(bounds) for view in views)
+    found = [
+        _core.strip_radii(view.world_points, view.viewpoint.tolist(), LARGEST, _SEEDS)
+        for view in views
+        if len(view.points)
+    ]
+    strips = np.concatenate([np.empty((0, 2)), *found])
+    if len(strips) < _FEWEST:
+        raise NotEnoughDataError("views: they show no strips that would give a radius")
+    size = np.log(strips[:, 0])
+    places = np.arange(size.min() - _STEP, size.max() + 2.0 * _STEP, _STEP)
+    density = np.exp(-0.5 * ((places[:, None] - size) / _KERNEL) ** 2).sum(axis=1)
+    modes: list[float] = []
+    for i in np.argsort(-density, kind="stable"):
+        if density[i] < _LEAST_MODE * density.max():
+            break
+        peak = density[i] >= density[max(i - 1, 0)] and density[i] >= density[min(i + 1, len(places) - 1)]
+        if peak and all(abs(places[i] - mode) > _APART for mode in modes):
+            modes.append(float(places[i]))
+    near = np.abs(size[:, None] - np.sort(modes)) < _APART / 2.0
+    radii, footprint = np.array([np.median(strips[close], axis=0) for close in near.T]).T
+    return radii, np.hypot(_WIDTH_SD * radii, 0.5 * footprint)
 
 
-def _refined(view: View, bounds: Bounds, radius: float, config: Config) -> tuple[float, float]:
-    """Share of points explained less their scatter in radii, and the radius, after a few fits."""
-    value = 0.0
-    for _ in range(3):
-        kept = without_outliers(view, radius, config.filter)
-        if len(kept.points) < 50:
-            raise NotEnoughDataError("views: too few points for a radius")
-        clouds = Clouds.of([kept], bounds)
-        fit = fit_arcs(clouds, np.eye(4)[None], radius, config, fit_radius=True)
-        value = _coverage(fit) * (_explained(fit) - fit.sigma / fit.radius)
-        radius = float(np.clip(fit.radius, 0.6 * radius, 1.6 * radius))
-    return value, radius
+def agreeing(radii: Array, sd: Array) -> list[int]:
+    """Give radii that may be one and the same one number.
 
+    Parameters
+    ----------
+    radii, sd : (K,) ndarray
+        Radii and their standard deviations, metres.
 
-def _explained(fit: TubeFit) -> float:
-    """Share of the points that lie on a tube."""
-    return float((fit.explained & (np.abs(fit.residual) < 0.35 * fit.radius)).mean())
-
-
-def _coverage(fit: TubeFit) -> float:
-    """How much of a tube's visible half the points cover: a tube too wide has them on a narrow strip."""
-    on_tube = fit.explained & (np.abs(fit.residual) < fit.band)
-    return min(float(np.std(fit.facing[on_tube])) / _HALF_TUBE, 1.0) if on_tube.any() else 0.0
+    Returns
+    -------
+    list of int
+        Ascending with the radii, from 0.
+    """
+    order = np.argsort(radii, kind="stable")
+    kinds = np.zeros(len(radii), dtype=np.int64)
+    for before, after in pairwise(order):
+        limit = max(_SAME_SD * float(np.hypot(sd[before], sd[after])), _SAME * radii[after])
+        kinds[after] = kinds[before] + int(radii[after] - radii[before] > limit)
+    return [int(kind) for kind in kinds]

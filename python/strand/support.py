@@ -8,13 +8,14 @@ import numpy as np
 
 from strand.config import Config
 from strand.curve import Curve, basis
+from strand.ends import end_deviation
 from strand.model import Chain
 from strand.tubefit import TubeFit
 from strand.view import Array
 
 
 def described(
-    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], config: Config
+    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], radii_sd: Array, config: Config
 ) -> list[Chain]:
     """Make chains of fitted curves.
 
@@ -25,6 +26,8 @@ def described(
         The stretch of each curve that is string; None leaves it out.
     closed : sequence of bool
         Whether each goes on from its end to its start.
+    radii_sd : (C,) ndarray
+        Standard deviation of each curve's radius, metres.
     config : Config
 
     Returns
@@ -33,24 +36,32 @@ def described(
         In the curves' order.
     """
     chains = []
-    supports = fit.explained & (np.abs(fit.residual) < fit.band)
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None:
             continue
-        s = part.nodes(config.tubes.node_spacing * fit.radius)
-        mine = supports & (fit.curve == number)
+        s = part.nodes(config.tubes.node_spacing * fit.radius(number))
+        mine = fit.inlier & (fit.curve == number)
         counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
+        places, tangents, _ = part.at(s)
+        covariance = node_covariance(fit.covariances[number], part.parameter(s))
+        if not ring:
+            # nodes divide the way from end to end: they go along with the ends
+            share = s / part.length
+            start, stop = (end_deviation(fit, number, part, late) for late in (False, True))
+            along = ((1.0 - share) * start) ** 2 + (share * stop) ** 2
+            covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
         # a ring's last node is its first again
         kept = slice(0, len(s) - 1 if ring else len(s))
         chains.append(
             Chain(
-                part.at(s)[0][kept],
-                fit.radius,
+                places[kept],
+                fit.radius(number),
                 ring,
                 None if ring else part,
-                node_covariance(fit.covariances[number], part.parameter(s))[kept],
+                covariance[kept],
                 counts[kept],
                 views[kept],
+                float(radii_sd[number]),
             )
         )
     return chains
@@ -61,8 +72,9 @@ def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np
     spacing = nodes[1] - nodes[0]
     nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
     counts = np.bincount(nearest, minlength=len(nodes))
-    pairs = np.unique(np.stack([nearest, view], axis=1), axis=0)
-    return counts, np.bincount(pairs[:, 0], minlength=len(nodes))
+    cameras = int(view.max(initial=0)) + 1
+    pairs = np.unique(nearest * cameras + view)
+    return counts, np.bincount(pairs // cameras, minlength=len(nodes))
 
 
 def node_covariance(covariance: Array, parameter: Array) -> Array:

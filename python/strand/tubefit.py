@@ -6,10 +6,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from strand import _core
 from strand.view import Array, extraction_range, moved
+
+
+@dataclass(frozen=True, eq=False)
+class EndSighting:
+    """Where one view sees a string end.
+
+    Attributes
+    ----------
+    view : int
+    end : int
+        Which end; a view sees an end once.
+    place : (3,) ndarray
+        In the world frame as the reported pose places it, metres.
+    outward : (3,) ndarray
+        Unit vector along the string, out of it. Across it the place says nothing.
+    sd : float
+        Standard deviation of the place in that direction, metres.
+    """
+
+    view: int
+    end: int
+    place: Array
+    outward: Array
+    sd: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +46,16 @@ class TubeFit:
         Control points of uniform cubic B-splines, metres.
     motions : (V, 4, 4) ndarray
         For each view the rigid motion of the world frame that corrects its reported pose.
-    radius, radius_sd : float
-        The radius and its standard deviation (0 if it was held), metres.
+    ropes : (C,) ndarray of int64
+        For each curve, the number of the rope that it is a piece of.
+    radii : (K,) ndarray
+        The ropes' radii, metres.
+    radii_sd : (K,) ndarray
+        Their standard deviations, 0 if they were held, metres; empty if not asked for.
     sigma : float
         Robust standard deviation of the residuals, metres.
-    band : float
-        The limit beyond which residuals did not count, metres.
+    bands : (K,) ndarray
+        For each rope, the limit beyond which residuals did not count, metres.
     points, to_camera : (N, 3) ndarray
         All views' points where the corrected poses place them, metres, and the unit vectors to their
         cameras.
@@ -43,19 +71,23 @@ class TubeFit:
         Its weight in the fit.
     explained : (N,) ndarray of bool
         Whether it is where the tube could have been seen.
-    pose_sd : (V, 6) ndarray
-        Standard deviations of each correction: rotation vector, radians, and translation, metres; 0 for a
-        view that was held.
+    inlier : (N,) ndarray of bool
+        Whether it is explained, with a residual within the limit beyond which residuals did not count.
+    pose_covariance : (V, 6, 6) ndarray
+        Covariance of each correction: rotation vector, radians, and translation of the points' centroid,
+        metres; 0 for a view that was held; (0, 6, 6) if not asked for.
     covariances : list of (n, 4, 3, 3) ndarray
-        Covariance of each control point with itself and the next three, m^2; empty if curves were held.
+        Covariance of each control point with itself and the next three, m^2; empty if curves were held
+        or it was not asked for.
     """
 
     curves: list[Array]
     motions: Array
-    radius: float
-    radius_sd: float
+    ropes: NDArray[np.int64]
+    radii: Array
+    radii_sd: Array
     sigma: float
-    band: float
+    bands: Array
     points: Array
     to_camera: Array
     view: NDArray[np.int64]
@@ -65,8 +97,22 @@ class TubeFit:
     facing: Array
     weight: Array
     explained: NDArray[np.bool_]
-    pose_sd: Array
+    inlier: NDArray[np.bool_]
+    pose_covariance: Array
     covariances: list[Array]
+
+    @property
+    def pose_sd(self) -> Array:
+        """(V, 6) Standard deviations of the corrections."""
+        return np.asarray(np.sqrt(self.pose_covariance.diagonal(axis1=1, axis2=2)))
+
+    def radius(self, curve: int) -> float:
+        """Radius of a curve's rope, metres."""
+        return float(self.radii[self.ropes[curve]])
+
+    def band(self, curve: int) -> float:
+        """Limit beyond which residuals from a curve did not count, metres."""
+        return float(self.bands[self.ropes[curve]])
 
 
 def fit_tubes(
@@ -74,16 +120,21 @@ def fit_tubes(
     viewpoints: Array,
     curves: Sequence[Array],
     motions: Array,
-    radius: float,
+    radius: ArrayLike,
     *,
+    ropes: ArrayLike | None = None,
     pose_sd: tuple[float, float],
     reference: int | None,
     fit_curves: bool = True,
-    fit_radius: bool = False,
+    radius_prior: ArrayLike | None = None,
     along_ray: bool = False,
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
+    min_bend: float = 1.5,
+    noise: float | None = None,
     bounds: tuple[Array, Array] | None = None,
+    ends: Sequence[EndSighting] = (),
+    uncertainty: bool = True,
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
 
@@ -101,24 +152,40 @@ def fit_tubes(
         Control points to start from, metres, n >= 4.
     motions : (V, 4, 4) ndarray
         Corrections of the poses to start from.
-    radius : float
-        The strings' radius, metres; the start, if it is fitted.
+    radius : float or (K,) array_like of float
+        The strings' radius, or each rope's, metres; the start, if it is fitted.
+    ropes : (C,) array_like of int, optional
+        For each curve the number of the rope that it is a piece of; all of the first if not given.
     pose_sd : (float, float)
         Standard deviations of the reported poses: rotation, radians, and translation, metres.
     reference : int or None
         The view that stays where it is; None if all stay.
-    fit_curves, fit_radius : bool
-        Whether curves and radius change.
+    fit_curves : bool
+        Whether curves change.
+    radius_prior : (2,) or (K, 2) array_like of float, optional
+        What is known of each radius beforehand: mean and standard deviation, metres. Radii are held if it is
+        if not given.
     along_ray : bool
         Measure residuals along the viewing rays, times the cosine of the angle of incidence: without bias
         under noise along the ray, but only near the solution.
     band : (float, float)
-        Tukey's limit at the first and the last iteration, in radii; never under three standard deviations.
+        Tukey's limit at the first and the last iteration, in radii; never under 4.685 standard deviations
+        of the noise, which keep 95 % of the efficiency of least squares.
     iterations : int
         Most Gauss-Newton steps.
+    min_bend : float
+        The tightest bend of a curve: its radius of curvature, in radii.
+    noise : float, optional
+        Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the residuals
+        if not given.
     bounds : pair of (3,) ndarray, optional
         The extraction range, metres: noise carries points out of it but none in, so points whose place on the
         tube lies within two standard deviations of its faces have no part.
+    ends : sequence of EndSighting
+        Where views see strings end: fixes them along straight strings.
+    uncertainty : bool
+        Work out standard deviations and covariances, and hold views at the reported poses in directions that
+        the data leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
 
     Returns
     -------
@@ -138,21 +205,37 @@ def fit_tubes(
     for name, pair in (("pose_sd", pose_sd), ("band", band)):
         if len(pair) != 2:
             raise ValueError(f"{name}: expected two numbers, got {len(pair)}")
+    radii = np.atleast_1d(np.asarray(radius, dtype=np.float64))
+    numbers = np.zeros(len(curves), dtype=np.int64) if ropes is None else np.asarray(ropes)
+    if numbers.shape != (len(curves),) or numbers.dtype.kind not in "iu":
+        raise ValueError(f"ropes: expected one whole number for each of {len(curves)} curves, got {ropes!r}")
+    if ((numbers < 0) | (numbers >= len(radii))).any():
+        raise ValueError(f"ropes: expected numbers of {len(radii)} ropes, got {ropes!r}")
+    prior = None
+    if radius_prior is not None:
+        prior = np.atleast_2d(np.asarray(radius_prior, dtype=np.float64))
+        if prior.shape != (len(radii), 2):
+            raise ValueError(f"radius_prior: expected shape ({len(radii)}, 2), got {prior.shape}")
     box = None if bounds is None else extraction_range(bounds)
     found = _core.fit_tubes(
         list(points),
         viewpoints,
         list(curves),
+        numbers.tolist(),
         list(motions),
-        radius,
+        radii.tolist(),
         fit_curves=fit_curves,
-        fit_radius=fit_radius,
+        radius_prior=None if prior is None else prior.tolist(),
         reference=reference,
         pose_sd=list(pose_sd),
         along_ray=along_ray,
         band=list(band),
         iterations=iterations,
+        min_bend=min_bend,
+        noise=noise,
         bounds=None if box is None else [corner.tolist() for corner in box],
+        ends=[(seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in ends],
+        uncertainty=uncertainty,
     )
     placed, directions = [], []
     for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):
@@ -164,5 +247,6 @@ def fit_tubes(
         points=np.concatenate(placed),
         to_camera=np.concatenate(directions),
         view=np.repeat(np.arange(len(points)), [len(cloud) for cloud in points]),
+        ropes=numbers.astype(np.int64),
         **found,
     )

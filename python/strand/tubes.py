@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,21 +19,24 @@ from strand.curve import Curve
 from strand.ends import string_parts
 from strand.model import Chain, Join
 from strand.pieces import left_over
+from strand.radius import Radii, agreeing
+from strand.selection import best_explaining
+from strand.sightings import end_sightings
 from strand.stages import Found, Run
 from strand.support import described
-from strand.tubefit import TubeFit, fit_tubes
+from strand.tubefit import EndSighting, TubeFit, fit_tubes
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 from strand.visibility import Sight
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
+# mean number of points in a cube of two radii that is enough to trace arcs; strings are fitted to all points
+_ENOUGH = 20
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
 # how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
 _REOPENED, _BETTER = 1, 1.0
-# how many points assemblies are compared on
-_COMPARED = 15000
 
 # share of the points on strings under which something is amiss
 _USUAL_SHARE = 0.92
@@ -66,150 +71,348 @@ class Clouds:
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
-    def thinned(self, most: int) -> Clouds:
-        """Return a part of the points, drawn evenly: about `most` of them, but all views."""
-        total = sum(len(cloud) for cloud in self.points)
-        if total <= most:
-            return self
-        rng = np.random.default_rng(0)
-        points = [
-            cloud[np.sort(rng.permutation(len(cloud))[: len(cloud) * most // total + 1])]
-            for cloud in self.points
-        ]
-        return replace(self, points=points)
+    def thinned(self, radius: float) -> Clouds:
+        """Return every n-th point of each view, n as large as tracing allows."""
+        cells = np.floor(np.concatenate(self.points) / (2.0 * radius)).astype(np.int64)
+        # cells far apart may share a number, which hardly changes how many there are
+        occupied = len(np.unique(cells @ np.array([1, 1 << 20, 1 << 40])))
+        step = max(round(len(cells) / (_ENOUGH * occupied)), 1)
+        return replace(self, points=[cloud[::step] for cloud in self.points])
 
 
-def trace(clouds: Clouds, motions: Array, radius: float, min_nodes: int) -> list[Array]:
-    """Trace arcs through the points of all views at corrected poses."""
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Stretches of string.
+
+    Attributes
+    ----------
+    nodes : list of (M, 3) ndarray
+        Ordered nodes of each, metres.
+    ropes : list of int
+        The number of the rope that each is a piece of.
+    """
+
+    nodes: list[Array]
+    ropes: list[int]
+
+    def only(self, chosen: Iterable[object]) -> Arcs:
+        """Return those for which something is true."""
+        chosen = list(chosen)
+        return Arcs(list(compress(self.nodes, chosen)), list(compress(self.ropes, chosen)))
+
+
+def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int) -> Arcs:
+    """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
     cameras = [
         np.tile(moved(centre[None], motion), (len(cloud), 1))
         for centre, motion, cloud in zip(clouds.viewpoints, motions, clouds.points, strict=True)
     ]
-    arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
-    return [nodes for nodes, _ in arcs]
+    nodes, ropes = [], []
+    for rope, radius in enumerate(radii):
+        arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
+        nodes += [arc for arc, _ in arcs]
+        ropes += [rope] * len(arcs)
+    if not nodes:
+        raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
+    found = Arcs(nodes, ropes)
+    if len(radii) == 1:
+        return found
+
+    def fitted(numbers: list[int]) -> TubeFit:
+        some = found.only([number in numbers for number in range(len(nodes))])
+        return _on_arcs(clouds, motions, radii, some)
+
+    return found.only(best_explaining(ropes, radii, fitted))
 
 
-def registered_roughly(clouds: Clouds, radius: float, config: Config) -> Array:
-    """Corrections of the poses that put all views on the tubes of the reference view."""
-    still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
-    if len(clouds.points) == 1:
-        return still
-    alone = Clouds(
-        [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
-    )
-    arcs = trace(alone, still[:1], radius, min_nodes=4)
-    arcs = [arc for arc in arcs if len(arc) >= _REFERENCE_NODES] or arcs
-    if not arcs:
-        return still
-    curves = [_core.spline_through(arc, config.tubes.spacing * radius, 0.0) for arc in arcs]
-    fit = fit_tubes(
+def _on_arcs(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs) -> TubeFit:
+    """Feet of all points on arcs as they are."""
+    return fit_tubes(
         clouds.points,
         clouds.viewpoints,
-        curves,
-        still,
-        radius,
-        pose_sd=_pose_sd(config),
-        reference=clouds.reference,
+        [
+            _core.spline_through(nodes, radii[rope], 0.0)
+            for nodes, rope in zip(arcs.nodes, arcs.ropes, strict=True)
+        ],
+        motions,
+        radii,
+        ropes=arcs.ropes,
+        pose_sd=(1.0, 1.0),
+        reference=None,
         fit_curves=False,
-        band=(1.0, 0.5),
-        iterations=10,
+        iterations=0,
+        uncertainty=False,
     )
-    return fit.motions
 
 
-def fit_arcs(
-    clouds: Clouds, motions: Array, radius: float, config: Config, fit_radius: bool = False
+def _fit(
+    clouds: Clouds,
+    curves: Sequence[Array],
+    ropes: Sequence[int],
+    motions: Array,
+    radii: Array,
+    config: Config,
+    **how: Any,
 ) -> TubeFit:
-    """Trace arcs and fit them with the poses, more than once.
-
-    Raises
-    ------
-    strand.NotEnoughDataError
-        If there is nothing like a tube of this radius in the points.
-    """
-    fit = None
-    for last in (False,) * (config.tubes.rounds - 1) + (True,):
-        arcs = trace(clouds, motions, radius, min_nodes=3)
-        if not arcs:
-            raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
-        margin, spacing = _ARC_MARGIN * radius, config.tubes.spacing * radius
-        fit = fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            [_core.spline_through(arc, spacing, margin) for arc in arcs],
-            motions,
-            radius,
-            pose_sd=_pose_sd(config),
-            reference=_free(clouds),
-            fit_radius=fit_radius and last,
-            iterations=12 if last else 8,
-            bounds=clouds.bounds if fit_radius else None,
-        )
-        motions, radius = fit.motions, fit.radius
-    assert fit is not None
-    return fit
-
-
-def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
-    """Fit again with the pieces of string that no arc explains, if there are any."""
-    pieces = left_over(fit)
-    if not pieces:
-        return fit
-    spacing = config.tubes.spacing * fit.radius
-    found = [_core.spline_through(piece, spacing, 0.5 * fit.radius) for piece in pieces]
-    return _refitted(clouds, [*fit.curves, *found], fit.motions, fit.radius, config, iterations=8)
-
-
-def _tried(
-    clouds: Clouds, chains: Sequence[tuple[Array, bool]], motions: Array, radius: float, config: Config
-) -> TubeFit:
-    """Fit chains forgivingly, to compare them with others."""
-    margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
-    curves = [_core.spline_through(nodes, spacing, margin) for nodes, _ in chains]
-    return _refitted(clouds, curves, motions, radius, config, iterations=12)
-
-
-def _refitted(
-    clouds: Clouds, curves: list[Array], motions: Array, radius: float, config: Config, iterations: int
-) -> TubeFit:
-    """Fit curves and poses, the radius held."""
+    """Fit curves and poses, with what every fit of a run has in common."""
     return fit_tubes(
         clouds.points,
         clouds.viewpoints,
         curves,
         motions,
-        radius,
-        pose_sd=_pose_sd(config),
-        reference=_free(clouds),
-        band=(0.5, 0.4),
-        iterations=iterations,
+        radii,
+        ropes=ropes,
+        pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
+        # a view alone has no pose to find
+        reference=clouds.reference if len(clouds.points) > 1 else None,
+        min_bend=config.tubes.min_bend,
+        noise=config.tubes.noise,
+        **how,
     )
 
 
-def fit_strings(
-    clouds: Clouds, chains: Sequence[Array], motions: Array, radius: float, config: Config, fit_radius: bool
-) -> TubeFit:
-    """Fit whole strings with the poses: first forgivingly, then along the rays."""
-    margin, spacing = _STRING_MARGIN * radius, config.tubes.spacing * radius
-    curves = [_core.spline_through(nodes, spacing, margin) for nodes in chains]
-    for along_ray in (False, True):
-        fit = fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            curves,
+def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
+    """Corrections of the poses that put all views on the tubes of the reference view."""
+    still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
+    if len(clouds.points) == 1:
+        return still
+    clouds = clouds.thinned(float(radii.min()))
+    alone = Clouds(
+        [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
+    )
+    try:
+        arcs = trace(alone, still[:1], radii, min_nodes=4)
+    except NotEnoughDataError:
+        return still
+    long = [len(nodes) >= _REFERENCE_NODES for nodes in arcs.nodes]
+    if any(long):
+        arcs = arcs.only(long)
+    fit = _fit(
+        clouds,
+        _splines(arcs, radii, config, 0.0),
+        arcs.ropes,
+        still,
+        radii,
+        config,
+        fit_curves=False,
+        band=(1.0, 0.5),
+        iterations=10,
+        uncertainty=False,
+    )
+    return fit.motions
+
+
+def fit_arcs(
+    clouds: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
+) -> tuple[TubeFit, Radii]:
+    """Trace arcs and fit them with the poses, more than once; radii that are free last.
+
+    Returns the last fit, and those of the radii that some arc has.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there is nothing like a tube of these radii in the points.
+    """
+    fit, few = None, clouds.thinned(float(radii.values.min()))
+    for last in (False,) * (config.tubes.rounds - 1) + (True,):
+        arcs = trace(few, motions, radii.values, min_nodes=3)
+        present = sorted(set(arcs.ropes))
+        radii, arcs = radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
+        fit = _fit(
+            clouds if last else few,
+            _splines(arcs, radii.values, config, _ARC_MARGIN),
+            arcs.ropes,
             motions,
-            radius,
-            pose_sd=_pose_sd(config),
-            reference=_free(clouds),
-            fit_radius=fit_radius and along_ray,
-            along_ray=along_ray,
-            band=(0.5, 0.5 if along_ray else 0.4),
-            iterations=15 if along_ray else 12,
-            bounds=clouds.bounds if fit_radius else None,
+            radii.values,
+            config,
+            iterations=12 if last else 8,
+            bounds=clouds.bounds if radii.free else None,
+            uncertainty=uncertainty and last,
         )
-        curves, motions, radius = fit.curves, fit.motions, fit.radius
-    return fit
+        motions = fit.motions
+    assert fit is not None
+    if not radii.free:
+        return fit, radii
+    fit = _fit(
+        clouds,
+        fit.curves,
+        arcs.ropes,
+        fit.motions,
+        fit.radii,
+        config,
+        radius_prior=radii.prior,
+        along_ray=True,
+        band=(0.8, 0.5),
+        iterations=30,
+        bounds=clouds.bounds,
+        uncertainty=False,
+    )
+    kinds = agreeing(fit.radii, np.zeros(len(fit.radii)))
+    if len(set(kinds)) < len(kinds):
+        # strands side by side looked like a thicker rope
+        first = [kinds.index(kind) for kind in range(max(kinds) + 1)]
+        return fit_arcs(clouds, fit.motions, radii.only(first), config, uncertainty=uncertainty)
+    return fit, radii
+
+
+def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
+    """Fit again with the pieces of string that no arc explains, if there are any."""
+    pieces = [left_over(fit, rope) for rope in range(len(fit.radii))]
+    if not any(pieces):
+        return fit
+    found = Arcs(
+        [nodes for some in pieces for nodes in some],
+        [rope for rope, some in enumerate(pieces) for _ in some],
+    )
+    return _fit(
+        clouds,
+        [*fit.curves, *_splines(found, fit.radii, config, 0.5)],
+        [*fit.ropes.tolist(), *found.ropes],
+        fit.motions,
+        fit.radii,
+        config,
+        band=(0.5, 0.4),
+        iterations=8,
+        uncertainty=False,
+    )
+
+
+def compared(
+    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, ropes: int | None, config: Config
+) -> list[list[Judged]]:
+    """For each kind of rope, fit and compare ways to make strings of its arcs; the best first.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If no string is long enough.
+    """
+    ways = []
+    kinds = len(before.radii)
+    for rope, radius in enumerate(before.radii):
+        mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
+        points = clouds if kinds == 1 else _of_rope(clouds, before, rope)
+        sample = points.thinned(float(radius))
+
+        def fitted(
+            chains: Sequence[tuple[Array, bool]], sample: Clouds = sample, radius: float = radius
+        ) -> TubeFit:
+            strings = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
+            curves = _splines(strings, np.array([radius]), config, _STRING_MARGIN)
+            return _fit(
+                sample,
+                curves,
+                strings.ropes,
+                before.motions,
+                np.array([radius]),
+                config,
+                band=(0.5, 0.4),
+                iterations=12,
+                uncertainty=False,
+            )
+
+        ways.append(decide(mine, float(radius), config.linking, sight, fitted, ropes if kinds == 1 else None))
+    if not any(ways):
+        raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+    return ways
+
+
+def _of_rope(clouds: Clouds, fit: TubeFit, rope: int) -> Clouds:
+    """Points that arcs of one kind of rope explain."""
+    mine = fit.explained & (fit.ropes[fit.curve] == rope)
+    ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
+    kept = [cloud[chosen] for cloud, chosen in zip(clouds.points, np.split(mine, ends), strict=True)]
+    return replace(clouds, points=kept)
+
+
+def chosen(ways: Sequence[Sequence[Judged]]) -> tuple[Arcs, list[bool]]:
+    """Return the strings of the best way of each kind of rope, and which of them are rings."""
+    chains = [
+        (chain, rope) for rope, judged in enumerate(ways) if judged for chain in judged[0].assembly.chains
+    ]
+    strings = Arcs([nodes for (nodes, _), _ in chains], [rope for _, rope in chains])
+    return strings, [ring for (_, ring), _ in chains]
+
+
+def certainty(
+    ways: Sequence[Sequence[Judged]],
+    chains: Sequence[Chain],
+    parts: Sequence[Curve | None],
+    closed: Sequence[bool],
+    fit: TubeFit,
+    sight: Sight,
+    config: Config,
+) -> tuple[tuple[Join, ...], float]:
+    """Return the joins, the least certain first, and the confidence of the least certain kind of rope."""
+    joins: list[Join] = []
+    sure = 1.0
+    open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
+    for judged in ways:
+        if judged:
+            mine = joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
+            joins.extend(mine)
+            sure = min(sure, confidence(judged, mine, chains, open_parts, fit, sight))
+    return tuple(sorted(joins, key=lambda join: join.margin)), sure
+
+
+def fit_strings(
+    clouds: Clouds, strings: Arcs, closed: Sequence[bool], before: TubeFit, radii: Radii, config: Config
+) -> TubeFit:
+    """Fit whole strings with the poses along the rays, then again to where views see them end.
+
+    Radii that are free are first each string's own; strings whose radii agree then share one.
+    """
+    ropes, start = strings.ropes, before.radii
+    if radii.free:
+        ropes, start, radii = list(range(len(ropes))), start[ropes], radii.only(ropes)
+    curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
+    ends: list[EndSighting] = []
+
+    def fitted(uncertainty: bool) -> TubeFit:
+        return _fit(
+            clouds,
+            curves,
+            ropes,
+            motions,
+            start,
+            config,
+            radius_prior=radii.prior,
+            along_ray=True,
+            band=(0.5, 0.5),
+            iterations=30 if radii.free else 20,
+            bounds=clouds.bounds if radii.free else None,
+            ends=ends,
+            uncertainty=uncertainty,
+        )
+
+    fit = fitted(uncertainty=radii.free)
+    ends = end_sightings(
+        fit,
+        string_parts(fit, exclusive=True),
+        closed,
+        clouds.viewpoints,
+        clouds.bounds,
+        config.poses.translation_sd,
+    )
+    curves, motions, start = fit.curves, fit.motions, fit.radii
+    if radii.free:
+        ropes = agreeing(fit.radii, fit.radii_sd)
+        first = [ropes.index(kind) for kind in range(max(ropes) + 1)]
+        start, radii = start[first], radii.only(first)
+    return fitted(uncertainty=True)
+
+
+def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
+    """Cut fitted arcs to what was seen, and leave out what is too short."""
+    nodes, ropes = [], []
+    for number, part in enumerate(string_parts(fit, exclusive=False)):
+        radius = fit.radius(number)
+        if part is not None and part.length > config.tubes.min_arc * radius:
+            nodes.append(part.at(part.nodes(0.5 * radius))[0])
+            ropes.append(int(fit.ropes[number]))
+    return Arcs(nodes, ropes)
 
 
 def find_strings(
@@ -217,11 +420,10 @@ def find_strings(
     raw: Sequence[View],
     numbers: Sequence[int],
     bounds: Bounds,
-    radius: float,
+    radii: Radii,
     ropes: int | None,
     config: Config,
     run: Run,
-    fit_radius: bool,
 ) -> Found:
     """Trace, register, fit and link on filtered views that all see something.
 
@@ -234,14 +436,11 @@ def find_strings(
         What each is called in warnings.
     bounds : pair of (3,) ndarray or None
         The extraction range that they were cut to, metres.
-    radius : float
-        Metres; the start, if it is fitted.
+    radii : Radii
     ropes : int or None
         How many strings there are: gaps are bridged until no more are left.
     config : Config
     run : Run
-    fit_radius : bool
-        Whether the radius is fitted too.
 
     Returns
     -------
@@ -256,54 +455,37 @@ def find_strings(
     """
     clouds = Clouds.of(views, bounds)
     with run.stage("register"):
-        motions = registered_roughly(clouds, radius, config)
+        motions = registered_roughly(clouds, radii.values, config)
     with run.stage("arcs"):
-        fit = with_left_over(clouds, fit_arcs(clouds, motions, radius, config, fit_radius), config)
-        radius = fit.radius
-        parts = [part for part in string_parts(fit, exclusive=False) if part is not None]
-        arcs = [
-            part.at(part.nodes(0.5 * radius))[0]
-            for part in parts
-            if part.length > config.tubes.min_arc * radius
-        ]
+        fit, radii = fit_arcs(clouds, motions, radii, config)
+        before = with_left_over(clouds, fit, config)
+        arcs = seen_arcs(before, config)
     with run.stage("link"):
-        poses = [motion @ view.pose for motion, view in zip(fit.motions, raw, strict=True)]
-        sight = Sight.of(raw, poses)
-        motions, sample = fit.motions, clouds.thinned(_COMPARED)
-
-        def compared(pieces: Sequence[Array]) -> list[Judged]:
-            return decide(
-                pieces,
-                radius,
-                config.linking,
-                sight,
-                lambda chains: _tried(sample, chains, motions, radius, config),
-                ropes,
-            )
-
-        judged = compared(arcs)
-        if not judged:
-            raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
+        poses = [motion @ view.pose for motion, view in zip(before.motions, raw, strict=True)]
+        sight = Sight.of(raw, poses, views)
+        judged = compared(clouds, arcs, before, sight, ropes, config)
     for _ in range(1 + _REOPENED):
+        strings, closed = chosen(judged)
         with run.stage("fit"):
-            linked = judged[0].assembly.chains
-            fit = fit_strings(clouds, [nodes for nodes, _ in linked], motions, radius, config, fit_radius)
+            fit = fit_strings(clouds, strings, closed, before, radii, config)
         with run.stage("ends"):
-            closed = [ring for _, ring in linked]
             found = string_parts(fit, exclusive=True)
             for i, control in enumerate(fit.curves):
                 if closed[i]:
-                    found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * radius)
-            pieces = reopened(fit, found, sight)
+                    found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
+            # what speaks against one kind of rope may be another
+            pieces = reopened(fit, found, sight) if len(judged) == 1 else None
         if pieces is None:
             break
         with run.stage("link"):
-            again = compared(pieces)
-        if not again or again[0].cost > judged[0].cost - _BETTER:
+            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, ropes, config)
+        if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
             break
         judged = again
-    chains = described(fit, found, closed, config)
-    share = float((fit.explained & (np.abs(fit.residual) < fit.band)).mean())
+    radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
+    chains = described(fit, found, closed, radii_sd, config)
+    joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
+    share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
         run.warnings.append(
             f"only {share:.0%} of the points lie on the strings found: is the radius right, and does the "
@@ -311,11 +493,8 @@ def find_strings(
         )
     _warn_of_open_poses(fit, numbers, config.poses, run)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
-    stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs), "fit": fit}
+    stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    joins = joins_of(judged, chains, radius, config.linking)
-    open_parts = [None if ring else part for part, ring in zip(found, closed, strict=True)]
-    sure = confidence(judged, joins, chains, open_parts, fit, sight)
     _warn_of_doubt(joins, chains, config, run)
     return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
 
@@ -369,11 +548,21 @@ def register_views(
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
-    fit = fit_arcs(clouds, registered_roughly(clouds, radius, config), radius, config)
+    radii = Radii.given(radius)
+    motions = registered_roughly(clouds, radii.values, config)
+    fit, _ = fit_arcs(clouds, motions, radii, config, uncertainty=True)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]
     return np.array(poses), fit.pose_sd
+
+
+def _splines(arcs: Arcs, radii: Array, config: Config, margin: float) -> list[Array]:
+    """Splines through arcs, carried on at both ends by a margin in radii."""
+    return [
+        _core.spline_through(nodes, config.tubes.spacing * radii[rope], margin * radii[rope])
+        for nodes, rope in zip(arcs.nodes, arcs.ropes, strict=True)
+    ]
 
 
 def _once_round(curve: Curve, margin: float) -> Curve:
@@ -382,15 +571,6 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
     return curve.part(margin, float(stop))
-
-
-def _pose_sd(config: Config) -> tuple[float, float]:
-    return config.poses.rotation_sd, config.poses.translation_sd
-
-
-def _free(clouds: Clouds) -> int | None:
-    """Return the reference view, or None where it is the only one: then no pose is free."""
-    return clouds.reference if len(clouds.points) > 1 else None
 
 
 def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Config, run: Run) -> None:

@@ -13,6 +13,8 @@ from strand.view import Array, View
 _CELL = 1.6
 # directions farther than this from a view's middle, as tangents, are not gridded
 _WIDEST = 3.0
+# how far beyond what will be asked for directions are gridded, as tangents
+_MARGIN = 0.1
 # how far in front of or behind a place something must be, in radii
 _APART = 1.0
 
@@ -43,7 +45,7 @@ class Sight:
     cameras: Array
 
     @classmethod
-    def of(cls, views: Sequence[View], poses: Sequence[Array]) -> Sight:
+    def of(cls, views: Sequence[View], poses: Sequence[Array], about: Sequence[View] = ()) -> Sight:
         """Grid the views by direction.
 
         Parameters
@@ -53,12 +55,17 @@ class Sight:
             nothing was before it.
         poses : sequence of (4, 4) ndarray
             Their camera-to-world poses.
+        about : sequence of View, optional
+            What of each view will be asked for: directions far from all of it are left out.
 
         Returns
         -------
         Sight
         """
-        buffers = tuple(_buffer(view.points, pose[:3, :3]) for view, pose in zip(views, poses, strict=True))
+        buffers = tuple(
+            _buffer(view.points, near.points, pose[:3, :3])
+            for view, near, pose in zip(views, about or views, poses, strict=True)
+        )
         return cls(buffers, np.array([pose[:3, 3] for pose in poses]))
 
     def states(self, places: Array, radius: float) -> np.ndarray:
@@ -96,13 +103,13 @@ class Sight:
         return np.asarray(((states == HIDDEN) | (states == UNKNOWN)).all(axis=0))
 
 
-def _buffer(points: Array, rotation: Array) -> _Buffer | None:
+def _buffer(points: Array, about: Array, rotation: Array) -> _Buffer | None:
     """Grid one view's points, which are in the camera frame; None if there are hardly any."""
-    distance = np.sqrt(np.einsum("ij,ij->i", points, points))
-    points, distance = points[distance > 0], distance[distance > 0]
-    if len(points) < 16:
+    range_of = np.sqrt(np.einsum("ij,ij->i", about, about))
+    about, range_of = about[range_of > 0], range_of[range_of > 0]
+    if len(about) < 16:
         return None
-    middle = (points / distance[:, None]).mean(axis=0)
+    middle = (about / range_of[:, None]).mean(axis=0)
     length = np.linalg.norm(middle)
     if length < 0.1:
         return None
@@ -110,11 +117,13 @@ def _buffer(points: Array, rotation: Array) -> _Buffer | None:
     side = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])
     side /= np.linalg.norm(side)
     axes = np.stack([side, np.cross(forward, side), forward])
-    local = points @ axes.T
-    ahead = local[:, 2] > distance / np.hypot(1.0, _WIDEST)
-    flat, distance = local[ahead, :2] / local[ahead, 2:], distance[ahead]
+    asked, _ = _directions(about, axes)
+    flat, ahead = _directions(points, axes)
+    near = ((flat > asked.min(axis=0) - _MARGIN) & (flat < asked.max(axis=0) + _MARGIN)).all(axis=1)
+    flat, seen = flat[near], points[ahead][near]
     if len(flat) < 16:
         return None
+    distance = np.sqrt(np.einsum("ij,ij->i", seen, seen))
     cell = _CELL * _spacing(flat)
     low = flat.min(axis=0)
     place = ((flat - low) / cell).astype(np.int64)
@@ -125,6 +134,16 @@ def _buffer(points: Array, rotation: Array) -> _Buffer | None:
     nearest = np.full(shape.prod(), np.inf)
     np.minimum.at(nearest, number, distance)
     return _Buffer(axes @ rotation.T, float(cell), low, nearest.reshape(shape))
+
+
+def _directions(points: Array, axes: Array) -> tuple[Array, np.ndarray]:
+    """(N', 2) Directions of the points that are not far to the side, and (N,) which those are."""
+    depth = points @ axes[2]
+    ahead = depth > 0
+    flat = (points[ahead] @ axes[:2].T) / depth[ahead, None]
+    aside = np.abs(flat).max(axis=1) < _WIDEST
+    ahead[ahead] = aside
+    return flat[aside], ahead
 
 
 def _spacing(flat: Array) -> float:

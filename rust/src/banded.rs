@@ -41,6 +41,15 @@ impl Bordered {
         self.band[row][column + WIDTH - 1 - row] += value;
     }
 
+    /// Adds to all of A, as rows of the columns up to the diagonal; none adds nothing.
+    pub fn add_band_rows(&mut self, rows: &[[f64; WIDTH]]) {
+        for (row, added) in self.band.iter_mut().zip(rows) {
+            for (x, y) in row.iter_mut().zip(added) {
+                *x += y;
+            }
+        }
+    }
+
     /// Adds to an entry of C.
     #[inline]
     pub fn add_border(&mut self, row: usize, column: usize, value: f64) {
@@ -102,14 +111,16 @@ impl Factor {
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (band.len(), border.len());
         let mut x = band.to_vec();
-        for i in 0..n {
+        // zeros before the first other entry stay zeros
+        let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
+        for i in start..n {
             for k in i.saturating_sub(WIDTH - 1)..i {
                 x[i] -= self.band[i][k + WIDTH - 1 - i] * x[k];
             }
             x[i] *= self.band[i][WIDTH - 1];
         }
         let mut rest = DVector::from_column_slice(border);
-        for i in 0..n {
+        for i in start..n {
             for a in 0..m {
                 rest[a] -= self.border[i * m + a] * x[i];
             }

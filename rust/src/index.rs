@@ -156,11 +156,12 @@ impl Grid {
         self.points[position]
     }
 
-    /// Positions of one point in each cube of side `size` that holds points: the first in the grid's order.
-    pub fn sample(&self, size: f64) -> Vec<usize> {
+    /// Positions of one point in each cube of side `size` that holds points of a choice: the first in the grid's
+    /// order.
+    pub fn sample(&self, size: f64, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
         let mut seen = std::collections::HashSet::new();
         let cube = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
-        (0..self.points.len()).filter(|&i| seen.insert(cube(self.points[i]))).collect()
+        (0..self.points.len()).filter(|&i| chosen(i) && seen.insert(cube(self.points[i]))).collect()
     }
 
     /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,

@@ -478,6 +478,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(icp, module)?)?;
     module.add_function(wrap_pyfunction!(centerline, module)?)?;
     module.add_function(wrap_pyfunction!(trace_chains, module)?)?;
+    module.add_function(wrap_pyfunction!(tubes::strip_radii, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::spline_through, module)?)?;

@@ -4,6 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, normalized, sub};
+use crate::lanes::{self, LANES, Lanes};
 
 /// Standard deviation of the points' distances that weighs them against the priors, in radii.
 const NOISE: f64 = 0.25;
@@ -19,11 +20,93 @@ pub struct Tubelet {
     pub curvature: Point,
 }
 
+/// Some points of a patch, coordinate by coordinate.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    /// Positions relative to the patch's origin, in radii.
+    position: [Lanes; 3],
+    /// Unit vectors to the cameras.
+    to_camera: [Lanes; 3],
+}
+
 /// Points near a place, with the unit vectors to the cameras that saw them.
-#[derive(Debug, Default)]
+///
+/// In single precision, relative to a place among them and in radii, a coordinate's rounding is far below any noise.
+#[derive(Debug)]
 pub struct Patch {
-    /// Position and direction to the camera of each.
-    pub points: Vec<(Point, Point)>,
+    origin: Point,
+    radius: f64,
+    blocks: Vec<Block>,
+    /// Points in the last block; the rest of it lies out of every tubelet's reach.
+    filled: usize,
+}
+
+impl Patch {
+    /// No points yet, about a place and for tubes of a radius.
+    pub fn new(origin: Point, radius: f64) -> Self {
+        Self { origin, radius, blocks: Vec::new(), filled: LANES }
+    }
+
+    /// Adds a point and the unit vector to its camera.
+    #[inline]
+    pub fn push(&mut self, point: Point, to_camera: Point) {
+        if self.filled == LANES {
+            self.blocks.push(Block { position: [Lanes::all(1e3); 3], to_camera: [Lanes::all(0.0); 3] });
+            self.filled = 0;
+        }
+        if let Some(block) = self.blocks.last_mut() {
+            for k in 0..3 {
+                block.position[k].0[self.filled] = ((point[k] - self.origin[k]) / self.radius) as f32;
+                block.to_camera[k].0[self.filled] = to_camera[k] as f32;
+            }
+        }
+        self.filled += 1;
+    }
+
+    /// How many points lie on the surface of a tubelet and face their cameras, within a radius ahead of its centre.
+    pub fn support_ahead(&self, tubelet: &Tubelet) -> f64 {
+        let axis = self.axis(tubelet);
+        let zero = Lanes::all(0.0);
+        let mut count = zero;
+        for block in &self.blocks {
+            let (along, distance, outward) = axis.offset(block);
+            let ahead = zero.below(along) * along.below(Lanes::all(1.0));
+            let on_surface = (distance - Lanes::all(1.0)).abs().below(Lanes::all(0.4));
+            count += ahead * on_surface * zero.below(lanes::dot(outward, block.to_camera));
+        }
+        count.sum()
+    }
+
+    /// A tubelet's axis in the patch's coordinates.
+    fn axis(&self, tubelet: &Tubelet) -> Axis {
+        Axis {
+            center: sub(tubelet.center, self.origin).map(|x| Lanes::all((x / self.radius) as f32)),
+            tangent: tubelet.tangent.map(|x| Lanes::all(x as f32)),
+            curvature: tubelet.curvature.map(|x| Lanes::all((x * self.radius) as f32)),
+        }
+    }
+}
+
+/// A tubelet in radii and in single precision.
+struct Axis {
+    center: [Lanes; 3],
+    tangent: [Lanes; 3],
+    curvature: [Lanes; 3],
+}
+
+impl Axis {
+    /// [`Tubelet::offset`] of the points of a block.
+    #[inline(always)]
+    fn offset(&self, block: &Block) -> (Lanes, Lanes, [Lanes; 3]) {
+        let x: [Lanes; 3] = std::array::from_fn(|k| block.position[k] - self.center[k]);
+        let along = lanes::dot(x, self.tangent);
+        let half = Lanes::all(0.5) * along * along;
+        let q: [Lanes; 3] =
+            std::array::from_fn(|k| x[k] - along * self.tangent[k] - half * self.curvature[k]);
+        let distance = lanes::dot(q, q).sqrt().max(Lanes::all(f32::MIN_POSITIVE));
+        let inverse = distance.recip();
+        (along, distance, q.map(|v| v * inverse))
+    }
 }
 
 /// How well a tubelet explains a patch.
@@ -98,83 +181,96 @@ impl Tubelet {
     }
 }
 
-/// Weighted sums of a Gauss–Newton step. A residual's derivatives are −(1, a, ½a²) ⊗ (e·f₁, e·f₂), so the normal
-/// matrix is made of the products of the two factors.
-#[derive(Default)]
+/// Weighted sums of a Gauss–Newton step, in radii. A residual's derivatives are −(1, a, ½a²) ⊗ (e·f₁, e·f₂), so the
+/// normal matrix is made of moments of a.
 struct Sums {
-    matrix: [[f64; 3]; 6],
+    /// Σ w aⁿ (p₁², p₁p₂, p₂²) for n from 0 to 4, p = e·f.
+    moments: [[f64; 3]; 5],
+    /// Σ w (d − 1) aⁿ (p₁, p₂) for n from 0 to 2.
     right: [[f64; 2]; 3],
     support: Support,
 }
 
-/// Pairs of (1, a, ½a²), in the order of `Sums::matrix`.
-const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+/// The sums at a tubelet, where f₁ and f₂ are `across`.
+fn gather(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+    /// The same, compiled for wider registers.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn gather_wide(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        gather_lanes(patch, tubelet, across, freedom)
+    }
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2
+        return unsafe { gather_wide(patch, tubelet, across, freedom) };
+    }
+    gather_lanes(patch, tubelet, across, freedom)
+}
 
-fn gather(patch: &Patch, tubelet: &Tubelet, radius: f64, freedom: &Freedom) -> (Sums, Point, Point) {
-    let (f1, f2) = frame(tubelet.tangent);
-    let (reach, band) = (freedom.half_length * radius, freedom.band * radius);
-    let mut sums = Sums::default();
-    for &(p, to_camera) in &patch.points {
-        let x = sub(p, tubelet.center);
-        if dot(x, tubelet.tangent).abs() > reach {
-            continue;
-        }
-        let Offset { along: a, distance: d, outward: e } = tubelet.offset(p);
-        let facing = dot(e, to_camera);
-        if d < 0.45 * radius || (d < 0.8 * radius && facing < -0.2) {
-            sums.support.inside += 1;
-        }
-        let residual = d - radius;
-        if facing < -0.05 || residual.abs() >= band {
-            continue;
-        }
-        let relative = residual / band;
-        let weight = (1.0 - relative * relative).powi(2);
-        sums.support.inliers += 1;
-        sums.support.score += weight;
-        let (p1, p2) = (dot(e, f1), dot(e, f2));
-        let along = [1.0, a, 0.5 * a * a];
-        let across = [weight * p1 * p1, weight * p1 * p2, weight * p2 * p2];
-        for (entry, (i, j)) in sums.matrix.iter_mut().zip(PAIRS) {
-            let product = along[i] * along[j];
+#[inline(always)]
+fn gather_lanes(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+    let axis = patch.axis(tubelet);
+    let [g1, g2] = across.map(|f| f.map(|x| Lanes::all(x as f32)));
+    let [zero, one, reach, band] =
+        [0.0, 1.0, freedom.half_length as f32, freedom.band as f32].map(Lanes::all);
+    let mut moments = [[zero; 3]; 5];
+    let mut right = [[zero; 2]; 3];
+    let (mut score, mut inliers, mut inside) = (zero, zero, zero);
+    for block in &patch.blocks {
+        let (along, distance, outward) = axis.offset(block);
+        let facing = lanes::dot(outward, block.to_camera);
+        let residual = distance - one;
+        let near = along.abs().below(reach);
+        let turned = distance.below(Lanes::all(0.8)) * facing.below(Lanes::all(-0.2));
+        inside += near * distance.below(Lanes::all(0.45)).max(turned);
+        let inlier = near * Lanes::all(-0.05).below(facing) * residual.abs().below(band);
+        inliers += inlier;
+        let relative = residual * band.recip();
+        let share = one - relative * relative;
+        let mut power = inlier * share * share;
+        score += power;
+        let (p1, p2) = (lanes::dot(outward, g1), lanes::dot(outward, g2));
+        let products = [p1 * p1, p1 * p2, p2 * p2];
+        for n in 0..5 {
             for k in 0..3 {
-                entry[k] += product * across[k];
+                moments[n][k] += power * products[k];
             }
-        }
-        for i in 0..3 {
-            sums.right[i][0] += weight * residual * along[i] * p1;
-            sums.right[i][1] += weight * residual * along[i] * p2;
+            if n < 3 {
+                right[n][0] += power * residual * p1;
+                right[n][1] += power * residual * p2;
+            }
+            power = power * along;
         }
     }
-    sums.support.score -= sums.support.inside as f64;
-    (sums, f1, f2)
+    let inside = inside.sum();
+    let support =
+        Support { score: score.sum() - inside, inliers: inliers.sum() as usize, inside: inside as usize };
+    Sums { moments: moments.map(|m| m.map(Lanes::sum)), right: right.map(|r| r.map(Lanes::sum)), support }
 }
 
 /// Fits a tubelet of a known radius to the points of a patch that face their cameras.
 ///
 /// Minimises the Tukey loss of d − r, d the points' distance from the axis, with a prior about the start.
-pub fn fit(patch: &Patch, start: Tubelet, radius: f64, freedom: &Freedom) -> (Tubelet, Support) {
+pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Support) {
+    let radius = patch.radius;
     let mut tubelet = start;
-    let scales = [radius, 1.0, 1.0 / radius];
-    let precision: [f64; 3] = std::array::from_fn(|i| {
-        let sd = freedom.prior[i] * scales[i];
-        if sd > 0.0 { (NOISE * radius / sd).powi(2) } else { f64::INFINITY }
-    });
+    let precision = freedom.prior.map(|sd| if sd > 0.0 { (NOISE / sd).powi(2) } else { f64::INFINITY });
     // tilt and bend so far; the offset so far follows from the centre
     let mut changed = [[0.0; 2]; 3];
     for _ in 0..freedom.steps {
-        let (sums, f1, f2) = gather(patch, &tubelet, radius, freedom);
+        let (f1, f2) = frame(tubelet.tangent);
+        let sums = gather(patch, &tubelet, [f1, f2], freedom);
         if sums.support.inliers < 4 {
             return (tubelet, sums.support);
         }
         let moved = sub(tubelet.center, start.center);
-        changed[0] = [dot(moved, f1), dot(moved, f2)];
+        changed[0] = [dot(moved, f1) / radius, dot(moved, f2) / radius];
         let Some(step) = solve(&sums, &precision, &changed) else { break };
         let limit = |value: [f64; 2], most: f64| {
             let size = value[0].hypot(value[1]);
             if size > most { value.map(|x| x * most / size) } else { value }
         };
-        let step = [limit(step[0], 0.4 * radius), limit(step[1], 0.3), step[2]];
+        let step = [limit(step[0], 0.4), limit(step[1], 0.3), step[2]];
         for i in 1..3 {
             for k in 0..2 {
                 changed[i][k] += step[i][k];
@@ -182,39 +278,38 @@ pub fn fit(patch: &Patch, start: Tubelet, radius: f64, freedom: &Freedom) -> (Tu
         }
         let along =
             |value: [f64; 2]| -> Point { std::array::from_fn(|k| value[0] * f1[k] + value[1] * f2[k]) };
-        tubelet.center = advance(tubelet.center, 1.0, along(step[0]));
+        tubelet.center = advance(tubelet.center, radius, along(step[0]));
         tubelet.tangent = normalized(advance(tubelet.tangent, 1.0, along(step[1])));
-        let bent = advance(tubelet.curvature, 1.0, along(step[2]));
+        let bent = advance(tubelet.curvature, 1.0 / radius, along(step[2]));
         tubelet.curvature = advance(bent, -dot(bent, tubelet.tangent), tubelet.tangent);
-        if step[0][0].hypot(step[0][1]) < 1e-3 * radius && step[1][0].hypot(step[1][1]) < 1e-3 {
+        if step[0][0].hypot(step[0][1]) < 1e-2 && step[1][0].hypot(step[1][1]) < 1e-2 {
             break;
         }
     }
-    let support = gather(patch, &tubelet, radius, freedom).0.support;
-    (tubelet, support)
+    let (f1, f2) = frame(tubelet.tangent);
+    (tubelet, gather(patch, &tubelet, [f1, f2], freedom).support)
 }
 
 /// One Gauss–Newton step in offset, tilt and bend, each along f₁ and f₂.
 fn solve(sums: &Sums, precision: &[f64; 3], changed: &[[f64; 2]; 3]) -> Option<[[f64; 2]; 3]> {
+    // of 1, a and ½a²
+    const FACTORS: [f64; 3] = [1.0, 1.0, 0.5];
     let mut matrix = Matrix6::<f64>::zeros();
-    for (entry, (i, j)) in sums.matrix.iter().zip(PAIRS) {
-        for (r, c, k) in [(0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)] {
-            matrix[(2 * i + r, 2 * j + c)] = entry[k];
-            matrix[(2 * j + c, 2 * i + r)] = entry[k];
-        }
-    }
     let mut right = Vector6::<f64>::zeros();
     for i in 0..3 {
         for k in 0..2 {
             let row = 2 * i + k;
-            if precision[i].is_finite() {
-                matrix[(row, row)] += precision[i];
-                right[row] = sums.right[i][k] - precision[i] * changed[i][k];
-            } else {
-                matrix.fill_row(row, 0.0);
-                matrix.fill_column(row, 0.0);
+            if precision[i].is_infinite() {
                 matrix[(row, row)] = 1.0;
+                continue;
             }
+            for j in (0..3).filter(|&j| precision[j].is_finite()) {
+                for l in 0..2 {
+                    matrix[(row, 2 * j + l)] = FACTORS[i] * FACTORS[j] * sums.moments[i + j][k + l];
+                }
+            }
+            matrix[(row, row)] += precision[i];
+            right[row] = FACTORS[i] * sums.right[i][k] - precision[i] * changed[i][k];
         }
     }
     let step = matrix.cholesky()?.solve(&right);
@@ -225,15 +320,15 @@ fn solve(sums: &Sums, precision: &[f64; 3], changed: &[[f64; 2]; 3]) -> Option<[
 mod tests {
     use super::*;
 
-    /// Half a tube of radius 1 bent about the y axis with radius 8, seen from above.
-    fn half_tube() -> Patch {
-        let mut patch = Patch::default();
+    /// 2025 points of half a tube of radius 1 bent about the y axis with radius 8, seen along z.
+    fn half_tube(camera: f64) -> Patch {
+        let mut patch = Patch::new([0.0; 3], 1.0);
         for i in -40..=40 {
             for j in 0..=24 {
                 let (turn, angle) = (f64::from(i) * 0.01, f64::from(j) / 24.0 * std::f64::consts::PI);
                 let out = 8.0 + angle.cos();
                 let p = [out * turn.sin(), out * turn.cos() - 8.0, angle.sin()];
-                patch.points.push((p, [0.0, 0.0, 1.0]));
+                patch.push(p, [0.0, 0.0, camera]);
             }
         }
         patch
@@ -244,7 +339,7 @@ mod tests {
         let start =
             Tubelet { center: [0.0, 0.25, 0.2], tangent: normalized([1.0, 0.15, -0.1]), curvature: [0.0; 3] };
         let freedom = Freedom { half_length: 1.5, band: 0.8, steps: 20, prior: [1.0, 1.0, 1.0] };
-        let (tubelet, support) = fit(&half_tube(), start, 1.0, &freedom);
+        let (tubelet, support) = fit(&half_tube(1.0), start, &freedom);
         assert!(dot(tubelet.center, tubelet.center).sqrt() < 0.02, "{tubelet:?}");
         assert!(tubelet.tangent[0] > 0.999, "{tubelet:?}");
         assert!((tubelet.curvature[1] + 0.125).abs() < 0.03, "{tubelet:?}");
@@ -254,12 +349,8 @@ mod tests {
 
     #[test]
     fn points_that_turn_away_from_their_camera_do_not_count() {
-        let mut patch = half_tube();
-        for (_, to_camera) in &mut patch.points {
-            *to_camera = [0.0, 0.0, -1.0];
-        }
         let start = Tubelet { center: [0.0; 3], tangent: [1.0, 0.0, 0.0], curvature: [0.0; 3] };
         let freedom = Freedom { half_length: 1.5, band: 0.8, steps: 0, prior: [1.0, 1.0, 0.0] };
-        assert!(fit(&patch, start, 1.0, &freedom).1.inliers < patch.points.len() / 10);
+        assert!(fit(&half_tube(-1.0), start, &freedom).1.inliers < 200);
     }
 }

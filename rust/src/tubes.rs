@@ -20,6 +20,8 @@ const LEAST_SCORE: f64 = 0.25;
 const CLEARANCE: f64 = 0.7;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
+/// Sides of the cubes that give a seed each, in radii: the second only where the first left points free.
+const SEED_CUBES: [f64; 2] = [2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
@@ -42,11 +44,11 @@ pub struct Arc {
 
 /// Traces arcs of tubes of a known radius through surface points.
 ///
-/// Tubelets are fitted at seeds on a grid of 0.8 r, in several directions. From the best one that is still free the
+/// Tubelets are fitted at seeds 2.4 r apart, in several directions. From the best one that is still free the
 /// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
 /// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
-/// reached. An arc claims its points, and the next best seed follows. Arcs of fewer than `min_nodes` nodes are left
-/// out.
+/// reached. An arc claims its points, and the next best seed follows; then seeds 0.8 r apart among the points that
+/// are left free. Arcs of fewer than `min_nodes` nodes are left out.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
@@ -97,11 +99,20 @@ struct Seed {
 
 impl Tracer {
     fn trace(&mut self, min_nodes: usize) -> Vec<Arc> {
-        let mut seeds = self.seeds();
-        seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
-        let Some(best) = seeds.get(seeds.len() / 10) else { return Vec::new() };
-        let enough = LEAST_SCORE * best.support.score;
         let mut arcs = Vec::new();
+        let mut enough = None;
+        for size in SEED_CUBES {
+            let mut seeds = self.seeds(size);
+            seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
+            let Some(good) = seeds.get(seeds.len() / 10) else { continue };
+            let enough = *enough.get_or_insert(LEAST_SCORE * good.support.score);
+            self.follow(seeds, enough, min_nodes, &mut arcs);
+        }
+        arcs
+    }
+
+    /// Traces arcs from seeds, the best first, of at least a score.
+    fn follow(&mut self, seeds: Vec<Seed>, enough: f64, min_nodes: usize, arcs: &mut Vec<Arc>) {
         for seed in seeds {
             if seed.support.score < enough {
                 break;
@@ -110,8 +121,7 @@ impl Tracer {
                 continue;
             }
             // what is left of its points may no longer be a tube
-            let (tubelet, support) =
-                fit(&self.patch(seed.tubelet.center), seed.tubelet, self.radius, &SECOND_LOOK);
+            let (tubelet, support) = fit(&self.patch(seed.tubelet.center), seed.tubelet, &SECOND_LOOK);
             let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
             if support.score < (0.6 * seed.support.score).max(enough)
                 || moved > 0.5 * self.radius
@@ -134,15 +144,14 @@ impl Tracer {
                 arcs.push(Arc { nodes, support });
             }
         }
-        arcs
     }
 
     /// Free points near a place, in the grid's order.
     fn patch(&self, center: Point) -> Patch {
-        let mut patch = Patch::default();
+        let mut patch = Patch::new(center, self.radius);
         self.grid.visit_near(center, |i, p, _| {
             if self.free[i] {
-                patch.points.push((p, self.to_camera[i]));
+                patch.push(p, self.to_camera[i]);
             }
             true
         });
@@ -154,9 +163,9 @@ impl Tracer {
         self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
     }
 
-    /// Tubelets at one point of each cell of 0.8 r, the best of several directions.
-    fn seeds(&self) -> Vec<Seed> {
-        let chosen = self.grid.sample(0.8 * self.radius);
+    /// Tubelets at one free point of each cube of a size, in radii, the best of several directions.
+    fn seeds(&self, size: f64) -> Vec<Seed> {
+        let chosen = self.grid.sample(size * self.radius, |i| self.free[i]);
         let fitted: Vec<Vec<Option<Seed>>> = chosen
             .par_chunks(SEEDS_PER_TASK)
             .map(|positions| positions.iter().map(|&i| self.seed(i)).collect())
@@ -182,15 +191,18 @@ impl Tracer {
             normal = normal.map(|x| -x);
         }
         let center = advance(p, -self.radius, normal);
+        if self.taken(center) {
+            return None;
+        }
         let patch = self.patch(center);
         let (f1, f2) = frame(normal);
         let rough = (0..DIRECTIONS).map(|k| {
             let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
             let tangent = std::array::from_fn(|i| cos * f1[i] + sin * f2[i]);
-            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, self.radius, &FIRST_LOOK)
+            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, &FIRST_LOOK)
         });
         let (tubelet, _) = rough.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
-        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, self.radius, &SECOND_LOOK);
+        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, &SECOND_LOOK);
         Some(Seed { tubelet, support })
     }
 
@@ -202,8 +214,8 @@ impl Tracer {
         loop {
             let expected = last.ahead(STEP * r);
             let patch = self.patch(expected.center);
-            let (tubelet, support) = fit(&patch, expected, r, &MARCH);
-            let ahead = support_ahead(&patch, &tubelet, r);
+            let (tubelet, support) = fit(&patch, expected, &MARCH);
+            let ahead = patch.support_ahead(&tubelet);
             let straight = dot(tubelet.tangent, last.tangent) > 0.5f64.cos();
             let jump = squared_distance(tubelet.center, expected.center).sqrt();
             let limit = (0.6 * r).powi(2);
@@ -247,15 +259,4 @@ impl Tracer {
             });
         }
     }
-}
-
-/// Points on the surface, facing their camera, within a radius ahead of a tubelet's centre.
-fn support_ahead(patch: &Patch, tubelet: &Tubelet, radius: f64) -> f64 {
-    let supports = |&&(p, to_camera): &&(Point, Point)| {
-        let offset = tubelet.offset(p);
-        (0.0..=radius).contains(&offset.along)
-            && (offset.distance - radius).abs() < 0.4 * radius
-            && dot(offset.outward, to_camera) > 0.0
-    };
-    patch.points.iter().filter(supports).count() as f64
 }

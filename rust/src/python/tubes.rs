@@ -1,11 +1,52 @@
 //! Bindings of the tube kernels.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arguments::{FloatArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape};
 use crate::{Point, RigidMotion, Viewpoints};
+
+/// Estimate a string's radius at places of what one camera saw, from how wide it looks.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     Surface points of strings, metres, any frame.
+/// viewpoint : (3,) array_like of float
+///     The camera's centre, metres, in the points' frame.
+/// largest : float
+///     Wider strips are left out, metres.
+/// seeds : int
+///     At how many points at most, spread over the cloud.
+///
+/// Returns
+/// -------
+/// (K, 2) ndarray
+///     For each seed whose surroundings are a strip, half the strip's width, and the side of the square that each of
+///     its points stands for, metres. Strands side by side look like one strip.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `points` does not hold floating point numbers.
+/// ValueError
+///     If `points` is not (N, 3), a coordinate is not finite, or `largest` is not positive.
+#[pyfunction]
+pub(super) fn strip_radii<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    viewpoint: Point,
+    largest: f64,
+    seeds: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let strips = py.detach(|| crate::strip_radii(points, viewpoint, largest, seeds))?;
+    let rows: Vec<[f64; 2]> = strips.iter().map(|strip| [strip.radius, strip.footprint]).collect();
+    PyArray1::from_slice(py, rows.as_flattened()).reshape([rows.len(), 2])
+}
 
 /// Trace arcs of tubes through surface points.
 ///
@@ -67,26 +108,31 @@ pub(super) fn trace_tubes<'py>(
         .collect()
 }
 
-/// Fit curves, poses and radius to the points of all views; see `strand.fit_tubes`.
+/// Fit curves, poses and radii to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
-#[pyo3(signature = (points, viewpoints, curves, motions, radius, *, fit_curves, fit_radius, reference, pose_sd, along_ray,
-                    band, iterations, bounds))]
+#[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves, radius_prior, reference, pose_sd, along_ray,
+                    band, iterations, min_bend, noise, bounds, ends, uncertainty))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
     points: Vec<Bound<'py, PyAny>>,
     viewpoints: &Bound<'py, PyAny>,
     curves: Vec<Bound<'py, PyAny>>,
+    ropes: Vec<usize>,
     motions: Vec<Bound<'py, PyAny>>,
-    radius: f64,
+    radii: Vec<f64>,
     fit_curves: bool,
-    fit_radius: bool,
+    radius_prior: Option<Vec<[f64; 2]>>,
     reference: Option<usize>,
     pose_sd: [f64; 2],
     along_ray: bool,
     band: [f64; 2],
     iterations: usize,
+    min_bend: f64,
+    noise: Option<f64>,
     bounds: Option<[Point; 2]>,
+    ends: Vec<(usize, usize, Point, Point, f64)>,
+    uncertainty: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays: Vec<FloatArray> =
         points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
@@ -96,31 +142,43 @@ pub(super) fn fit_tubes<'py>(
     if viewpoints.len() != points.len() {
         return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), &[viewpoints.len(), 3]));
     }
-    let curves: Vec<crate::Spline> = curves
+    let tubes: Vec<crate::Tube> = curves
         .iter()
-        .map(|curve| {
+        .zip(ropes)
+        .map(|(curve, rope)| {
             let control = FloatArray::new("curves", curve)?.rows("curves", "(n, 3)")?.to_vec();
-            Ok(crate::Spline { control })
+            Ok(crate::Tube { curve: crate::Spline { control }, rope })
         })
         .collect::<PyResult<_>>()?;
     let motions: Vec<RigidMotion> = motions.iter().map(|m| motion("motions", m)).collect::<PyResult<_>>()?;
     let options = crate::TubeFitOptions {
         fit_curves,
-        fit_radius,
+        radius_prior,
         reference,
         pose_sd,
         residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
         band,
         iterations,
+        min_bend,
+        noise,
         bounds,
+        uncertainty,
     };
+    let mut sightings = vec![Vec::new(); points.len()];
+    for (view, end, place, outward, sd) in ends {
+        let seen = sightings
+            .get_mut(view)
+            .ok_or_else(|| PyValueError::new_err(format!("ends: there is no view {view}")))?;
+        seen.push(crate::EndSighting { end, place, outward, sd });
+    }
     let fit = py.detach(|| {
         let views: Vec<crate::TubeView> = points
             .iter()
             .zip(viewpoints)
-            .map(|(&points, &viewpoint)| crate::TubeView { points, viewpoint })
+            .zip(&sightings)
+            .map(|((&points, &viewpoint), ends)| crate::TubeView { points, viewpoint, ends })
             .collect();
-        crate::fit_tubes(&views, &curves, &motions, radius, &options)
+        crate::fit_tubes(&views, &tubes, &motions, &radii, &options)
     })?;
     let result = PyDict::new(py);
     let curves: Vec<_> =
@@ -129,9 +187,9 @@ pub(super) fn fit_tubes<'py>(
     let rows: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
     let motions = PyArray1::from_slice(py, rows.as_flattened().as_flattened());
     result.set_item("motions", motions.reshape([rows.len(), 4, 4])?)?;
-    result.set_item("radius", fit.radius)?;
+    result.set_item("radii", PyArray1::from_vec(py, fit.radii))?;
     result.set_item("sigma", fit.sigma)?;
-    result.set_item("band", fit.band)?;
+    result.set_item("bands", PyArray1::from_vec(py, fit.bands))?;
     let feet: Vec<&crate::Foot> = fit.feet.iter().flatten().collect();
     result.set_item("curve", PyArray1::from_iter(py, feet.iter().map(|foot| foot.curve as i64)))?;
     result.set_item("parameter", PyArray1::from_iter(py, feet.iter().map(|foot| foot.parameter)))?;
@@ -139,11 +197,12 @@ pub(super) fn fit_tubes<'py>(
     result.set_item("facing", PyArray1::from_iter(py, feet.iter().map(|foot| foot.facing)))?;
     result.set_item("weight", PyArray1::from_iter(py, feet.iter().map(|foot| foot.weight)))?;
     result.set_item("explained", PyArray1::from_iter(py, feet.iter().map(|foot| foot.explained)))?;
-    let poses = PyArray1::from_slice(py, fit.uncertainty.poses.as_flattened());
-    result.set_item("pose_sd", poses.reshape([rows.len(), 6])?)?;
-    result.set_item("radius_sd", fit.uncertainty.radius)?;
-    let covariances: Vec<_> = fit
-        .uncertainty
+    result.set_item("inlier", PyArray1::from_iter(py, feet.iter().map(|foot| foot.inlier)))?;
+    let uncertainty = fit.uncertainty.unwrap_or_default();
+    let poses = PyArray1::from_slice(py, uncertainty.poses.as_flattened().as_flattened());
+    result.set_item("pose_covariance", poses.reshape([uncertainty.poses.len(), 6, 6])?)?;
+    result.set_item("radii_sd", PyArray1::from_vec(py, uncertainty.radii))?;
+    let covariances: Vec<_> = uncertainty
         .curves
         .iter()
         .map(|curve| {
