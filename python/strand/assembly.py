@@ -10,7 +10,7 @@ import numpy as np
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
-from strand.linking import Links, aimed, part_at_contacts
+from strand.linking import Links, aimed, part_at_contacts, without_shadows
 from strand.pieces import left_over, unexplained
 from strand.topology import path_length, walk
 from strand.tubefit import TubeFit
@@ -155,7 +155,7 @@ def decide(
     def tried(pieces: Sequence[Array]) -> None:
         consider(assembled(pieces, radius, config, sight, ropes=ropes))
 
-    arcs = aimed(arcs, radius)
+    arcs = aimed(without_shadows(arcs, radius), radius)
     parted = part_at_contacts(arcs, radius, config)
     tried(parted)
     if len(parted) != len(arcs):

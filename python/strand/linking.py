@@ -17,6 +17,8 @@ from strand.visibility import Sight
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6
+# gaps shorter than this are looked at from a radius back too, in radii
+_NEAR = 2.5
 # gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are
 # tried
 _SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
@@ -24,6 +26,8 @@ _SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
 _UNSEEN, _MOSTLY = 1.7, 0.8
 # no gap is bridged of which cameras saw through a larger share
 _SEEN_THROUGH = 0.3
+# arcs shorter than this may be shadows of others that they are nearer to than strands in contact, in radii
+_SHADOW, _BESIDE = 6.0, 1.75
 # arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
 _STUB, _AIM = 2.5, 0.5
 # so many ways to bridge gaps are compared
@@ -81,6 +85,32 @@ def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float
         apart[np.abs(from_end[:, None] - from_end[None]) < 4.0 * radius + from_end[:, None]] = np.inf
     left = from_end[apart.min(axis=1) > 1.75 * radius]
     return np.asarray(from_end < min(float(left.min()) if len(left) else np.inf, back * radius))
+
+
+def without_shadows(arcs: Sequence[Array], radius: float) -> list[Array]:
+    """Leave out short arcs that run inside longer ones: two strands are two radii apart.
+
+    Parameters
+    ----------
+    arcs : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The strings' radius, metres.
+
+    Returns
+    -------
+    list of (M, 3) ndarray
+    """
+    lengths = [path_length(arc)[-1] for arc in arcs]
+    kept = []
+    for arc, length in zip(arcs, lengths, strict=True):
+        longer = [other for other, its in zip(arcs, lengths, strict=True) if its > length]
+        if length < _SHADOW * radius and longer:
+            apart = np.linalg.norm(arc[:, None] - np.concatenate(longer)[None], axis=2).min(axis=1)
+            if np.median(apart) < _BESIDE * radius:
+                continue
+        kept.append(arc)
+    return kept
 
 
 def aimed(arcs: Sequence[Array], radius: float) -> list[Array]:
@@ -185,6 +215,7 @@ class Links:
         """
         span = 1.5 * radius
         ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
+        back = [_end(nodes, radius, span) for arc in arcs for nodes in (arc[::-1], arc)]
         position = np.array([p for p, _ in ends]).reshape(-1, 3)
         distance = np.linalg.norm(position[:, None] - position[None], axis=2)
         # where nothing could have been seen, gaps may be longer
@@ -196,6 +227,9 @@ class Links:
                 continue
             (p, leave), (q, arrive) = ends[i], ends[j]
             cost = join_cost(p, leave, q, arrive, radius)
+            if distance[i, j] < _NEAR * radius:
+                # over a short gap the last nodes' noise turns the curve: look from a radius back too
+                cost = min(cost, join_cost(*back[i], *back[j], radius))
             if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
                 if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
@@ -398,6 +432,13 @@ def _cheapest(
 
     search(0, [], 0.0, {number: number for number in pieces})
     return [(min(pair), max(pair)) for pair in best[1]]
+
+
+def _end(nodes: Array, skip: float, span: float) -> tuple[Array, Array]:
+    """Place a stretch before the last node, and the direction there."""
+    s = path_length(nodes)
+    at = int(np.searchsorted(s, max(s[-1] - skip, 0.5 * s[-1])))
+    return nodes[at], end_direction(nodes[: at + 1], 0.0, span)
 
 
 def _outward(arcs: Sequence[Array], end: int) -> Array:
