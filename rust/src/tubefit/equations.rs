@@ -1,0 +1,345 @@
+//! The normal equations: what the points, the sightings of ends and the priors say of the unknowns.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::{EndSighting, State, Term, TubeFitOptions, Uncertainty};
+use crate::banded::{Bordered, WIDTH};
+use crate::error::{Error, Result};
+use crate::geometry::{cross, dot, normalized, sub};
+use crate::spline::Spline;
+
+/// Standard deviations of the prior on a curve: third and second differences of control points, and the way a
+/// control point may slide along the curve, in radii. The first is for spans of 1.5 radii: third differences of one
+/// and the same curve grow with the cube of the spans.
+const THIRD_DIFFERENCE: f64 = 0.1;
+const SECOND_DIFFERENCE: f64 = 6.0;
+const SLIDE: f64 = 0.05;
+/// Unknowns of one view and rope: rotation, translation, the radius, and one that is always 0, for even numbers.
+const EDGE: usize = 8;
+
+/// Which unknown is where: control points in the band; poses, then the radii, in the border.
+pub(super) struct Layout {
+    /// Where each curve's control points begin.
+    pub(super) offsets: Vec<usize>,
+    pub(super) banded: usize,
+    pub(super) poses: usize,
+    pub(super) radii: usize,
+    reference: Option<usize>,
+}
+
+impl Layout {
+    pub(super) fn border(&self) -> usize {
+        self.poses + self.radii
+    }
+
+    /// Where a view's six unknowns begin in the border; none for a view that stays.
+    pub(super) fn column(&self, view: usize) -> Option<usize> {
+        self.reference.filter(|&fixed| fixed != view).map(|fixed| 6 * (view - usize::from(view > fixed)))
+    }
+}
+
+/// One view's part of the normal equations, laid out as [`Bordered`] is, but for its own unknowns only.
+struct ViewSums {
+    /// Points that have a part.
+    used: usize,
+    band: Vec<[f64; WIDTH]>,
+    right_band: Vec<f64>,
+    border: Vec<[f64; EDGE]>,
+    /// For each rope.
+    corner: Vec<[[f64; EDGE]; EDGE]>,
+    right_edge: Vec<[f64; EDGE]>,
+}
+
+impl State<'_> {
+    /// How the unknowns are laid out.
+    pub(super) fn layout(&self, options: &TubeFitOptions) -> Layout {
+        let mut offsets = Vec::new();
+        let mut banded = 0;
+        for curve in &self.curves {
+            offsets.push(banded);
+            banded += 3 * curve.control.len();
+        }
+        let poses = if options.reference.is_some() { 6 * (self.views.len() - 1) } else { 0 };
+        Layout {
+            offsets,
+            banded: if options.fit_curves { banded } else { 0 },
+            poses,
+            radii: if options.radius_prior.is_some() { self.radii.len() } else { 0 },
+            reference: options.reference,
+        }
+    }
+
+    /// The normal equations at the given feet: the matrix, and the right-hand sides of its band and its border.
+    pub(super) fn assemble(
+        &self,
+        terms: &[Vec<Term>],
+        layout: &Layout,
+        options: &TubeFitOptions,
+    ) -> Result<(Bordered, Vec<f64>, Vec<f64>)> {
+        let mut matrix = Bordered::zeros(layout.banded, layout.border());
+        let mut right_band = vec![0.0; layout.banded];
+        let mut right_border = vec![0.0; layout.border()];
+        let of_views: Vec<ViewSums> = (0..self.views.len())
+            .into_par_iter()
+            .map(|view| self.view_sums(&terms[view], layout.column(view).is_some(), layout))
+            .collect();
+        let mut used = 0;
+        for (view, sums) in of_views.iter().enumerate() {
+            used += sums.used;
+            matrix.add_band_rows(&sums.band);
+            for (x, y) in right_band.iter_mut().zip(&sums.right_band) {
+                *x += y;
+            }
+            for (rope, (corner, right_edge)) in sums.corner.iter().zip(&sums.right_edge).enumerate() {
+                let poses =
+                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+                let radius = (layout.radii > 0).then_some((6, layout.poses + rope));
+                let edges: Vec<(usize, usize)> = poses.chain(radius).collect();
+                for (i, &(from, to)) in edges.iter().enumerate() {
+                    right_border[to] += right_edge[from];
+                    for &(other, column) in &edges[..=i] {
+                        matrix.add_corner(to, column, corner[from][other]);
+                    }
+                }
+            }
+            for (curve, &offset) in layout.offsets.iter().enumerate().filter(|_| layout.banded > 0) {
+                let poses =
+                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+                let radius = (layout.radii > 0).then_some((6, layout.poses + self.ropes[curve]));
+                let rows = offset..offset + 3 * self.curves[curve].control.len();
+                for (from, to) in poses.chain(radius) {
+                    for row in rows.clone() {
+                        matrix.add_border(row, to, sums.border[row][from]);
+                    }
+                }
+            }
+        }
+        if used < 10 {
+            return Err(Error::not_enough("points", format!("only {used} of them lie on a tube")));
+        }
+        if options.fit_curves {
+            for (i, (curve, &offset)) in self.curves.iter().zip(&layout.offsets).enumerate() {
+                smoothness(curve, offset, self.radius(i), self.slack[i], &mut matrix, &mut right_band);
+            }
+        }
+        for (rope, [mean, sd]) in options.radius_prior.iter().flatten().enumerate() {
+            let column = layout.poses + rope;
+            matrix.add_corner(column, column, sd.powi(-2));
+            right_border[column] -= (self.radii[rope] - mean) / (sd * sd);
+        }
+        self.add_ends(layout, &mut matrix, &mut right_border);
+        let precision: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3].powi(-2));
+        for (view, twist) in self.twists.iter().enumerate() {
+            if let Some(column) = layout.column(view) {
+                for k in 0..6 {
+                    matrix.add_corner(column + k, column + k, precision[k]);
+                    right_border[column + k] -= precision[k] * twist[k];
+                    for (l, entry) in self.held[view][k].iter().enumerate() {
+                        right_border[column + k] -= entry * twist[l];
+                        if l <= k {
+                            matrix.add_corner(column + k, column + l, *entry);
+                        }
+                    }
+                }
+            }
+        }
+        Ok((matrix, right_band, right_border))
+    }
+
+    /// Adds the sightings of ends: each end has one place along its string, an unknown that is eliminated here.
+    fn add_ends(&self, layout: &Layout, matrix: &mut Bordered, right: &mut [f64]) {
+        let mut ends: BTreeMap<usize, Vec<(usize, &EndSighting)>> = BTreeMap::new();
+        for (view, seen) in self.views.iter().enumerate() {
+            for sighting in seen.ends {
+                ends.entry(sighting.end).or_default().push((view, sighting));
+            }
+        }
+        for sightings in ends.values() {
+            let rows: Vec<(Option<usize>, [f64; 6], f64, f64)> = sightings
+                .iter()
+                .map(|&(view, sighting)| {
+                    let moved = self.motions[view].apply(sighting.place);
+                    let arm = sub(moved, self.center);
+                    let (turn, along) = (cross(arm, sighting.outward), dot(arm, sighting.outward));
+                    let jacobian =
+                        std::array::from_fn(|k| if k < 3 { turn[k] } else { sighting.outward[k - 3] });
+                    (layout.column(view), jacobian, along, sighting.sd.powi(-2))
+                })
+                .collect();
+            let total: f64 = rows.iter().map(|&(.., weight)| weight).sum();
+            let mean = rows.iter().map(|&(.., along, weight)| weight * along).sum::<f64>() / total;
+            for (i, &(column, x, along, weight)) in rows.iter().enumerate() {
+                let Some(column) = column else { continue };
+                for a in 0..6 {
+                    right[column + a] -= weight * x[a] * (along - mean);
+                    for b in 0..=a {
+                        matrix.add_corner(
+                            column + a,
+                            column + b,
+                            weight * (1.0 - weight / total) * x[a] * x[b],
+                        );
+                    }
+                }
+                for &(other, y, _, other_weight) in &rows[..i] {
+                    let Some(other) = other else { continue };
+                    for (a, x) in x.iter().enumerate() {
+                        for (b, y) in y.iter().enumerate() {
+                            matrix.add_corner(column + a, other + b, -weight * other_weight / total * x * y);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// One view's part of the normal equations.
+    fn view_sums(&self, terms: &[Term], moves: bool, layout: &Layout) -> ViewSums {
+        let mut sums = ViewSums {
+            used: 0,
+            band: vec![[0.0; WIDTH]; layout.banded],
+            right_band: vec![0.0; layout.banded],
+            border: vec![[0.0; EDGE]; layout.banded],
+            corner: vec![[[0.0; EDGE]; EDGE]; self.radii.len()],
+            right_edge: vec![[0.0; EDGE]; self.radii.len()],
+        };
+        let scale = 1.0 / (self.noise * self.noise);
+        for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
+            sums.used += 1;
+            let rope = self.ropes[foot.curve];
+            let weight = foot.weight * scale;
+            let mut edge = [0.0; EDGE];
+            if moves {
+                let turn = cross(sub(*moved, self.center), *settled);
+                edge[..3].copy_from_slice(&turn);
+                edge[3..6].copy_from_slice(settled);
+            }
+            if layout.radii > 0 {
+                edge[6] = -1.0;
+            }
+            for i in 0..EDGE {
+                let x = weight * edge[i];
+                sums.right_edge[rope][i] -= x * foot.residual;
+                for j in 0..EDGE {
+                    sums.corner[rope][i][j] += x * edge[j];
+                }
+            }
+            if layout.banded > 0 {
+                let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
+                let start = layout.offsets[foot.curve] + 3 * first;
+                let rows = start..start + WIDTH;
+                let jacobian: [f64; WIDTH] = std::array::from_fn(|i| -basis[i / 3] * foot.outward[i % 3]);
+                let band = sums.band[rows.clone()].iter_mut();
+                let border = sums.border[rows.clone()].iter_mut();
+                let right = sums.right_band[rows].iter_mut();
+                for (i, ((band, border), right)) in band.zip(border).zip(right).enumerate() {
+                    let x = weight * jacobian[i];
+                    *right -= x * foot.residual;
+                    for (entry, y) in band[WIDTH - 1 - i..].iter_mut().zip(&jacobian) {
+                        *entry += x * y;
+                    }
+                    for j in 0..EDGE {
+                        border[j] += x * edge[j];
+                    }
+                }
+            }
+        }
+        sums
+    }
+
+    /// Standard deviations and covariances: the inverse of the normal equations' matrix.
+    pub(super) fn uncertainty(&self, terms: &[Vec<Term>], options: &TubeFitOptions) -> Result<Uncertainty> {
+        let layout = self.layout(options);
+        let (matrix, ..) = self.assemble(terms, &layout, options)?;
+        let factor = matrix.factor().ok_or_else(undetermined)?;
+        let inverse = |column: usize| {
+            let mut unit = vec![0.0; layout.border()];
+            unit[column] = 1.0;
+            factor.solve(&vec![0.0; layout.banded], &unit).1
+        };
+        let poses = (0..self.views.len())
+            .map(|view| match layout.column(view) {
+                Some(column) => std::array::from_fn(|i| {
+                    let row = inverse(column + i);
+                    std::array::from_fn(|j| row[column + j])
+                }),
+                None => [[0.0; 6]; 6],
+            })
+            .collect();
+        let radii = (0..self.radii.len())
+            .map(|rope| match layout.radii {
+                0 => 0.0,
+                _ => inverse(layout.poses + rope)[layout.poses + rope].sqrt(),
+            })
+            .collect();
+        let none = vec![0.0; layout.border()];
+        let rows: Vec<usize> = (0..layout.banded).collect();
+        let columns: Vec<[f64; 12]> = rows
+            .par_iter()
+            .map(|&row| {
+                let mut unit = vec![0.0; layout.banded];
+                unit[row] = 1.0;
+                let inverse = factor.solve(&unit, &none).0;
+                // from the first coordinate of the row's control point on
+                let start = row - row % 3;
+                std::array::from_fn(|k| inverse.get(start + k).copied().unwrap_or(0.0))
+            })
+            .collect();
+        let curves = self
+            .curves
+            .iter()
+            .zip(&layout.offsets)
+            .map(|(curve, &offset)| {
+                (0..curve.control.len())
+                    .filter(|_| options.fit_curves)
+                    .map(|i| {
+                        std::array::from_fn(|block| {
+                            std::array::from_fn(|a| {
+                                std::array::from_fn(|b| columns[offset + 3 * i + a][3 * block + b])
+                            })
+                        })
+                    })
+                    .collect()
+            })
+            .collect();
+        Ok(Uncertainty { poses, radii, curves })
+    }
+}
+
+pub(super) fn undetermined() -> Error {
+    Error::not_enough("points", "they do not fix the tubes")
+}
+
+/// Adds a curve's prior to the normal equations.
+fn smoothness(curve: &Spline, offset: usize, r: f64, slack: f64, matrix: &mut Bordered, right: &mut [f64]) {
+    let control = &curve.control;
+    let mut difference = |stencil: &[f64], sd: f64| {
+        let precision = sd.powi(-2);
+        for i in 0..(control.len() + 1).saturating_sub(stencil.len()) {
+            for k in 0..3 {
+                let value: f64 = stencil.iter().enumerate().map(|(a, s)| s * control[i + a][k]).sum();
+                for (a, x) in stencil.iter().enumerate() {
+                    let row = offset + 3 * (i + a) + k;
+                    right[row] -= precision * x * value;
+                    for (b, y) in stencil[..=a].iter().enumerate() {
+                        matrix.add_band(row, offset + 3 * (i + b) + k, precision * x * y);
+                    }
+                }
+            }
+        }
+    };
+    let span = curve.length() / curve.end();
+    difference(&[-1.0, 3.0, -3.0, 1.0], THIRD_DIFFERENCE * r * (span / (1.5 * r)).powi(3));
+    difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r * slack);
+    for i in 0..control.len() {
+        let tangent = normalized(curve.at((i as f64 - 1.0).clamp(0.0, curve.end())).first);
+        for a in 0..3 {
+            let row = offset + 3 * i + a;
+            matrix.add_band(row, row, 1e-2 / (r * r));
+            for b in 0..=a {
+                matrix.add_band(row, offset + 3 * i + b, tangent[a] * tangent[b] / (SLIDE * r).powi(2));
+            }
+        }
+    }
+}
