@@ -23,8 +23,9 @@ import strand
 from strand.config import Config, Reconnection
 from strand.ends import string_parts
 from strand.linking import Links, link
+from strand.radius import Radii
 from strand.topology import Split, path_length, reconnect
-from strand.tubes import Clouds, fit_strings
+from strand.tubes import Arcs, Clouds, fit_strings
 
 
 def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> list[tuple[np.ndarray, bool]]:
@@ -37,10 +38,13 @@ def fitted(
 ) -> list[np.ndarray]:
     """Nodes of strings after the last fit, from the corrected poses of the model."""
     config = Config()
-    nodes = [n for n, _ in chains if path_length(n)[-1] > config.linking.min_length * scene.radius]
+    least = config.linking.min_length * scene.radius
+    kept = [(nodes, closed) for nodes, closed in chains if path_length(nodes)[-1] > least]
+    strings = Arcs([nodes for nodes, _ in kept], [0] * len(kept))
     viewpoints = np.array([view.viewpoint for view in scene.views])
     clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, scene.bounds)
-    fit = fit_strings(clouds, nodes, model.stages["fit"].motions, scene.radius, config, False)
+    closed = [ring for _, ring in kept]
+    fit = fit_strings(clouds, strings, closed, model.stages["fit"], Radii.given(scene.radius), config)
     parts = [part for part in string_parts(fit, exclusive=True) if part is not None]
     return [part.at(part.nodes(0.25 * scene.radius))[0] for part in parts]
 
