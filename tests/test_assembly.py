@@ -325,3 +325,37 @@ def test_assemblies_are_alike_whatever_the_direction_of_their_chains():
     assert not assembly.alike(chains, chains[:1], R)
     other = [chains[0], (line([0, 0.05, 0], [0.1, 0.09, 0]), False)]
     assert not assembly.alike(chains, other, R)
+
+
+def test_joins_name_the_chains_that_run_there():
+    scene = strand.synthetic.scene(chains=strand.synthetic.tangle(4, 2, seed=2), seed=2)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 2
+    assert model.joins
+    for join in model.joins:
+        for number in join.chains:
+            apart = np.linalg.norm(model.chains[number].points - join.place, axis=1).min()
+            assert apart < 4.0 * scene.radius
+
+
+def test_a_wrong_number_of_strings_is_not_sure(paper):
+    for ropes in (2, 3):
+        model = strand.reconstruct(paper.views, paper.radius, paper.bounds, ropes=ropes)
+        assert model.confidence < 0.5
+
+
+def test_an_end_that_leaves_the_extraction_range_is_named():
+    t = np.linspace(-0.2, 0.2, 400)
+    scene = strand.synthetic.scene(chains=[np.stack([t, 0 * t, 0 * t + 0.0042], axis=1)], seed=1)
+    low, high = (np.array(corner) for corner in scene.bounds)
+    low[0], high[0] = -0.1, 0.1
+    model = strand.reconstruct(scene.views, scene.radius, (low, high))
+    assert sum("runs out of the extraction range" in warning for warning in model.warnings) == 2
+    whole = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert not any("extraction range" in warning for warning in whole.warnings)
+
+
+def test_noise_that_the_residuals_contradict_is_named(paper):
+    config = strand.Config(tubes=strand.config.Tubes(noise=1e-5))
+    model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config)
+    assert any(warning.startswith("noise: ") for warning in model.warnings)

@@ -180,3 +180,25 @@ def test_a_coarse_view_keeps_its_edges():
     assert len(kept) > 0.9 * len(points)
     assert np.abs(kept[:, 1]).max() < 0.01
     assert len(without_outliers(view, 0.004, Filter(usual=1.0)).points) < 0.7 * len(points)
+
+
+def side_by_side(gap):
+    """Two straight strands in contact all along."""
+    t = np.linspace(-0.1, 0.1, 200)
+    chains = [np.stack([t, 0 * t + y, 0 * t + 0.0042], axis=1) for y in (0.0, gap)]
+    return strand.synthetic.scene(chains=chains, seed=1)
+
+
+def test_strands_that_touch_all_along_are_not_taken_for_a_thicker_rope():
+    scene = side_by_side(2.02 * 0.0042)
+    model = strand.reconstruct(scene.views, None, scene.bounds)
+    assert [chain.radius for chain in model.chains] == pytest.approx([0.0042] * 2, rel=0.02)
+    assert [chain.length for chain in model.chains] == pytest.approx([0.2] * 2, rel=0.02)
+
+
+def test_a_far_camera_sees_a_long_rope_whole():
+    t = np.linspace(-0.3, 0.3, 600)
+    scene = strand.synthetic.scene(chains=[np.stack([t, 0 * t, 0 * t + 0.0042], axis=1)], seed=1)
+    (chain,) = strand.reconstruct(scene.views, None, scene.bounds).chains
+    assert chain.length == pytest.approx(0.6, rel=0.01)
+    assert chain.radius == pytest.approx(0.0042, rel=0.02)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strand._core import NotEnoughDataError
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
@@ -33,6 +34,8 @@ _CONTACT = 1.5
 _CUT_BACK = (2.5, 6.0)
 # what a join may cost to be obvious, for each end
 _OBVIOUS = 1.25
+# more arcs than this are no strings
+_MOST = 200
 # joins whose matching costs up to this much more without them are tried without, and at most so many
 _DOUBT, _TRIES = 8.0, 4
 
@@ -141,6 +144,11 @@ def decide(
     -------
     list of Judged
         No two alike, the best first; empty if there is no string.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there are so many arcs that they are no strings.
     """
     judged: list[Judged] = []
 
@@ -155,6 +163,11 @@ def decide(
     def tried(pieces: Sequence[Array]) -> None:
         consider(assembled(pieces, radius, config, sight, ropes=ropes))
 
+    if len(arcs) > _MOST:
+        raise NotEnoughDataError(
+            f"views: {len(arcs)} pieces look like string, more than can be put together; does the extraction "
+            "range (bounds) leave out everything else?"
+        )
     arcs = aimed(without_shadows(arcs, radius), radius)
     parted = part_at_contacts(arcs, radius, config)
     tried(parted)
@@ -183,6 +196,25 @@ def decide(
         if more < _DOUBT or few:
             consider(assembled([], radius, config, sight, [pair], best.links, ropes))
     return sorted(judged, key=lambda one: one.cost)
+
+
+def forced(judged: Sequence[Judged], ropes: int) -> float:
+    """How much dearer the best way is than one that disregards how many strings there are.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        Ways to make so many strings, the best first.
+    ropes : int
+        How many strings there are said to be.
+
+    Returns
+    -------
+    float
+        In the unit of the costs.
+    """
+    free = [one.cost - _COUNT * abs(len(one.assembly.chains) - ropes) for one in judged]
+    return free[0] - min(free)
 
 
 def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[Array] | None:

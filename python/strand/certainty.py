@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.assembly import Chains, Judged
+from strand.assembly import Chains, Judged, forced
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
@@ -95,6 +95,7 @@ def confidence(
     parts: Sequence[Curve | None],
     fit: TubeFit,
     sight: Sight,
+    ropes: int | None,
 ) -> float:
     """Say how likely it is that strings run as the best explanation has them.
 
@@ -116,6 +117,8 @@ def confidence(
         The last one.
     sight : Sight
         What the views saw.
+    ropes : int or None
+        How many strings there are said to be: doubtful, if fewer or more explain the points better.
 
     Returns
     -------
@@ -131,6 +134,8 @@ def confidence(
     doubt += _ENDS * _vague_ends(parts, fit)
     doubt += _STRAY * sum(length / radius + 1.0 for length in best.assembly.left_out)
     doubt += _NOISE * max(best.fit.sigma / radius - _NARROW, 0.0)
+    if ropes is not None:
+        doubt += forced(judged, ropes) / _SCALE
     return float(np.exp(-doubt))
 
 

@@ -10,6 +10,9 @@ from strand import _core
 from strand.config import Filter
 from strand.view import View
 
+# searching radii are not widened beyond this, in string radii
+_WIDEST = 4.0
+
 
 def without_outliers(view: View, radius: float, config: Filter) -> View:
     """Drop the points with too few neighbours.
@@ -30,9 +33,10 @@ def without_outliers(view: View, radius: float, config: Filter) -> View:
     reach = config.radius * radius
     counts = _core.count_neighbors(view.points, reach)
     usual = float(np.median(counts))
-    if 0 < usual < config.usual:
+    while usual < config.usual and reach < _WIDEST * radius:
         # on a surface counts grow with the square of the reach
-        counts = _core.count_neighbors(view.points, reach * np.sqrt(config.usual / usual))
+        reach *= float(np.clip(np.sqrt(config.usual / max(usual, 1.0)), 1.02, 1.5))
+        counts = _core.count_neighbors(view.points, reach)
         usual = float(np.median(counts))
     enough = max(config.min_fraction * usual, config.min_neighbors)
     return replace(view, points=view.points[counts >= enough])

@@ -96,8 +96,20 @@ def reconstruct(
         found = published.find_strings(seen, used, float(radii.values[0]), ropes, config, run)
     else:
         whole = [views[number] for number in used]
-        found = tubes.find_strings(seen, whole, used, box, radii, ropes, config, run)
+        try:
+            found = tubes.find_strings(seen, whole, used, box, radii, ropes, config, run)
+        except NotEnoughDataError:
+            if not radii.free:
+                raise
+            # strands that lie side by side all along look like thicker ones
+            found = tubes.find_strings(seen, whole, used, box, radii.with_parts(), ropes, config, run)
     chains = tuple(oriented(_chosen(found.chains, ropes, run), () if previous is None else previous.chains))
+    joins = tuple(join for join in found.joins if max(join.chains) < len(chains))
+    confidence = found.confidence
+    if confidence is not None:
+        confidence *= sum(chain.length for chain in chains) / sum(chain.length for chain in found.chains)
+        if ropes is not None and len(chains) < ropes:
+            confidence *= len(chains) / ropes
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -108,9 +120,7 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(
-        chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, found.confidence, found.joins
-    )
+    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, confidence, joins)
 
 
 def _checked(

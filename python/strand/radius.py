@@ -58,6 +58,12 @@ class Radii:
         chosen = list(numbers)
         return replace(self, values=self.values[chosen], sd=self.sd[chosen])
 
+    def with_parts(self) -> Radii:
+        """Return them with their halves and thirds."""
+        values = np.concatenate([self.values, self.values / 2.0, self.values / 3.0])
+        order = np.argsort(values)
+        return replace(self, values=values[order], sd=np.concatenate([self.sd, self.sd, self.sd])[order])
+
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:
         """Return radii that are known, as well as a calliper tells them.
@@ -69,7 +75,7 @@ class Radii:
         ValueError
             If one is not finite and positive, or there is none.
         """
-        several: Sequence[float] = [radius] if isinstance(radius, (int, float, np.number)) else radius
+        several = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
         values = np.unique([checked_radius(one) for one in several])
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")

@@ -343,6 +343,7 @@ def certainty(
     closed: Sequence[bool],
     fit: TubeFit,
     sight: Sight,
+    ropes: int | None,
     config: Config,
 ) -> tuple[tuple[Join, ...], float]:
     """Return the joins, the least certain first, and the confidence of the least certain kind of rope."""
@@ -353,7 +354,10 @@ def certainty(
         if judged:
             mine = joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
             joins.extend(mine)
-            sure = min(sure, confidence(judged, mine, chains, open_parts, fit, sight))
+            sure = min(
+                sure,
+                confidence(judged, mine, chains, open_parts, fit, sight, ropes if len(ways) == 1 else None),
+            )
     return tuple(sorted(joins, key=lambda join: join.margin)), sure
 
 
@@ -483,19 +487,27 @@ def find_strings(
             break
         judged = again
     radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
-    chains = described(fit, found, closed, radii_sd, config)
-    joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
+    # joins name chains by their numbers, longest first
+    chains = sorted(described(fit, found, closed, radii_sd, config), key=lambda chain: -chain.length)
+    joins, sure = certainty(judged, chains, found, closed, fit, sight, ropes, config)
     share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
         run.warnings.append(
             f"only {share:.0%} of the points lie on the strings found: is the radius right, and does the "
             "extraction range leave out everything else?"
         )
+    if config.tubes.noise is not None and not 0.3 < fit.sigma / config.tubes.noise < 2.0:
+        run.warnings.append(
+            f"noise: {config.tubes.noise * 1e3:.3g} mm was given, but residuals scatter by "
+            f"{fit.sigma * 1e3:.3g} mm"
+        )
     _warn_of_open_poses(fit, numbers, config.poses, run)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
     _warn_of_doubt(joins, chains, config, run)
+    if bounds is not None:
+        _warn_of_cut_ends(chains, bounds, run)
     return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
 
 
@@ -590,6 +602,20 @@ def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Confi
         run.warnings.append(
             f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
         )
+
+
+def _warn_of_cut_ends(chains: Sequence[Chain], bounds: tuple[Array, Array], run: Run) -> None:
+    """Name the ends that run out of the extraction range."""
+    for number, chain in enumerate(chains):
+        for node, outward in ((chain.points[0], -chain.tangents[0]), (chain.points[-1], chain.tangents[-1])):
+            ahead = node + 2.0 * chain.radius * outward
+            # a string that lies along a face, such as near the table, does not run out there
+            out = ((ahead < bounds[0]) & (outward < -0.5)) | ((ahead > bounds[1]) & (outward > 0.5))
+            if not chain.closed and out.any():
+                run.warnings.append(
+                    f"chain {number} runs out of the extraction range at {np.round(node, 3).tolist()}: "
+                    "it may go on"
+                )
 
 
 def _warn_of_open_poses(fit: TubeFit, numbers: Sequence[int], poses: Poses, run: Run) -> None:
