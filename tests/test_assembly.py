@@ -67,9 +67,7 @@ def test_a_view_without_points_knows_nothing():
 def test_a_second_look_finds_the_string_that_is_left_out(paper, paper_model):
     fit = paper_model.stages["fit"]
     assert pieces.left_over(fit) == []
-    two = strand.load_scene(SCENES / "two_ropes.npz") if SCENES.exists() else None
-    if two is None:
-        pytest.skip("no scenes beside the checkout")
+    two = strand.load_scene(SCENES / "two_ropes.npz")
     model = strand.reconstruct(two.views, two.radius, two.bounds, keep_stages=True)
     fit = model.stages["fit"]
     clouds = tubes.Clouds.of([view.crop(two.bounds) for view in two.views], two.bounds)
@@ -286,8 +284,6 @@ def test_tangles_refuse_what_cannot_be():
 
 def test_a_branched_object_comes_as_chains_that_meet_and_says_so():
     path = SHARED / "real" / "harness" / "wireHarness.txt"
-    if not path.exists():
-        pytest.skip("no real data beside the checkout")
     points = np.loadtxt(path)
     model = strand.reconstruct([strand.View.from_world(points, points.mean(axis=0) + 40.0 * UP)], 0.006)
     assert len(model.chains) > 2
@@ -307,8 +303,6 @@ def test_branches_are_ends_that_point_into_another_side():
 
 @pytest.mark.parametrize("name", ["loop_high", "overhand_high"])
 def test_crossings_that_look_like_one_strand_for_long_are_told_apart(name):
-    if not SCENES.exists():
-        pytest.skip("no scenes beside the checkout")
     scene = strand.load_scene(SCENES / f"{name}.npz")
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (chain,) = model.chains

@@ -13,7 +13,7 @@ from strand.curve import Curve
 from strand.ends import string_parts
 from strand.linking import Links, aimed, part_at_contacts, without_shadows
 from strand.pieces import left_over, unexplained
-from strand.topology import path_length, walk
+from strand.topology import path_length, runs, walk
 from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
@@ -241,15 +241,12 @@ def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[
         if part is None:
             continue
         nodes = part.at(part.nodes(0.5 * r))[0]
-        empty = sight.empty(nodes, r)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], empty, [0]]))).reshape(-1, 2)
         keep = np.ones(len(nodes), dtype=bool)
-        for start, stop in edges:
+        for start, stop in runs(sight.empty(nodes, r)):
             if (stop - start) * 0.5 >= _PHANTOM:
                 keep[start:stop] = False
         cut = cut or not keep.all()
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]]))).reshape(-1, 2)
-        pieces += [nodes[start:stop] for start, stop in edges if stop - start >= 3]
+        pieces += [nodes[start:stop] for start, stop in runs(keep) if stop - start >= 3]
     return pieces + extra if extra or cut else None
 
 

@@ -11,7 +11,7 @@ import rustworkx as rx
 
 from strand.config import Linking
 from strand.strings import bridge
-from strand.topology import end_direction, path_length, walk
+from strand.topology import end_direction, path_length, runs, walk
 from strand.view import Array
 from strand.visibility import Sight
 
@@ -71,8 +71,7 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back
                     kept[i] &= ~_merged(arc, np.abs(lengths[i] - place), other, i == j, radius, back)
     pieces = []
     for arc, keep in zip(arcs, kept, strict=True):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], keep, [0]])))
-        pieces += [arc[a:b] for a, b in edges.reshape(-1, 2) if b - a >= 3]
+        pieces += [arc[a:b] for a, b in runs(keep) if b - a >= 3]
     return pieces
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from strand import io
 from strand.curve import Curve
 from strand.nextview import best_camera
+from strand.topology import runs
 from strand.view import Array, checked_radius, finite_array
 
 
@@ -102,9 +103,8 @@ class Chain:
         """
         bare = np.zeros(len(self.points), dtype=bool)
         if self.points_seen is not None:
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], self.points_seen == 0, [0]])))
             spacing = self.length / len(self.points)
-            for start, stop in edges.reshape(-1, 2):
+            for start, stop in runs(self.points_seen == 0):
                 bare[start:stop] = (stop - start) * spacing >= self.radius
         return bare
 

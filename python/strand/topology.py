@@ -20,6 +20,23 @@ _BLOCK = 512
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
 
 
+def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Find the stretches of a path that are marked.
+
+    Parameters
+    ----------
+    marked : (M,) ndarray of bool
+        For each node.
+
+    Returns
+    -------
+    (K, 2) ndarray of int64
+        The first node of each stretch, and the one after its last.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    return edges.astype(np.int64).reshape(-1, 2)
+
+
 def path_length(nodes: Array) -> Array:
     """Arc length from the first of (M, 3) nodes to each of them, metres."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])

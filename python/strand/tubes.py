@@ -468,7 +468,7 @@ def find_strings(
         poses = [motion @ view.pose for motion, view in zip(before.motions, raw, strict=True)]
         sight = Sight.of(raw, poses, views)
         judged = compared(clouds, arcs, before, sight, ropes, config)
-    for _ in range(1 + _REOPENED):
+    for reopenings in range(1 + _REOPENED):
         strings, closed = chosen(judged)
         with run.stage("fit"):
             fit = fit_strings(clouds, strings, closed, before, radii, config)
@@ -477,8 +477,9 @@ def find_strings(
             for i, control in enumerate(fit.curves):
                 if closed[i]:
                     found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
-            # what speaks against one kind of rope may be another
-            pieces = reopened(fit, found, sight) if len(judged) == 1 else None
+            # no decision that no fit would follow; points that speak against a rope may be another kind's
+            may_reopen = reopenings < _REOPENED and len(judged) == 1
+            pieces = reopened(fit, found, sight) if may_reopen else None
         if pieces is None:
             break
         with run.stage("link"):
