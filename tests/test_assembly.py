@@ -301,6 +301,23 @@ def test_branches_are_ends_that_point_into_another_side():
     assert certainty.branches([trunk, over]) == []
 
 
+@pytest.mark.parametrize(("gap", "said"), [(0.0, True), (1.0, False), (2.0, False)])
+def test_a_string_that_ends_short_of_another_is_no_branch(gap, said):
+    trunk = line([-0.12, 0, R], [0.12, 0, R])
+    other = line([0.01, (1.0 + gap) * R, R], [0.01, 0.12, R])
+    scene = strand.synthetic.scene(chains=[trunk, other], radius=R, seed=1)
+    model = strand.reconstruct(scene.views, R, scene.bounds)
+    assert len(model.chains) == 2
+    assert any("a branch?" in warning for warning in model.warnings) == said
+
+
+def test_ropes_that_cross_near_an_end_are_no_branches():
+    scene = strand.load_scene(SCENES / "two_ropes.npz")
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 2
+    assert not any("a branch?" in warning for warning in model.warnings)
+
+
 @pytest.mark.parametrize("name", ["loop_high", "overhand_high"])
 def test_crossings_that_look_like_one_strand_for_long_are_told_apart(name):
     scene = strand.load_scene(SCENES / f"{name}.npz")

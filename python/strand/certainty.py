@@ -20,8 +20,9 @@ from strand.visibility import Sight
 _SCALE = 2.5
 # places beyond an end that would have been seen if the string went on, in radii
 _BEYOND = (1.5, 2.5)
-# a branch ends at most so far from the axis that it comes from, and points at it this well, in radii
-_MEETS, _STRAIGHT = 4.5, 1.2
+# a branch ends at most so far from the side of what it comes from, which is how far counting may miss an end,
+# and points at its axis this well; the way between is looked at in such steps; in radii
+_MEETS, _STRAIGHT, _LOOK = 1.75, 1.2, 0.25
 # an end is in doubt if points that may be another strand's move it this far, in radii
 _MOVED = 0.75
 # or if this stretch before it, in radii, has less than this share of the string's points for its length
@@ -170,12 +171,14 @@ def _could_go_on(chain: Chain, sight: Sight, radius: float) -> int:
     return count
 
 
-def branches(chains: Sequence[Chain]) -> list[tuple[int, int, Array]]:
+def branches(chains: Sequence[Chain], sight: Sight | None = None) -> list[tuple[int, int, Array]]:
     """Find ends that run straight into the side of another chain, as no string does that only touches it.
 
     Parameters
     ----------
     chains : sequence of Chain
+    sight : Sight, optional
+        What the views saw: an end is none of a branch if they saw through between it and the other chain.
 
     Returns
     -------
@@ -188,13 +191,17 @@ def branches(chains: Sequence[Chain]) -> list[tuple[int, int, Array]]:
             r = chain.radius
             out = points[0] - points[min(8, len(points) - 1)]
             out = out / np.linalg.norm(out)
-            ahead = points[0] + np.linspace(0.0, _MEETS * r, 17)[:, None] * out
             for other, strand in enumerate(chains):
                 if other == number:
                     continue
+                meets = strand.radius + _MEETS * r
+                ahead = points[0] + np.arange(0.0, meets, _LOOK * r)[:, None] * out
                 apart = np.linalg.norm(ahead[:, None] - strand.points[None], axis=2)
                 place = int(apart.min(axis=0).argmin())
                 inner = 2.0 * r < strand.arc_length[place] < strand.length - 2.0 * r or strand.closed
-                if inner and apart.min() < _STRAIGHT * r:
+                if not inner or apart[0].min() >= meets or apart.min() >= _STRAIGHT * r:
+                    continue
+                between = ahead[apart.min(axis=1) > strand.radius]
+                if sight is None or not sight.empty(between, r).any():
                     found.append((number, other, strand.points[place]))
     return found

@@ -506,7 +506,7 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    _warn_of_doubt(joins, chains, config, run)
+    _warn_of_doubt(joins, chains, sight, config, run)
     if bounds is not None:
         _warn_of_cut_ends(chains, bounds, run)
     return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
@@ -586,7 +586,9 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     return curve.part(margin, float(stop))
 
 
-def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Config, run: Run) -> None:
+def _warn_of_doubt(
+    joins: Sequence[Join], chains: Sequence[Chain], sight: Sight, config: Config, run: Run
+) -> None:
     """Name the places where strings may run otherwise, and where they seem to branch."""
     for join in joins:
         if join.margin < config.linking.margin:
@@ -599,7 +601,7 @@ def _warn_of_doubt(joins: Sequence[Join], chains: Sequence[Chain], config: Confi
                 f"unsure how the string runs at {np.round(join.place, 3).tolist()}: {other} "
                 f"(margin {join.margin:.1f}); Model.next_view says from where to look"
             )
-    for number, trunk, place in branches(chains):
+    for number, trunk, place in branches(chains, sight):
         run.warnings.append(
             f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
         )
