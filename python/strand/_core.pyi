@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "IcpResult",
     "NotEnoughDataError",
+    "Sight",
     "StrandError",
     "__version__",
     "centerline",
@@ -29,6 +30,15 @@ __version__: str
 
 class StrandError(Exception): ...
 class NotEnoughDataError(StrandError): ...
+
+@final
+class Sight:
+    def __init__(
+        self, points: Sequence[ArrayLike], about: Sequence[ArrayLike], poses: Sequence[ArrayLike]
+    ) -> None: ...
+    def states(self, places: ArrayLike, radius: float) -> NDArray[np.int64]: ...
+    def empty(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
+    def hidden(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
 
 @final
 class IcpResult:

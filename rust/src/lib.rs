@@ -37,6 +37,7 @@ mod normals;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod sight;
 mod spline;
 mod strips;
 mod tubefit;
@@ -54,6 +55,7 @@ pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
+pub use sight::{Seen, Sight, SightView};
 pub use spline::Spline;
 pub use strips::{Strip, strip_radii};
 pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes};

@@ -1,6 +1,7 @@
 //! The Python bindings: validate, release the GIL, call the core, map the error. No maths.
 
 mod arguments;
+mod sight;
 mod tubes;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -472,6 +473,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("StrandError", py.get_type::<StrandError>())?;
     module.add("NotEnoughDataError", py.get_type::<NotEnoughDataError>())?;
     module.add_class::<IcpResult>()?;
+    module.add_class::<sight::Sight>()?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;

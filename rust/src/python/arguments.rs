@@ -27,6 +27,11 @@ impl<'py> FloatArray<'py> {
         Ok(Self(array.extract()?))
     }
 
+    /// Several arguments of one name.
+    pub(super) fn all(name: &str, values: &[Bound<'py, PyAny>]) -> PyResult<Vec<Self>> {
+        values.iter().map(|value| Self::new(name, value)).collect()
+    }
+
     /// The array as rows of three; `shape` is what the error message asks for.
     pub(super) fn rows(&self, name: &str, shape: &str) -> PyResult<&[Point]> {
         match self.0.shape() {

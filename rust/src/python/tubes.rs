@@ -134,8 +134,7 @@ pub(super) fn fit_tubes<'py>(
     ends: Vec<(usize, usize, Point, Point, f64)>,
     uncertainty: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let arrays: Vec<FloatArray> =
-        points.iter().map(|p| FloatArray::new("points", p)).collect::<PyResult<_>>()?;
+    let arrays = FloatArray::all("points", &points)?;
     let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
     let viewpoints = FloatArray::new("viewpoints", viewpoints)?;
     let viewpoints = viewpoints.rows("viewpoints", "(V, 3)")?;

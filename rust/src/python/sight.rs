@@ -1,0 +1,82 @@
+//! Bindings of what cameras saw of places.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+
+use super::arguments::{FloatArray, motion, require_same_length};
+use crate::{Seen, SightView};
+
+/// What all views saw, for questions about places; see `strand.visibility.Sight`.
+#[pyclass(frozen, module = "strand._core")]
+pub(super) struct Sight(crate::Sight);
+
+#[pymethods]
+impl Sight {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        points: Vec<Bound<'_, PyAny>>,
+        about: Vec<Bound<'_, PyAny>>,
+        poses: Vec<Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        require_same_length("about", about.len(), points.len())?;
+        require_same_length("poses", poses.len(), points.len())?;
+        let (points, about) = (FloatArray::all("points", &points)?, FloatArray::all("about", &about)?);
+        let views: Vec<SightView> = points
+            .iter()
+            .zip(&about)
+            .zip(&poses)
+            .map(|((points, about), pose)| {
+                Ok(SightView {
+                    points: points.rows("points", "(N, 3)")?,
+                    about: about.rows("about", "(N, 3)")?,
+                    pose: motion("poses", pose)?,
+                })
+            })
+            .collect::<PyResult<_>>()?;
+        Ok(Self(py.detach(|| crate::Sight::new(&views))?))
+    }
+
+    /// (V, N) What each view saw of tubes about places: 0 unknown, 1 hidden, 2 supported, 3 empty.
+    fn states<'py>(
+        &self,
+        py: Python<'py>,
+        places: &Bound<'py, PyAny>,
+        radius: f64,
+    ) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let places = FloatArray::new("places", places)?;
+        let places = places.rows("places", "(N, 3)")?;
+        let mut states = Vec::with_capacity(self.0.views() * places.len());
+        for view in 0..self.0.views() {
+            states.extend(self.0.seen(view, places, radius)?.into_iter().map(|seen| match seen {
+                Seen::Unknown => 0,
+                Seen::Hidden => 1,
+                Seen::Supported => 2,
+                Seen::Empty => 3,
+            }));
+        }
+        PyArray1::from_vec(py, states).reshape([self.0.views(), places.len()])
+    }
+
+    /// (N,) Whether the views say that there is no string.
+    fn empty<'py>(
+        &self,
+        py: Python<'py>,
+        places: &Bound<'py, PyAny>,
+        radius: f64,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let places = FloatArray::new("places", places)?;
+        Ok(PyArray1::from_vec(py, self.0.empty(places.rows("places", "(N, 3)")?, radius)?))
+    }
+
+    /// (N,) Whether no view could have seen a string there.
+    fn hidden<'py>(
+        &self,
+        py: Python<'py>,
+        places: &Bound<'py, PyAny>,
+        radius: f64,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let places = FloatArray::new("places", places)?;
+        Ok(PyArray1::from_vec(py, self.0.hidden(places.rows("places", "(N, 3)")?, radius)?))
+    }
+}

@@ -1,0 +1,308 @@
+//! What cameras saw of a place: something there, something before it, or nothing but what lies behind.
+
+use rayon::prelude::*;
+
+use crate::error::{Result, check_finite, check_positive};
+use crate::geometry::{RigidMotion, cross, dot, normalized, sub};
+use crate::{Point, parallel};
+
+/// Views are gridded by direction; a cell is as wide as this many points lie apart.
+const CELL: f64 = 1.6;
+/// Directions farther than this from a view's middle, as tangents, are not gridded.
+const WIDEST: f64 = 3.0;
+/// How far beyond what will be asked for directions are gridded, as tangents.
+const MARGIN: f64 = 0.1;
+/// How far in front of or behind a place something must be, in radii.
+const APART: f64 = 1.0;
+/// Views with fewer points, or with points so widely scattered that they make more cells, know nothing.
+const FEWEST: usize = 16;
+const MOST_CELLS: f64 = 4e7;
+/// Points projected by one task; fixed, so that results do not depend on the number of threads.
+const POINTS_PER_TASK: usize = 16384;
+
+/// What one view says of a tube about a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Seen {
+    /// No points in that direction.
+    Unknown,
+    /// Nothing but points in front of it.
+    Hidden,
+    /// Points about where the surface would be.
+    Supported,
+    /// Nothing but points behind it, so nothing is there.
+    Empty,
+}
+
+/// One view, for [`Sight::new`].
+#[derive(Debug, Clone, Copy)]
+pub struct SightView<'a> {
+    /// All that it saw, what lies beyond the strings too, in the camera frame, metres: that a ray reached the table says
+    /// that nothing was before it.
+    pub points: &'a [Point],
+    /// What it will be asked about: directions far from all of it are left out.
+    pub about: &'a [Point],
+    /// Camera to world.
+    pub pose: RigidMotion,
+}
+
+/// What all views saw, for questions about places.
+#[derive(Debug)]
+pub struct Sight {
+    views: Vec<(Point, Option<Buffer>)>,
+}
+
+/// Least distance of a view's points in each direction, seen from its camera.
+///
+/// Directions are gridded on the plane at distance 1 before the camera, at a right angle to the third axis.
+#[derive(Debug)]
+struct Buffer {
+    /// In the world frame.
+    axes: [Point; 3],
+    cell: f64,
+    low: [f64; 2],
+    shape: [usize; 2],
+    nearest: Vec<f64>,
+}
+
+/// A point as its camera sees it: a direction, and the square of the distance.
+#[derive(Clone, Copy)]
+struct Ray {
+    flat: [f64; 2],
+    squared: f64,
+}
+
+impl Sight {
+    /// Grids views by direction.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
+    pub fn new(views: &[SightView]) -> Result<Self> {
+        for view in views {
+            check_finite("about", view.about)?;
+        }
+        let of_view = |view: &SightView| (view.pose.translation.into(), Buffer::new(view));
+        Ok(Self { views: parallel::run(|| views.par_iter().map(of_view).collect()) })
+    }
+
+    /// How many views there are.
+    pub fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Says what one view saw of tubes of a radius about places of the world.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](crate::Error::InvalidArgument) if the radius is not positive.
+    pub fn seen(&self, view: usize, places: &[Point], radius: f64) -> Result<Vec<Seen>> {
+        check_positive("radius", radius)?;
+        let (camera, buffer) = &self.views[view];
+        let seen = |&place: &Point| match buffer {
+            Some(buffer) => buffer.seen(sub(place, *camera), radius),
+            None => Seen::Unknown,
+        };
+        Ok(places.iter().map(seen).collect())
+    }
+
+    /// Whether the views say that there is no string at places: some saw past it, and fewer saw one.
+    ///
+    /// # Errors
+    /// As [`Sight::seen`].
+    pub fn empty(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+        let mut votes = vec![0i64; places.len()];
+        for view in 0..self.views() {
+            for (vote, seen) in votes.iter_mut().zip(self.seen(view, places, radius)?) {
+                *vote += i64::from(seen == Seen::Empty) - i64::from(seen == Seen::Supported);
+            }
+        }
+        Ok(votes.into_iter().map(|vote| vote > 0).collect())
+    }
+
+    /// Whether no view could have seen a string at places.
+    ///
+    /// # Errors
+    /// As [`Sight::seen`].
+    pub fn hidden(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+        let mut hidden = vec![true; places.len()];
+        for view in 0..self.views() {
+            for (hidden, seen) in hidden.iter_mut().zip(self.seen(view, places, radius)?) {
+                *hidden &= matches!(seen, Seen::Hidden | Seen::Unknown);
+            }
+        }
+        Ok(hidden)
+    }
+}
+
+impl Buffer {
+    /// Grids one view; none if it has hardly any points.
+    fn new(view: &SightView) -> Option<Self> {
+        let axes = axes_towards(view.about)?;
+        let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
+        let (low, high) = (asked.0.map(|x| x - MARGIN), asked.1.map(|x| x + MARGIN));
+        let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
+        let project = |points: &[Point]| -> Vec<Ray> {
+            points.iter().filter_map(|&p| Ray::to(p, &axes)).filter(near).collect()
+        };
+        let rays: Vec<Vec<Ray>> = view.points.par_chunks(POINTS_PER_TASK).map(project).collect();
+        let count = rays.iter().map(Vec::len).sum();
+        if count < FEWEST {
+            return None;
+        }
+        let all = || rays.iter().flatten().copied();
+        let (low, high) = bounds(all())?;
+        let cell = CELL * spacing(all, count, low, high);
+        let grid = Cells { low, cell };
+        let last = grid.of(high);
+        if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MOST_CELLS {
+            return None;
+        }
+        let shape = last.map(|x| x + 1);
+        let mut nearest = vec![f64::INFINITY; shape[0] * shape[1]];
+        for ray in all() {
+            let [i, j] = grid.of(ray.flat);
+            let least = &mut nearest[i * shape[1] + j];
+            *least = ray.squared.min(*least);
+        }
+        for distance in &mut nearest {
+            *distance = distance.sqrt();
+        }
+        let turned = axes.map(|axis| (view.pose.rotation * nalgebra::Vector3::from(axis)).into());
+        Some(Self { axes: turned, cell, low, shape, nearest })
+    }
+
+    /// What the view saw of a place, given relative to its camera.
+    fn seen(&self, offset: Point, radius: f64) -> Seen {
+        let reach = dot(offset, offset).sqrt() - radius;
+        let [x, y, depth] = self.axes.map(|axis| dot(axis, offset));
+        if depth <= reach.max(1e-12) / 1f64.hypot(WIDEST) {
+            return Seen::Unknown;
+        }
+        let place = [0, 1].map(|k| (([x, y][k] / depth - self.low[k]) / self.cell).floor());
+        if (0..2).any(|k| place[k] < 0.0 || place[k] >= self.shape[k] as f64) {
+            return Seen::Unknown;
+        }
+        let nearest = self.nearest[place[0] as usize * self.shape[1] + place[1] as usize];
+        if nearest == f64::INFINITY {
+            Seen::Unknown
+        } else if nearest < reach - APART * radius {
+            Seen::Hidden
+        } else if nearest > reach + APART * radius {
+            Seen::Empty
+        } else {
+            Seen::Supported
+        }
+    }
+}
+
+impl Ray {
+    /// The ray to a point; none if it is behind the camera or far to the side.
+    #[inline]
+    fn to(point: Point, axes: &[Point; 3]) -> Option<Self> {
+        let depth = dot(point, axes[2]);
+        let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
+        (depth > 0.0 && flat[0].abs() < WIDEST && flat[1].abs() < WIDEST)
+            .then(|| Self { flat, squared: dot(point, point) })
+    }
+}
+
+/// A square grid of directions.
+#[derive(Clone, Copy)]
+struct Cells {
+    low: [f64; 2],
+    cell: f64,
+}
+
+impl Cells {
+    #[inline]
+    fn of(&self, flat: [f64; 2]) -> [usize; 2] {
+        std::array::from_fn(|k| ((flat[k] - self.low[k]) / self.cell) as usize)
+    }
+}
+
+/// Unit vectors at right angles, the third towards the middle of points; none if these are few or all around.
+fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
+    let ways: Vec<Point> = about.iter().filter(|&&p| p != [0.0; 3]).map(|&p| normalized(p)).collect();
+    if ways.len() < FEWEST {
+        return None;
+    }
+    let middle = crate::geometry::centroid(&ways);
+    if dot(middle, middle).sqrt() < 0.1 {
+        return None;
+    }
+    let forward = normalized(middle);
+    let least = (0..3).fold(0, |least, k| if forward[k].abs() < forward[least].abs() { k } else { least });
+    let side = normalized(cross(forward, std::array::from_fn(|k| f64::from(u8::from(k == least)))));
+    Some([side, cross(forward, side), forward])
+}
+
+/// The corners of the box around directions; none for none.
+fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
+    let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let (low, high) = rays.fold(start, |(low, high), ray| {
+        (std::array::from_fn(|k| low[k].min(ray.flat[k])), std::array::from_fn(|k| high[k].max(ray.flat[k])))
+    });
+    (low[0] <= high[0]).then_some((low, high))
+}
+
+/// Distance between neighbours among directions: the side of the area that each has to itself.
+fn spacing<I: Iterator<Item = Ray>>(
+    rays: impl Fn() -> I,
+    count: usize,
+    low: [f64; 2],
+    high: [f64; 2],
+) -> f64 {
+    let extent: [f64; 2] = std::array::from_fn(|k| high[k] - low[k]);
+    let longest = extent[0].max(extent[1]);
+    let mut area = (extent[0] * extent[1]).max(1e-4 * longest * longest).max(1e-18);
+    // from the area of the box to that of the cells, a few points wide, that hold points
+    for _ in 0..2 {
+        let cell = 3.0 * (area / count as f64).sqrt();
+        let grid = Cells { low, cell };
+        let last = grid.of(high);
+        let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
+        for ray in rays() {
+            let [i, j] = grid.of(ray.flat);
+            taken[i * (last[1] + 1) + j] = true;
+        }
+        area = taken.iter().filter(|&&taken| taken).count() as f64 * cell * cell;
+    }
+    (area / count as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at z = 1 with a tube's width of nearer points in the middle, seen from the origin.
+    fn wall_and_bar() -> Vec<Point> {
+        let mut points = Vec::new();
+        for i in -100..=100 {
+            for j in -100..=100 {
+                let (x, y) = (f64::from(i) * 0.003, f64::from(j) * 0.003);
+                let z = if x.abs() < 0.02 { 0.5 } else { 1.0 };
+                points.push([x * z, y * z, z]);
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn places_are_supported_hidden_empty_or_unknown() {
+        let points = wall_and_bar();
+        let pose = RigidMotion::identity();
+        let sight = Sight::new(&[SightView { points: &points, about: &points, pose }]).unwrap();
+        let places = [[0.0, 0.1, 0.51], [0.0, 0.1, 0.8], [0.1, 0.1, 0.5], [0.0, 0.0, -1.0], [0.9, 0.0, 1.0]];
+        let seen = sight.seen(0, &places, 0.01).unwrap();
+        assert_eq!(seen, [Seen::Supported, Seen::Hidden, Seen::Empty, Seen::Unknown, Seen::Unknown]);
+        assert_eq!(sight.empty(&places, 0.01).unwrap(), [false, false, true, false, false]);
+        assert_eq!(sight.hidden(&places, 0.01).unwrap(), [false, true, false, true, true]);
+    }
+
+    #[test]
+    fn a_view_of_hardly_any_points_knows_nothing() {
+        let points = [[0.0, 0.0, 1.0]; 3];
+        let view = SightView { points: &points, about: &points, pose: RigidMotion::identity() };
+        let sight = Sight::new(&[view]).unwrap();
+        assert_eq!(sight.seen(0, &points, 0.1).unwrap(), [Seen::Unknown; 3]);
+        assert!(sight.seen(0, &points, 0.0).is_err());
+    }
+}
