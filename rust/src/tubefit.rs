@@ -19,9 +19,10 @@ use equations::undetermined;
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
 /// What the prior's standard deviation of a curve's second differences is multiplied with after each step at which it
-/// bends too tightly, and where that ends: points that bend all the same are followed.
+/// bends too tightly, and how many of these deviations the differences may then be large, root mean square: points that
+/// bend all the same are followed.
 const STIFFENING: f64 = 0.5;
-const LEAST_SLACK: f64 = 1e-4;
+const MOST_STRAIN: f64 = 3.0;
 /// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
 const EFFICIENT: f64 = 4.685;
 /// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
@@ -459,13 +460,20 @@ impl State<'_> {
     fn stiffen(&mut self, options: &TubeFitOptions) -> bool {
         let mut tight = false;
         for (i, curve) in self.curves.iter().enumerate().filter(|_| options.fit_curves) {
-            let least = options.min_bend * self.radii[self.ropes[i]];
-            let bends_too_tightly = |three: &[Point]| {
+            let r = self.radii[self.ropes[i]];
+            let square_of_bend = |three: &[Point]| {
                 let bend: Point = std::array::from_fn(|k| three[0][k] - 2.0 * three[1][k] + three[2][k]);
-                let speed = sub(three[2], three[0]).map(|x| 0.5 * x);
-                dot(bend, bend).sqrt() * least > dot(speed, speed)
+                dot(bend, bend)
             };
-            if self.slack[i] > LEAST_SLACK && curve.control.windows(3).any(bends_too_tightly) {
+            let bends_too_tightly = |three: &[Point]| {
+                let speed = sub(three[2], three[0]).map(|x| 0.5 * x);
+                square_of_bend(three).sqrt() * options.min_bend * r > dot(speed, speed)
+            };
+            let threes = curve.control.windows(3);
+            let limit = MOST_STRAIN * equations::SECOND_DIFFERENCE * r * self.slack[i] * STIFFENING;
+            let strained =
+                threes.clone().map(square_of_bend).sum::<f64>() > 3.0 * limit * limit * threes.len() as f64;
+            if !strained && threes.clone().any(bends_too_tightly) {
                 self.slack[i] *= STIFFENING;
                 tight = true;
             }

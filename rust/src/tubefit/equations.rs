@@ -14,7 +14,7 @@ use crate::spline::Spline;
 /// control point may slide along the curve, in radii. The first is for spans of 1.5 radii: third differences of one
 /// and the same curve grow with the cube of the spans.
 const THIRD_DIFFERENCE: f64 = 0.1;
-const SECOND_DIFFERENCE: f64 = 6.0;
+pub(super) const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
 /// Unknowns of one view and rope: rotation, translation, the radius, and one that is always 0, for even numbers.
 const EDGE: usize = 8;
