@@ -11,6 +11,7 @@ from strand._core import NotEnoughDataError
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
+from strand.hues import Hues
 from strand.known import NOTHING, Known, contradiction
 from strand.linking import Links, aimed, part_at_contacts, without_shadows
 from strand.pieces import left_over, unexplained
@@ -74,7 +75,8 @@ class Judged:
     assembly : Assembly
     fit : TubeFit
     cost : float
-        What is left unexplained, what it takes to explain the rest, in radii of string, and `amiss`.
+        What is left unexplained, what it takes to explain the rest, in radii of string, what differences of
+        colour cost at joins, and `amiss`.
     amiss : float
         What of it is for contradicting what is known of the strings beforehand.
     """
@@ -93,13 +95,14 @@ def assembled(
     without: Sequence[tuple[int, int]] = (),
     links: Links | None = None,
     known: Known = NOTHING,
+    hues: Hues | None = None,
 ) -> Assembly | None:
     """Join arcs by the matching of least cost; None if that leaves no string long enough.
 
     If that leaves more strings than there are, or strings open that are rings, longer gaps are bridged too.
     """
     if links is None:
-        links = Links.between(arcs, radius, config, sight)
+        links = Links.between(arcs, radius, config, sight, hues)
     joins, cost = links.matched(config.free_end, without)
 
     def long_enough(chain: tuple[Array, bool]) -> bool:
@@ -142,6 +145,7 @@ def decide(
     sight: Sight | None,
     fitted: Callable[[Chains], TubeFit],
     known: Known = NOTHING,
+    hues: Hues | None = None,
 ) -> list[Judged]:
     """Fit the likely assemblies of arcs and compare them.
 
@@ -158,6 +162,8 @@ def decide(
         Fits chains to the points.
     known : Known, optional
         What is known of the strings beforehand.
+    hues : Hues, optional
+        The arcs' colours.
 
     Returns
     -------
@@ -177,10 +183,14 @@ def decide(
         ):
             fit = fitted(assembly.chains)
             amiss = _amiss(assembly.chains, radius, config, known)
-            judged.append(Judged(assembly, fit, explanation_cost(fit, sight) + amiss, amiss))
+            cost = explanation_cost(fit, sight)
+            contrast = assembly.links.contrast
+            if contrast is not None:
+                cost += float(sum(contrast[pair] for pair in assembly.joins))
+            judged.append(Judged(assembly, fit, cost + amiss, amiss))
 
     def tried(pieces: Sequence[Array]) -> None:
-        consider(assembled(pieces, radius, config, sight, known=known))
+        consider(assembled(pieces, radius, config, sight, known=known, hues=hues))
 
     if len(arcs) > _MOST:
         raise NotEnoughDataError(
@@ -195,7 +205,7 @@ def decide(
         for back in _CUT_BACK:
             tried(part_at_contacts(arcs, radius, config, back))
     # with the obvious joins made first, more ends turn out to lie inside others
-    links = Links.between(arcs, radius, config, sight)
+    links = Links.between(arcs, radius, config, sight, hues)
     merged = [nodes for nodes, _ in links.joined(links.matched(_OBVIOUS)[0], radius, config, sight)]
     if len(merged) < len(arcs):
         for back in _CUT_BACK:

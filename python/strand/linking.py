@@ -12,6 +12,7 @@ import rustworkx as rx
 
 from strand.bridges import LONG, SEEN_THROUGH, bridge_cost, least_bending
 from strand.config import Linking
+from strand.hues import Hues
 from strand.known import Known
 from strand.strings import bridge
 from strand.topology import end_direction, path_length, runs, walk
@@ -191,15 +192,23 @@ class Links:
         Of the pairs that are cheaper to join than to leave.
     rings : bool
         Whether joins may close rings.
+    contrast : (E, E) ndarray or None
+        What of each pair's cost is for the difference of their colours, if those are known.
     """
 
     arcs: tuple[Array, ...]
     costs: dict[tuple[int, int], float]
     rings: bool = True
+    contrast: Array | None = None
 
     @classmethod
     def between(
-        cls, arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+        cls,
+        arcs: Sequence[Array],
+        radius: float,
+        config: Linking,
+        sight: Sight | None = None,
+        hues: Hues | None = None,
     ) -> Links:
         """Price all joins by the curves that would make them, and by what the views saw along these.
 
@@ -212,6 +221,8 @@ class Links:
         config : Linking
         sight : Sight, optional
             What the views saw; without it space that was seen empty costs nothing.
+        hues : Hues, optional
+            The pieces' colours, if they are known.
         """
         span = 1.5 * radius
         ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
@@ -220,6 +231,7 @@ class Links:
         distance = np.linalg.norm(position[:, None] - position[None], axis=2)
         # where nothing could have been seen, gaps may be longer
         farthest = config.gap * radius * (1.0 if sight is None else _UNSEEN)
+        contrast = None if hues is None else hues.contrast(arcs, radius)
         costs: dict[tuple[int, int], float] = {}
         for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
             i, j = int(i), int(j)
@@ -231,6 +243,8 @@ class Links:
             if distance[i, j] < _NEAR * radius:
                 # over a short gap the last nodes' noise turns the curve: look from a radius back too
                 cost = min(cost, join_cost(*back[i], *back[j], radius))
+            if contrast is not None:
+                cost += float(contrast[i, j])
             if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
                 if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
@@ -239,7 +253,7 @@ class Links:
                 cost += config.seen_through * empty * distance[i, j] / radius
             if cost < 2.0 * config.free_end:
                 costs[i, j] = cost
-        return cls(tuple(arcs), costs, config.rings != "never")
+        return cls(tuple(arcs), costs, config.rings != "never", contrast)
 
     def matched(
         self, free_end: float, without: Collection[tuple[int, int]] = ()
@@ -412,6 +426,8 @@ class Links:
                 end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
             ) @ (after[0] - before[-1]) / max(gap, 1e-12)
             cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
+            if self.contrast is not None:
+                cost += self.contrast[i, j]
             priced.append((float(cost), i, j))
         return sorted(priced)
 

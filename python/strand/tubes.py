@@ -17,6 +17,7 @@ from strand.certainty import branches, confidence, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
+from strand.hues import Hues, colors_of
 from strand.known import Known
 from strand.model import Chain, Join
 from strand.pieces import left_over
@@ -282,7 +283,7 @@ def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
 
 
 def compared(
-    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, known: Known, config: Config
+    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, known: Known, hues: Hues | None, config: Config
 ) -> list[list[Judged]]:
     """For each kind of rope, fit and compare ways to make strings of its arcs; the best first.
 
@@ -316,11 +317,8 @@ def compared(
             )
             return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
 
-        ways.append(
-            decide(
-                mine, float(radius), config.linking, sight, fitted, known if kinds == 1 else known.of_a_kind()
-            )
-        )
+        of_mine = known if kinds == 1 else known.of_a_kind()
+        ways.append(decide(mine, float(radius), config.linking, sight, fitted, of_mine, hues))
     if not any(ways):
         raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
     return ways
@@ -470,7 +468,9 @@ def find_strings(
     with run.stage("link"):
         poses = [motion @ view.pose for motion, view in zip(before.motions, raw, strict=True)]
         sight = Sight.of(raw, poses, views)
-        judged = compared(clouds, arcs, before, sight, known, config)
+        colors = colors_of(views)
+        hues = None if colors is None else Hues.of(before, colors)
+        judged = compared(clouds, arcs, before, sight, known, hues, config)
     for reopenings in range(1 + _REOPENED):
         strings, closed = chosen(judged)
         with run.stage("fit"):
@@ -489,7 +489,7 @@ def find_strings(
         if pieces is None:
             break
         with run.stage("link"):
-            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, known, config)
+            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, known, hues, config)
         if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
             break
         judged = again
