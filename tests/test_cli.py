@@ -167,7 +167,12 @@ def test_options_reach_the_reconstruction(scene_npz, tmp_path, monkeypatch):
     command += ["--bounds", "-0.2", "-.1", "1mm", "20cm", "0.1", "0.05"]
     assert main(command) == 0
     assert (given["radius"], given["ropes"], given["config"].tracing.near) == (0.005, 2, 0.75)
+    assert given["length"] is None
     np.testing.assert_array_equal(given["bounds"], [[-0.2, -0.1, 0.001], [0.2, 0.1, 0.05]])
+    assert main([*command, "--length", "40cm"]) == 0
+    assert given["length"] == 0.4
+    assert main([*command, "--length", "40cm", "300mm"]) == 0
+    assert given["length"] == [0.4, 0.3]
 
 
 def test_radius_none_is_passed_on(tmp_path, monkeypatch, capsys):
@@ -220,6 +225,7 @@ def test_warnings_go_to_stderr(scene_npz, tmp_path, capsys):
         (["arc.npz", "-o", "a.json", "--config", "bad.toml"], 1, "bad.toml: "),
         (["arc.npz", "-o", "a.json", "--radius", "0"], 2, "radius: "),
         (["arc.npz", "-o", "a.json", "--ropes", "0"], 2, "ropes: "),
+        (["arc.npz", "-o", "a.json", "--ropes", "1", "--length", "1", "2"], 2, "length: "),
         (["arc.npz", "-o", "a.json", "--bounds", "0", "0", "0", "-1", "1", "1"], 2, "bounds: "),
         (["arc.npz", "-o", "a.json", "--bounds", "7", "7", "7", "8", "8", "8"], 1, ""),
     ],

@@ -32,6 +32,8 @@ def test_a_file_changes_only_what_it_names(tmp_path):
         ("[filter]\nmin_neighbors = 1.5\n", "Filter.min_neighbors: expected a whole number"),
         ('[filter]\nradius = "big"\n', "Filter.radius: expected a number"),
         ("[filter]\nradius = true\n", "Filter.radius: expected a number"),
+        ('[linking]\nrings = "sometimes"\n', "Linking.rings: expected one of maybe, never, always"),
+        ("[linking]\nrings = true\n", "Linking.rings: expected one of maybe, never, always"),
         ("tracing = 3\n", r"write \[tracing\]"),
         ("[tracing\n", "config.toml"),
         ('method = "magic"\n', "Config.method: expected one of tubes, published"),

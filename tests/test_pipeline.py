@@ -188,6 +188,13 @@ def test_several_strings_come_longest_first(numbers):
         ({"radius": "4 mm"}, TypeError, "radius: expected a number"),
         ({"ropes": 0}, ValueError, "ropes: expected at least 1"),
         ({"ropes": 1.5}, TypeError, "ropes: expected a whole number"),
+        ({"length": 0.0}, ValueError, "length: expected positive"),
+        ({"length": [0.4, float("nan")]}, ValueError, "length: expected positive"),
+        ({"length": "0.4 m"}, TypeError, "length: expected a number"),
+        ({"length": True}, TypeError, "length: expected a number"),
+        ({"length": []}, ValueError, "length: expected one"),
+        ({"length": [[0.4]]}, ValueError, "length: expected one"),
+        ({"length": [0.4, 0.3], "ropes": 3}, ValueError, "length: expected one for each of 3 ropes, got 2"),
         ({"config": {"near": 1}}, TypeError, "config: expected a Config"),
         ({"bounds": ([0.0] * 3, [0.0] * 3)}, ValueError, "bounds: expected low < high"),
         (

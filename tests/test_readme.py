@@ -45,6 +45,16 @@ def test_the_kernels_run_as_they_stand():
     assert max(len(chain) for chain in names["chains"]) > 10
 
 
+def test_what_is_known_beforehand_is_told_as_it_stands():
+    (block,) = [code for code in PYTHON if "length=" in code]
+    scene = strand.synthetic.scene(chains=strand.synthetic.tangle(1, 2, seed=0), views=3)
+    depth = scene.depth[0] * scene.depth_scale
+    image = np.zeros((*depth.shape, 3), dtype=np.uint8)
+    views = [view.crop(scene.bounds) for view in scene.views]
+    names = {"views": views, "depth": depth, "K": scene.intrinsics, "pose": scene.poses[0], "image": image}
+    exec(block, names | {"strand": strand})
+
+
 def test_the_commands_exist():
     assert re.findall(r"^\./run (\w+)", SHELL, re.MULTILINE) == ["demo", "test"]
     done = subprocess.run([ROOT / "run"], capture_output=True, text=True, check=False)

@@ -11,6 +11,8 @@ from strand._core import NotEnoughDataError
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
+from strand.hues import Hues
+from strand.known import NOTHING, Known, contradiction
 from strand.linking import Links, aimed, part_at_contacts, without_shadows
 from strand.pieces import left_over, unexplained
 from strand.topology import path_length, runs, walk
@@ -26,8 +28,8 @@ Chains = list[tuple[Array, bool]]
 _BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 10.0, 2.0, 4.0
 # a stretch of string this long that cameras saw through, in radii, is none
 _PHANTOM = 3.0
-# each string more or less than there are
-_COUNT = 30.0
+# each string more or less than there are; each radius that a known length is missed by, at most a string
+_COUNT, _LENGTH = 30.0, 2.0
 # two strands are 2 radii apart; nearer than this is no noise
 _CONTACT = 1.5
 # ends cut back by so many radii where arcs run into each other
@@ -73,12 +75,16 @@ class Judged:
     assembly : Assembly
     fit : TubeFit
     cost : float
-        What is left unexplained, and what it takes to explain the rest, in radii of string.
+        What is left unexplained, what it takes to explain the rest, in radii of string, what differences of
+        colour cost at joins, and `amiss`.
+    amiss : float
+        What of it is for contradicting what is known of the strings beforehand.
     """
 
     assembly: Assembly
     fit: TubeFit
     cost: float
+    amiss: float
 
 
 def assembled(
@@ -88,29 +94,45 @@ def assembled(
     sight: Sight | None,
     without: Sequence[tuple[int, int]] = (),
     links: Links | None = None,
-    ropes: int | None = None,
+    known: Known = NOTHING,
+    hues: Hues | None = None,
 ) -> Assembly | None:
     """Join arcs by the matching of least cost; None if that leaves no string long enough.
 
-    If that leaves more strings than there are, longer gaps are bridged too.
+    If that leaves more strings than there are, or strings open that are rings, longer gaps are bridged too.
     """
     if links is None:
-        links = Links.between(arcs, radius, config, sight)
+        links = Links.between(arcs, radius, config, sight, hues)
     joins, cost = links.matched(config.free_end, without)
 
     def long_enough(chain: tuple[Array, bool]) -> bool:
         return bool(path_length(chain[0])[-1] > config.min_length * radius)
 
-    made = links.joined(joins, radius, config, sight)
-    if ropes is not None and sum(map(long_enough, made)) > ropes:
+    def open_pieces(made: Chains, least: float) -> list[int]:
+        """Return for each arc the number of its chain if that has ends and is long enough, else -1."""
         pieces = [-1] * len(links.arcs)
         for number, (chain, (entered, closed)) in enumerate(
             zip(made, walk(len(links.arcs), joins), strict=True)
         ):
             for end in entered:
-                pieces[end // 2] = number if long_enough(chain) and not closed else -1
-        joins = links.bridged(joins, pieces, ropes, radius, config, sight)
+                enough = path_length(chain[0])[-1] > least * radius
+                pieces[end // 2] = number if enough and not closed else -1
+        return pieces
+
+    made = links.joined(joins, radius, config, sight)
+    ropes = known.ropes
+    if ropes is not None and sum(map(long_enough, made)) > ropes:
+        pieces = open_pieces(made, config.min_length)
+        # pairs that the matching is to do without may still be what makes the strings so few
+        barred = [pair for pair in without if pair not in links.costs]
+        joins = links.bridged(joins, pieces, ropes, radius, config, sight, barred)
         made = links.joined(joins, radius, config, sight)
+    if config.rings == "always" and not all(closed for _, closed in made):
+        pieces = open_pieces(made, config.loop)
+        joins = links.closed(joins, pieces, ropes is not None, radius, config, sight)
+        made = links.joined(joins, radius, config, sight)
+    if known.lengths:
+        made = links.joined(joins, radius, config, sight, known)
     chains = [chain for chain in made if long_enough(chain)]
     left_out = tuple(float(path_length(chain[0])[-1]) for chain in made if not long_enough(chain))
     return Assembly(links, tuple(joins), chains, cost, left_out) if chains else None
@@ -122,7 +144,8 @@ def decide(
     config: Linking,
     sight: Sight | None,
     fitted: Callable[[Chains], TubeFit],
-    ropes: int | None = None,
+    known: Known = NOTHING,
+    hues: Hues | None = None,
 ) -> list[Judged]:
     """Fit the likely assemblies of arcs and compare them.
 
@@ -137,8 +160,10 @@ def decide(
         What the views saw.
     fitted : callable
         Fits chains to the points.
-    ropes : int, optional
-        How many strings there are.
+    known : Known, optional
+        What is known of the strings beforehand.
+    hues : Hues, optional
+        The arcs' colours.
 
     Returns
     -------
@@ -157,11 +182,15 @@ def decide(
             alike(assembly.chains, other.assembly.chains, radius) for other in judged
         ):
             fit = fitted(assembly.chains)
-            amiss = 0 if ropes is None else abs(len(assembly.chains) - ropes)
-            judged.append(Judged(assembly, fit, explanation_cost(fit, sight) + _COUNT * amiss))
+            amiss = _amiss(assembly.chains, radius, config, known)
+            cost = explanation_cost(fit, sight)
+            contrast = assembly.links.contrast
+            if contrast is not None:
+                cost += float(sum(contrast[pair] for pair in assembly.joins))
+            judged.append(Judged(assembly, fit, cost + amiss, amiss))
 
     def tried(pieces: Sequence[Array]) -> None:
-        consider(assembled(pieces, radius, config, sight, ropes=ropes))
+        consider(assembled(pieces, radius, config, sight, known=known, hues=hues))
 
     if len(arcs) > _MOST:
         raise NotEnoughDataError(
@@ -176,7 +205,7 @@ def decide(
         for back in _CUT_BACK:
             tried(part_at_contacts(arcs, radius, config, back))
     # with the obvious joins made first, more ends turn out to lie inside others
-    links = Links.between(arcs, radius, config, sight)
+    links = Links.between(arcs, radius, config, sight, hues)
     merged = [nodes for nodes, _ in links.joined(links.matched(_OBVIOUS)[0], radius, config, sight)]
     if len(merged) < len(arcs):
         for back in _CUT_BACK:
@@ -185,35 +214,50 @@ def decide(
                 tried(pieces)
     if not judged:
         return []
-    best = min(judged, key=lambda one: one.cost).assembly
+    first = min(judged, key=lambda one: one.cost)
+    best = first.assembly
     tries = sorted(
         (best.links.matched(config.free_end, [pair])[1] - best.matching_cost, pair)
         for pair in best.joins
         if pair in best.links.costs
     )
-    few = ropes is not None and len(best.chains) < ropes
+    few = known.ropes is not None and len(best.chains) < known.ropes
+    wrong = bool(known.lengths) and first.amiss > 0
     for more, pair in tries[:_TRIES]:
-        if more < _DOUBT or few:
-            consider(assembled([], radius, config, sight, [pair], best.links, ropes))
+        if more < _DOUBT or few or wrong:
+            consider(assembled([], radius, config, sight, [pair], best.links, known))
+    for pair in best.joins if wrong else ():
+        if pair not in best.links.costs:
+            consider(assembled([], radius, config, sight, [pair], best.links, known))
     return sorted(judged, key=lambda one: one.cost)
 
 
-def forced(judged: Sequence[Judged], ropes: int) -> float:
-    """How much dearer the best way is than one that disregards how many strings there are.
+def _amiss(chains: Chains, radius: float, config: Linking, known: Known) -> float:
+    """Return what chains cost that contradict what is known of the strings."""
+    amiss = 0.0 if known.ropes is None else _COUNT * abs(len(chains) - known.ropes)
+    if config.rings == "always":
+        amiss += _COUNT * sum(not closed for _, closed in chains)
+    if known.lengths:
+        lengths = [float(path_length(nodes)[-1]) for nodes, _ in chains]
+        for length, true in zip(lengths, known.expected(lengths), strict=True):
+            amiss += min(_LENGTH * contradiction(length, true, radius), _COUNT)
+    return amiss
+
+
+def forced(judged: Sequence[Judged]) -> float:
+    """How much dearer the best way is than one that disregards what is known of the strings.
 
     Parameters
     ----------
     judged : sequence of Judged
-        Ways to make so many strings, the best first.
-    ropes : int
-        How many strings there are said to be.
+        The best first.
 
     Returns
     -------
     float
         In the unit of the costs.
     """
-    free = [one.cost - _COUNT * abs(len(one.assembly.chains) - ropes) for one in judged]
+    free = [one.cost - one.amiss for one in judged]
     return free[0] - min(free)
 
 

@@ -96,13 +96,13 @@ def confidence(
     parts: Sequence[Curve | None],
     fit: TubeFit,
     sight: Sight,
-    ropes: int | None,
 ) -> float:
     """Say how likely it is that strings run as the best explanation has them.
 
     exp(-d), where d adds up what raises doubt: joins with small margins, a rival explanation that costs
-    hardly more, ends beyond which the string could go on unseen, pieces that became part of no string, and
-    noise that is wide for the strings. The weights were set on scenes drawn at random.
+    hardly more, ends beyond which the string could go on unseen, pieces that became part of no string, noise
+    that is wide for the strings, and what explains the points better but for contradicting what is known of
+    the strings. The weights were set on scenes drawn at random.
 
     Parameters
     ----------
@@ -118,8 +118,6 @@ def confidence(
         The last one.
     sight : Sight
         What the views saw.
-    ropes : int or None
-        How many strings there are said to be: doubtful, if fewer or more explain the points better.
 
     Returns
     -------
@@ -135,8 +133,7 @@ def confidence(
     doubt += _ENDS * _vague_ends(parts, fit)
     doubt += _STRAY * sum(length / radius + 1.0 for length in best.assembly.left_out)
     doubt += _NOISE * max(best.fit.sigma / radius - _NARROW, 0.0)
-    if ropes is not None:
-        doubt += forced(judged, ropes) / _SCALE
+    doubt += forced(judged) / _SCALE
     return float(np.exp(-doubt))
 
 

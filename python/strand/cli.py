@@ -119,6 +119,13 @@ def _parser() -> argparse.ArgumentParser:
         "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
     )
     reconstruct.add_argument(
+        "--length",
+        type=_length,
+        nargs="+",
+        metavar="LENGTH",
+        help="how long they are, such as 0.4m: one length for all, or one for each (default: not known)",
+    )
+    reconstruct.add_argument(
         "--bounds",
         type=_length,
         nargs=6,
@@ -165,6 +172,7 @@ def _reconstruct(options: argparse.Namespace) -> None:
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
     radius = recorded.radius if options.radius is None else options.radius
+    length = options.length[0] if options.length and len(options.length) == 1 else options.length
     settings = strand.Config() if options.config is None else config.load(options.config)
     stages = set(report.STAGE_ARRAYS[settings.method])
     if radius is not None:
@@ -177,6 +185,7 @@ def _reconstruct(options: argparse.Namespace) -> None:
             radius=radius,
             bounds=bounds,
             ropes=options.ropes,
+            length=length,
             config=settings,
             keep_stages=options.figures is not None,
             progress=progress,

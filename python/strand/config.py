@@ -24,7 +24,7 @@ def _check(section: object) -> None:
     where = type(section).__name__
     for entry in dataclasses.fields(section):  # type: ignore[arg-type]
         value = getattr(section, entry.name)
-        if value is None and entry.default is None:
+        if (value is None and entry.default is None) or entry.type == "str":
             continue
         whole = entry.type == "int"
         if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
@@ -273,6 +273,9 @@ class Tubes:
                 raise ValueError(f"Tubes.{name}: expected at least {least}, got {value}")
 
 
+RINGS = ("maybe", "never", "always")
+
+
 @dataclass(frozen=True)
 class Linking:
     """Arcs joined to strings by the matching of their ends that costs least.
@@ -297,6 +300,9 @@ class Linking:
         How much is cut out on each side, in string radii of arc length.
     min_length : float
         Strings shorter than this are left out, in string radii.
+    rings : {"maybe", "never", "always"}
+        Whether strings are rings: as the data show, none is (all have free ends), or all are. Then the ends
+        that are left are joined over gaps of any length, but not through what cameras saw to be empty.
     """
 
     free_end: float = 5.0
@@ -307,9 +313,12 @@ class Linking:
     contact: float = 1.6
     contact_gap: float = 1.5
     min_length: float = 6.0
+    rings: str = "maybe"
 
     def __post_init__(self) -> None:
         _check(self)
+        if self.rings not in RINGS:
+            raise ValueError(f"Linking.rings: expected one of {', '.join(RINGS)}, got {self.rings!r}")
 
 
 METHODS = ("tubes", "published")

@@ -170,7 +170,8 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
 
     The `.npz` holds `depth` (V, H, W) uint16 in units of `depth_scale` metres, 0 where there is no
     return, the pinhole matrix `K` (3, 3) and the camera-to-world `poses` (V, 4, 4); optionally the
-    extraction range `box` (2, 3), `radius`, `name`, and the true centrelines `truth_0`, `truth_1`, ...
+    extraction range `box` (2, 3), `radius`, `name`, the colour images `color` (V, H, W, 3) uint8 that belong
+    to the depths pixel by pixel, and the true centrelines `truth_0`, `truth_1`, ...
 
     The `scene.toml` names one file a view and says how it was taken:
 
@@ -198,6 +199,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
 
         [[view]]
         file = "view0.png"
+        color = "view0_color.png"      # optional: a colour image of the depth image's size
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]    # camera to world
 
         [[view]]
@@ -268,8 +270,15 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     if poses.shape != (len(depth), 4, 4):
         raise ValueError(f"poses: expected {(len(depth), 4, 4)}, got {poses.shape}")
     scale = _scalar("depth_scale", arrays["depth_scale"])
+    colors = [None] * len(depth)
+    if "color" in arrays:
+        images = arrays["color"]
+        if images.shape != (*depth.shape, 3) or images.dtype != np.uint8:
+            raise ValueError(f"color: expected {(*depth.shape, 3)} uint8, got {images.shape} {images.dtype}")
+        colors = list(images)
     views = tuple(
-        View.from_depth(image * scale, arrays["K"], pose) for image, pose in zip(depth, poses, strict=True)
+        View.from_depth(image * scale, arrays["K"], pose, color)
+        for image, pose, color in zip(depth, poses, colors, strict=True)
     )
     bounds = None
     if "box" in arrays:
@@ -292,28 +301,34 @@ def _load_description(path: Path) -> Scene:
         description = parse_description(table)
     except (TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: {error}") from error
-    views = tuple(_load_view(path.parent / file, pose, description) for file, pose in description.views)
+    views = tuple(
+        _load_view(path.parent / file, pose, description, None if color is None else path.parent / color)
+        for file, pose, color in description.views
+    )
     name = description.name or path.resolve().parent.name
     return Scene(name, views, description.bounds, description.radius)
 
 
-def _load_view(path: Path, pose: Array, description: Description) -> View:
+def _load_view(path: Path, pose: Array, description: Description, color: Path | None) -> View:
     readers = {".png": _read_png, ".npy": _read_npy, ".ply": _read_ply}
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise FileFormatError(f"{path}: expected a .png, .ply or .npy file")
     array = reader(path, _content(path))
+    colors = None if color is None else _read_color(color, _content(color))
     try:
         if array.dtype == np.uint16:
             if description.depth_scale is None:
                 raise ValueError("a 16-bit depth image needs depth_scale in the [camera] table")
             array = array * description.depth_scale
         elif array.shape[1] == 3:
+            if colors is not None:
+                raise ValueError("color: only depth images have colour images")
             finite = np.isfinite(array).all(axis=1)
             return View(array[finite], pose, int((~finite).sum()))
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        return View.from_depth(array, description.intrinsics, pose)
+        return View.from_depth(array, description.intrinsics, pose, colors)
     except (TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: {error}") from error
 
@@ -342,6 +357,16 @@ def _read_png(path: Path, data: bytes) -> NDArray[Any]:
             return np.asarray(image).astype(np.uint16)
     except Exception as error:  # Pillow has an error of its own kind for every way to be damaged
         raise FileFormatError(f"{path}: truncated or damaged PNG ({error})") from error
+
+
+def _read_color(path: Path, data: bytes) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 of a colour image in any format that Pillow reads."""
+    pillow = extra("PIL.Image")
+    try:
+        with pillow.open(BytesIO(data)) as image:
+            return np.asarray(image.convert("RGB"), dtype=np.uint8)
+    except Exception as error:  # Pillow has an error of its own kind for every way to be damaged
+        raise FileFormatError(f"{path}: truncated, or not a colour image ({error})") from error
 
 
 def _read_npy(path: Path, data: bytes) -> NDArray[Any]:

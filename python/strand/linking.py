@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from itertools import combinations
 
 import numpy as np
 import rustworkx as rx
 
+from strand.bridges import LONG, SEEN_THROUGH, bridge_cost, least_bending
 from strand.config import Linking
+from strand.hues import Hues
+from strand.known import Known
 from strand.strings import bridge
 from strand.topology import end_direction, path_length, runs, walk
 from strand.view import Array
@@ -19,19 +23,14 @@ from strand.visibility import Sight
 _UNIT = 1e6
 # gaps shorter than this are looked at from a radius back too, in radii
 _NEAR = 2.5
-# gaps shorter than this are bridged by a plain cubic, in radii; over longer ones the tangents' lengths are
-# tried
-_SHORT, _REACHES = 3.0, (0.6, 1.0, 1.5)
 # gaps that no camera could see into may be longer by this factor; the share that counts as none of it
 _UNSEEN, _MOSTLY = 1.7, 0.8
-# no gap is bridged of which cameras saw through a larger share
-_SEEN_THROUGH = 0.3
 # arcs shorter than this may be shadows of others that they are nearer to than strands in contact, in radii
 _SHADOW, _BESIDE = 6.0, 1.75
 # arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
 _STUB, _AIM = 2.5, 0.5
-# so many ways to bridge gaps are compared
-_WAYS = 20000
+# so many ways to bridge gaps are compared, and so many to do without rings
+_WAYS, _RINGLESS = 20000, 500
 
 
 def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back: float = 0.0) -> list[Array]:
@@ -191,14 +190,25 @@ class Links:
         Ordered nodes, metres.
     costs : dict of (int, int) to float
         Of the pairs that are cheaper to join than to leave.
+    rings : bool
+        Whether joins may close rings.
+    contrast : (E, E) ndarray or None
+        What of each pair's cost is for the difference of their colours, if those are known.
     """
 
     arcs: tuple[Array, ...]
     costs: dict[tuple[int, int], float]
+    rings: bool = True
+    contrast: Array | None = None
 
     @classmethod
     def between(
-        cls, arcs: Sequence[Array], radius: float, config: Linking, sight: Sight | None = None
+        cls,
+        arcs: Sequence[Array],
+        radius: float,
+        config: Linking,
+        sight: Sight | None = None,
+        hues: Hues | None = None,
     ) -> Links:
         """Price all joins by the curves that would make them, and by what the views saw along these.
 
@@ -211,6 +221,8 @@ class Links:
         config : Linking
         sight : Sight, optional
             What the views saw; without it space that was seen empty costs nothing.
+        hues : Hues, optional
+            The pieces' colours, if they are known.
         """
         span = 1.5 * radius
         ends = [(nodes[-1], end_direction(nodes, 0.0, span)) for arc in arcs for nodes in (arc[::-1], arc)]
@@ -219,16 +231,20 @@ class Links:
         distance = np.linalg.norm(position[:, None] - position[None], axis=2)
         # where nothing could have been seen, gaps may be longer
         farthest = config.gap * radius * (1.0 if sight is None else _UNSEEN)
+        contrast = None if hues is None else hues.contrast(arcs, radius)
         costs: dict[tuple[int, int], float] = {}
         for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
             i, j = int(i), int(j)
-            if i ^ 1 == j and path_length(arcs[i // 2])[-1] < config.loop * radius:
+            ring = i ^ 1 == j
+            if ring and (config.rings == "never" or path_length(arcs[i // 2])[-1] < config.loop * radius):
                 continue
             (p, leave), (q, arrive) = ends[i], ends[j]
             cost = join_cost(p, leave, q, arrive, radius)
             if distance[i, j] < _NEAR * radius:
                 # over a short gap the last nodes' noise turns the curve: look from a radius back too
                 cost = min(cost, join_cost(*back[i], *back[j], radius))
+            if contrast is not None:
+                cost += float(contrast[i, j])
             if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
                 if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
@@ -237,7 +253,7 @@ class Links:
                 cost += config.seen_through * empty * distance[i, j] / radius
             if cost < 2.0 * config.free_end:
                 costs[i, j] = cost
-        return cls(tuple(arcs), costs)
+        return cls(tuple(arcs), costs, config.rings != "never", contrast)
 
     def matched(
         self, free_end: float, without: Collection[tuple[int, int]] = ()
@@ -257,6 +273,33 @@ class Links:
         cost : float
             Of all joins and free ends.
         """
+        joins, cost = self._matched(free_end, without)
+        if self.rings:
+            return joins, cost
+        # without rings: matchings that close one are parted by the first of its joins that they lack
+        ways = [(cost, 0, joins, frozenset(without))]
+        count = 0
+        while True:
+            cost, _, joins, barred = heappop(ways)
+            rings = [entered for entered, closed in walk(len(self.arcs), joins) if closed]
+            if not rings:
+                return joins, cost
+            arcs = {end // 2 for end in rings[0]}
+            ring = [pair for pair in joins if pair[0] // 2 in arcs]
+            ring.sort(key=self.costs.__getitem__, reverse=True)
+            if count > _RINGLESS:
+                ways, ring = [], ring[:1]
+            for pair in ring:
+                count += 1
+                fewer = barred | {pair}
+                joins, cost = self._matched(free_end, fewer)
+                heappush(ways, (cost, count, joins, fewer))
+                barred |= {other for other in self.costs if other != pair and not set(pair).isdisjoint(other)}
+
+    def _matched(
+        self, free_end: float, without: Collection[tuple[int, int]]
+    ) -> tuple[list[tuple[int, int]], float]:
+        """Join ends by the matching of least cost, rings or not."""
         graph = rx.PyGraph()
         graph.add_nodes_from(range(2 * len(self.arcs)))
         for pair, cost in self.costs.items():
@@ -274,6 +317,7 @@ class Links:
         radius: float,
         config: Linking,
         sight: Sight | None,
+        without: Collection[tuple[int, int]] = (),
     ) -> list[tuple[int, int]]:
         """Join chains over gaps of any length until so many are left.
 
@@ -290,6 +334,8 @@ class Links:
         config : Linking
         sight : Sight, optional
             What the views saw.
+        without : collection of (int, int)
+            Pairs that may not be joined.
 
         Returns
         -------
@@ -297,24 +343,14 @@ class Links:
             The joins and those that cost least together, none of which closes a ring or leads through what
             cameras saw to be empty; so more chains may be left.
         """
-        taken = {end for pair in joins for end in pair}
-        free = [end for end in range(2 * len(self.arcs)) if end not in taken and pieces[end // 2] >= 0]
+        free = self._free(joins, pieces)
         count = len({number for number in pieces if number >= 0})
-        priced = []
-        for i, j in combinations(free, 2):
-            if pieces[i // 2] != pieces[j // 2]:
-                before, after = _outward(self.arcs, i), _outward(self.arcs, j)[::-1]
-                nodes = least_bending(before, after, radius, sight, config)
-                gap = float(np.linalg.norm(after[0] - before[-1]))
-                way = np.vstack([before[-1:], nodes, after[:1]])
-                if sight is not None and sight.empty(way, radius).mean() > _SEEN_THROUGH:
-                    continue
-                turn = 4.0 - 2.0 * (
-                    end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
-                ) @ (after[0] - before[-1]) / max(gap, 1e-12)
-                cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
-                priced.append((float(cost), i, j))
-        priced.sort()
+        pairs = (
+            (i, j)
+            for i, j in combinations(free, 2)
+            if pieces[i // 2] != pieces[j // 2] and (i, j) not in without
+        )
+        priced = self._priced(pairs, radius, config, sight)
         more: list[tuple[int, int]] = []
         wanted = count - ropes
         while wanted > 0 and not more:
@@ -322,12 +358,90 @@ class Links:
             wanted -= 1
         return [*joins, *more]
 
+    def closed(
+        self,
+        joins: Sequence[tuple[int, int]],
+        pieces: Sequence[int],
+        apart: bool,
+        radius: float,
+        config: Linking,
+        sight: Sight | None,
+    ) -> list[tuple[int, int]]:
+        """Join the ends of chains that are left to rings, over gaps of any length.
+
+        Parameters
+        ----------
+        joins : sequence of (int, int)
+            Pairs of ends that are joined already.
+        pieces : sequence of int
+            For each arc the number of its chain; -1 for those that are left out.
+        apart : bool
+            Whether each chain is a ring of its own; else rings may be made of several.
+        radius : float
+            The strings' radius, metres.
+        config : Linking
+        sight : Sight, optional
+            What the views saw.
+
+        Returns
+        -------
+        list of (int, int)
+            The joins and as many as can be, those that cost least together, none of which leads through what
+            cameras saw to be empty; so some chains may stay open.
+        """
+        pairs = (
+            (i, j)
+            for i, j in combinations(self._free(joins, pieces), 2)
+            if not apart or pieces[i // 2] == pieces[j // 2]
+        )
+        priced = self._priced(pairs, radius, config, sight)
+        graph = rx.PyGraph()
+        graph.add_nodes_from(range(2 * len(self.arcs)))
+        most = max((cost for cost, _, _ in priced), default=0.0)
+        graph.add_edges_from([(i, j, round((most - cost) * _UNIT)) for cost, i, j in priced])
+        more = rx.max_weight_matching(graph, max_cardinality=True, weight_fn=int)
+        return [*joins, *sorted((min(pair), max(pair)) for pair in more)]
+
+    def _free(self, joins: Sequence[tuple[int, int]], pieces: Sequence[int]) -> list[int]:
+        """Return the ends of chains that are not joined."""
+        taken = {end for pair in joins for end in pair}
+        return [end for end in range(2 * len(self.arcs)) if end not in taken and pieces[end // 2] >= 0]
+
+    def _priced(
+        self, pairs: Iterable[tuple[int, int]], radius: float, config: Linking, sight: Sight | None
+    ) -> list[tuple[float, int, int]]:
+        """Cost of bridging a gap of any length between two ends, cheapest first.
+
+        Pairs whose bridge leads through what cameras saw to be empty are left out.
+        """
+        priced = []
+        for i, j in pairs:
+            before, after = _outward(self.arcs, i), _outward(self.arcs, j)[::-1]
+            nodes = least_bending(before, after, radius, sight, config)
+            gap = float(np.linalg.norm(after[0] - before[-1]))
+            way = np.vstack([before[-1:], nodes, after[:1]])
+            if sight is not None and sight.empty(way, radius).mean() > SEEN_THROUGH:
+                continue
+            turn = 4.0 - 2.0 * (
+                end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
+            ) @ (after[0] - before[-1]) / max(gap, 1e-12)
+            cost = 8.0 * bridge_cost(way, radius, sight, config) + turn + 0.25 * gap / radius
+            if self.contrast is not None:
+                cost += self.contrast[i, j]
+            priced.append((float(cost), i, j))
+        return sorted(priced)
+
     def end(self, number: int) -> Array:
         """(3,) Where an end lies, metres."""
         return np.asarray(self.arcs[number // 2][-1 if number % 2 else 0])
 
     def joined(
-        self, joins: Sequence[tuple[int, int]], radius: float, config: Linking, sight: Sight | None
+        self,
+        joins: Sequence[tuple[int, int]],
+        radius: float,
+        config: Linking,
+        sight: Sight | None,
+        known: Known | None = None,
     ) -> list[tuple[Array, bool]]:
         """Make chains of arcs.
 
@@ -340,6 +454,8 @@ class Links:
         config : Linking
         sight : Sight, optional
             What the views saw: bridges keep to what they did not see.
+        known : Known, optional
+            Of strings whose lengths it says, bridges over long gaps are as long as what was seen leaves.
 
         Returns
         -------
@@ -347,61 +463,19 @@ class Links:
             Nodes of each chain in order, metres, with cubics over the gaps, and whether it closes on itself:
             then its last node is its first again.
         """
-        chains = []
-        for entered, closed in walk(len(self.arcs), joins):
-            parts = [self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered]
-            nodes = parts[0]
-            for part in parts[1:]:
-                nodes = _joined(nodes, part, radius, config, sight)
-            if closed:
-                nodes = _cut_back(nodes, nodes[0], radius)
-                nodes = np.vstack([nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius), nodes[:1]])
-            chains.append((nodes, closed))
-        return chains
-
-
-def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
-    """Bending energy of a bridge between two arcs, times the radius, and what it costs to be seen through."""
-    steps = np.diff(nodes, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    units = steps / np.maximum(lengths, 1e-12)[:, None]
-    turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
-    cost = float((turns**2 / np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)).sum() * radius)
-    if sight is not None:
-        cost += config.seen_through * float(sight.empty(nodes, radius).mean() * lengths.sum()) / radius
-    return cost
-
-
-def least_bending(before: Array, after: Array, radius: float, sight: Sight | None, config: Linking) -> Array:
-    """Nodes of the cubic between two arcs that bends least and keeps to space that no camera saw to be empty.
-
-    Parameters
-    ----------
-    before, after : (K, 3) ndarray
-        Ordered nodes, metres; the bridge goes from the last of `before` to the first of `after`.
-    radius : float
-        The strings' radius, metres.
-    sight : Sight, optional
-        What the views saw.
-    config : Linking
-
-    Returns
-    -------
-    (B, 3) ndarray
-        The nodes between the two, metres.
-    """
-    span, spacing = 1.5 * radius, 0.4 * radius
-    plain = bridge(before, after, span, spacing)
-    if np.linalg.norm(after[0] - before[-1]) < _SHORT * radius:
-        return plain
-    best, least = plain, np.inf
-    for leave in _REACHES:
-        for arrive in _REACHES:
-            nodes = bridge(before, after, span, spacing, (leave, arrive))
-            cost = bridge_cost(np.vstack([before[-1:], nodes, after[:1]]), radius, sight, config)
-            if cost < least - 1e-9:
-                best, least = nodes, cost
-    return best
+        strings = [
+            ([self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered], closed)
+            for entered, closed in walk(len(self.arcs), joins)
+        ]
+        made = [_strung(parts, closed, radius, config, sight) for parts, closed in strings]
+        if known is not None and known.lengths:
+            lengths = [float(path_length(nodes)[-1]) for nodes, _ in made]
+            for k, true in enumerate(known.expected(lengths)):
+                _, gaps = made[k]
+                if true is not None and gaps > 0 and true > lengths[k]:
+                    stretch = 1.0 + (true - lengths[k]) / gaps
+                    made[k] = _strung(*strings[k], radius, config, sight, stretch, known.bounds)
+        return [(nodes, closed) for (nodes, _), (_, closed) in zip(made, strings, strict=True)]
 
 
 def _cheapest(
@@ -476,8 +550,41 @@ def _cut_back(nodes: Array, other: Array, radius: float) -> Array:
     return nodes[: max(len(nodes) - count, min(len(nodes), 4))]
 
 
-def _joined(before: Array, after: Array, radius: float, config: Linking, sight: Sight | None) -> Array:
-    """One chain of two, cut back where they overlap, with a cubic between."""
-    before = _cut_back(before, after[0], radius)
-    after = _cut_back(after[::-1], before[-1], radius)[::-1]
-    return np.vstack([before, least_bending(before, after, radius, sight, config), after])
+def _strung(
+    parts: Sequence[Array],
+    closed: bool,
+    radius: float,
+    config: Linking,
+    sight: Sight | None,
+    stretch: float = 1.0,
+    bounds: tuple[Array, Array] | None = None,
+) -> tuple[Array, float]:
+    """One chain of several parts, and how long its bridges are that could be longer.
+
+    Parts are cut back where they overlap, with a cubic between; long ones are made longer by `stretch`.
+    """
+    longer = 0.0
+
+    def bridged(before: Array, after: Array, nodes: Array) -> Array:
+        nonlocal longer
+        way = np.vstack([before[-1:], nodes, after[:1]])
+        length = float(path_length(way)[-1])
+        seen_through = sight is not None and sight.empty(way, radius).mean() > SEEN_THROUGH
+        if length < LONG * radius or seen_through:
+            return nodes
+        longer += length
+        if stretch == 1.0:
+            return nodes
+        return least_bending(before, after, radius, sight, config, stretch * length, bounds)
+
+    nodes = parts[0]
+    for part in parts[1:]:
+        before = _cut_back(nodes, part[0], radius)
+        after = _cut_back(part[::-1], before[-1], radius)[::-1]
+        between = bridged(before, after, least_bending(before, after, radius, sight, config))
+        nodes = np.vstack([before, between, after])
+    if closed:
+        nodes = _cut_back(nodes, nodes[0], radius)
+        between = bridged(nodes, nodes, bridge(nodes, nodes, 1.5 * radius, 0.4 * radius))
+        nodes = np.vstack([nodes, between, nodes[:1]])
+    return nodes, longer

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from strand import _core
@@ -39,4 +37,4 @@ def without_outliers(view: View, radius: float, config: Filter) -> View:
         counts = _core.count_neighbors(view.points, reach)
         usual = float(np.median(counts))
     enough = max(config.min_fraction * usual, config.min_neighbors)
-    return replace(view, points=view.points[counts >= enough])
+    return view.only(counts >= enough)

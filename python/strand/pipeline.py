@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,12 +12,16 @@ from numpy.typing import ArrayLike
 from strand import published, tubes
 from strand._core import NotEnoughDataError
 from strand.config import Config
+from strand.known import Known, contradiction
 from strand.model import Chain, Model
 from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.radius import Radii, estimate_radius
 from strand.stages import Run
 from strand.view import View, checked_views, extraction_range
+
+# a length that is wrong by so many radii more than it may be lowers the confidence by a factor of e
+_CONTRADICTION = 2.5
 
 
 def reconstruct(
@@ -26,6 +31,7 @@ def reconstruct(
     ropes: int | None = None,
     config: Config | None = None,
     *,
+    length: float | Sequence[float] | None = None,
     previous: Model | None = None,
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
@@ -47,6 +53,11 @@ def reconstruct(
         however long, are then bridged until no more are left (see `Chain.bridged`).
     config : Config, optional
         The method and its numbers; `Config()`, tubes fitted to the points, if not given.
+    length : float or sequence of float, optional
+        How long the strings are, metres: one length that each of them has, or one for each rope in any
+        order, which also says how many there are. By default bridges over gaps are then as long as what was
+        seen leaves, as far as there is hidden room, and pieces are rather put together so that lengths
+        agree. A string that differs by more than 2 % and a radius is warned of, and lowers the confidence.
     previous : Model, optional
         An earlier model of the same strings: chains that are near its chains run the same way. Others, and
         all without it, start at the end that lies farther back along the direction (0.83, 0.47, 0.31).
@@ -68,14 +79,16 @@ def reconstruct(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If a number is out of range, there are no views, or the published method is given no radius.
+        If a number is out of range, there are no views, there are not as many lengths as ropes, or the
+        published method is given no radius.
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     """
     config = Config() if config is None else config
-    views, radii, ropes = _checked(views, radius, ropes, config, previous)
-    run = Run(progress)
+    views, radii = _checked(views, radius, config, previous)
     box = None if bounds is None else extraction_range(bounds)
+    known = Known.given(ropes, length, box)
+    run = Run(progress)
     with run.stage("extract"):
         raw = [view if box is None else view.crop(box) for view in views]
     if not any(len(view.points) for view in raw):
@@ -93,23 +106,26 @@ def reconstruct(
             "radius: one view alone fixes it by how wide the string looks; give it if it is known"
         )
     if config.method == "published":
-        found = published.find_strings(seen, used, float(radii.values[0]), ropes, config, run)
+        found = published.find_strings(seen, used, float(radii.values[0]), known.ropes, config, run)
     else:
         whole = [views[number] for number in used]
         try:
-            found = tubes.find_strings(seen, whole, used, box, radii, ropes, config, run)
+            found = tubes.find_strings(seen, whole, used, box, radii, known, config, run)
         except NotEnoughDataError:
             if not radii.free:
                 raise
             # strands that lie side by side all along look like thicker ones
-            found = tubes.find_strings(seen, whole, used, box, radii.with_parts(), ropes, config, run)
-    chains = tuple(oriented(_chosen(found.chains, ropes, run), () if previous is None else previous.chains))
+            found = tubes.find_strings(seen, whole, used, box, radii.with_parts(), known, config, run)
+    chains = tuple(
+        oriented(_chosen(found.chains, known.ropes, run), () if previous is None else previous.chains)
+    )
     joins = tuple(join for join in found.joins if max(join.chains) < len(chains))
     confidence = found.confidence
     if confidence is not None:
         confidence *= sum(chain.length for chain in chains) / sum(chain.length for chain in found.chains)
-        if ropes is not None and len(chains) < ropes:
-            confidence *= len(chains) / ropes
+        if known.ropes is not None and len(chains) < known.ropes:
+            confidence *= len(chains) / known.ropes
+        confidence *= _agreement(chains, known, config, run)
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -126,25 +142,19 @@ def reconstruct(
 def _checked(
     views: Sequence[View],
     radius: float | Sequence[float] | None,
-    ropes: int | None,
     config: Config,
     previous: Model | None,
-) -> tuple[tuple[View, ...], Radii | None, int | None]:
+) -> tuple[tuple[View, ...], Radii | None]:
     """Check the arguments that have no type of their own."""
     views = checked_views(views)
     radii = None if radius is None else Radii.given(radius)
-    if ropes is not None:
-        if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
-            raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
-        if ropes < 1:
-            raise ValueError(f"ropes: expected at least 1, got {ropes}")
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
     if previous is not None and not isinstance(previous, Model):
         raise TypeError(f"previous: expected a Model or None, got {previous!r}")
     if config.method == "published" and (radii is None or len(radii.values) > 1):
         raise ValueError("radius: the published method needs the strings' one radius, metres")
-    return views, radii, ropes
+    return views, radii
 
 
 def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
@@ -171,3 +181,23 @@ def _chosen(chains: list[Chain], ropes: int | None, run: Run) -> tuple[Chain, ..
             )
         chains = chains[:ropes]
     return tuple(chains)
+
+
+def _agreement(chains: Sequence[Chain], known: Known, config: Config, run: Run) -> float:
+    """How far chains agree with what is known of the strings' lengths and rings, from 0 to 1."""
+    agreement = 1.0
+    lengths = [chain.length for chain in chains]
+    true_lengths = known.expected(lengths) if known.lengths else [None] * len(chains)
+    for number, (chain, true) in enumerate(zip(chains, true_lengths, strict=True)):
+        off = contradiction(chain.length, true, chain.radius)
+        if true is not None and off > 0:
+            agreement *= math.exp(-off / _CONTRADICTION)
+            more = chain.length - true
+            run.warnings.append(
+                f"chain {number} is {chain.length * 1e3:.0f} mm long, {abs(more) * 1e3:.0f} mm "
+                f"{'longer' if more > 0 else 'shorter'} than it is known to be"
+            )
+        if config.method == "tubes" and config.linking.rings == "always" and not chain.closed:
+            agreement *= 0.5
+            run.warnings.append(f"chain {number} has ends, though all strings are said to be rings")
+    return agreement

@@ -58,8 +58,8 @@ class Description:
         The extraction range, metres.
     radius : float or None
         The strings' radius, metres.
-    views : tuple of (str, (4, 4) ndarray)
-        Each view's file, relative to the description, and its camera-to-world pose.
+    views : tuple of (str, (4, 4) ndarray, str or None)
+        Each view's file, relative to the description, its camera-to-world pose, and its colour image's file.
     """
 
     name: str | None
@@ -67,7 +67,7 @@ class Description:
     depth_scale: float | None
     bounds: tuple[Array, Array] | None
     radius: float | None
-    views: tuple[tuple[str, Array], ...]
+    views: tuple[tuple[str, Array, str | None], ...]
 
 
 def parse_length(value: str | float) -> float:
@@ -154,14 +154,16 @@ def _radius(value: Any) -> float:
     return radius
 
 
-def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array]:
-    accepted = ("file", "pose", "angles_deg", "origin", "turntable_deg")
+def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array, str | None]:
+    accepted = ("file", "color", "pose", "angles_deg", "origin", "turntable_deg")
     _check_keys(name, table, accepted, required=("file",))
-    if not isinstance(table["file"], str) or not table["file"]:
-        raise TypeError(f"{name}.file: expected a file's name, got {table['file']!r}")
+    for key in ("file", "color"):
+        if key in table and not (isinstance(table[key], str) and table[key]):
+            raise TypeError(f"{name}.{key}: expected a file's name, got {table[key]!r}")
+    color = table.get("color")
     if "turntable_deg" not in table:
-        return table["file"], _pose(name, table)
-    if set(table) != {"file", "turntable_deg"}:
+        return table["file"], _pose(name, table), color
+    if set(table) - {"color"} != {"file", "turntable_deg"}:
         raise ValueError(f"{name}: expected one pose, got turntable_deg and another one")
     if turntable is None:
         raise ValueError(f"{name}: turntable_deg needs a [turntable] table with the camera's pose at angle 0")
@@ -172,7 +174,7 @@ def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array]:
         _numbers("turntable.centre", turntable.get("centre", [0.0, 0.0, 0.0])),
         _numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
     )
-    return table["file"], pose
+    return table["file"], pose, color
 
 
 def _pose(name: str, table: Mapping[str, Any]) -> Array:

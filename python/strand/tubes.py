@@ -17,11 +17,14 @@ from strand.certainty import branches, confidence, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts
+from strand.hues import Hues, colors_of
+from strand.known import Known
 from strand.model import Chain, Join
 from strand.pieces import left_over
 from strand.radius import Radii, agreeing
 from strand.selection import best_explaining
 from strand.sightings import end_sightings
+from strand.slack import as_long, bowed
 from strand.stages import Found, Run
 from strand.support import described
 from strand.tubefit import EndSighting, TubeFit, fit_tubes
@@ -280,7 +283,7 @@ def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
 
 
 def compared(
-    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, ropes: int | None, config: Config
+    clouds: Clouds, arcs: Arcs, before: TubeFit, sight: Sight, known: Known, hues: Hues | None, config: Config
 ) -> list[list[Judged]]:
     """For each kind of rope, fit and compare ways to make strings of its arcs; the best first.
 
@@ -301,7 +304,7 @@ def compared(
         ) -> TubeFit:
             strings = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
             curves = _splines(strings, np.array([radius]), config, _STRING_MARGIN)
-            return _fit(
+            fit = _fit(
                 sample,
                 curves,
                 strings.ropes,
@@ -312,8 +315,10 @@ def compared(
                 iterations=12,
                 uncertainty=False,
             )
+            return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
 
-        ways.append(decide(mine, float(radius), config.linking, sight, fitted, ropes if kinds == 1 else None))
+        of_mine = known if kinds == 1 else known.of_a_kind()
+        ways.append(decide(mine, float(radius), config.linking, sight, fitted, of_mine, hues))
     if not any(ways):
         raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
     return ways
@@ -343,7 +348,6 @@ def certainty(
     closed: Sequence[bool],
     fit: TubeFit,
     sight: Sight,
-    ropes: int | None,
     config: Config,
 ) -> tuple[tuple[Join, ...], float]:
     """Return the joins, the least certain first, and the confidence of the least certain kind of rope."""
@@ -354,10 +358,7 @@ def certainty(
         if judged:
             mine = joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
             joins.extend(mine)
-            sure = min(
-                sure,
-                confidence(judged, mine, chains, open_parts, fit, sight, ropes if len(ways) == 1 else None),
-            )
+            sure = min(sure, confidence(judged, mine, chains, open_parts, fit, sight))
     return tuple(sorted(joins, key=lambda join: join.margin)), sure
 
 
@@ -425,7 +426,7 @@ def find_strings(
     numbers: Sequence[int],
     bounds: Bounds,
     radii: Radii,
-    ropes: int | None,
+    known: Known,
     config: Config,
     run: Run,
 ) -> Found:
@@ -441,8 +442,8 @@ def find_strings(
     bounds : pair of (3,) ndarray or None
         The extraction range that they were cut to, metres.
     radii : Radii
-    ropes : int or None
-        How many strings there are: gaps are bridged until no more are left.
+    known : Known
+        How many strings there are: gaps are bridged until no more are left. How long: bridges are too.
     config : Config
     run : Run
 
@@ -467,7 +468,9 @@ def find_strings(
     with run.stage("link"):
         poses = [motion @ view.pose for motion, view in zip(before.motions, raw, strict=True)]
         sight = Sight.of(raw, poses, views)
-        judged = compared(clouds, arcs, before, sight, ropes, config)
+        colors = colors_of(views)
+        hues = None if colors is None else Hues.of(before, colors)
+        judged = compared(clouds, arcs, before, sight, known, hues, config)
     for reopenings in range(1 + _REOPENED):
         strings, closed = chosen(judged)
         with run.stage("fit"):
@@ -477,20 +480,23 @@ def find_strings(
             for i, control in enumerate(fit.curves):
                 if closed[i]:
                     found[i] = _once_round(Curve.whole(control), _STRING_MARGIN * fit.radius(i))
+            if known.lengths:
+                starts = _splines(strings, before.radii, config, _STRING_MARGIN)
+                found = as_long(fit, starts, found, known)
             # no decision that no fit would follow; points that speak against a rope may be another kind's
             may_reopen = reopenings < _REOPENED and len(judged) == 1
             pieces = reopened(fit, found, sight) if may_reopen else None
         if pieces is None:
             break
         with run.stage("link"):
-            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, ropes, config)
+            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, known, hues, config)
         if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
             break
         judged = again
     radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, found, closed, radii_sd, config), key=lambda chain: -chain.length)
-    joins, sure = certainty(judged, chains, found, closed, fit, sight, ropes, config)
+    joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
     share = float(fit.inlier.mean())
     if share < _USUAL_SHARE:
         run.warnings.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,6 +55,25 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> 
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
     return array
+
+
+def color_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
+    """Return colours as a float64 array of the given shape, from 0 to 1.
+
+    Raises
+    ------
+    TypeError
+        If the elements are neither floating point numbers nor uint8.
+    ValueError
+        If the shape differs, or a number is not from 0 to 1 (uint8: from 0 to 255).
+    """
+    array = np.asarray(value)
+    colors = finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
+    if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
+        raise ValueError(
+            f"{name}: expected colours from 0 to 1, or uint8, got {colors.min()} to {colors.max()}"
+        )
+    return colors
 
 
 def rigid_motion(name: str, value: ArrayLike) -> Array:
@@ -220,27 +239,41 @@ class View:
         Camera-to-world rigid motion.
     dropped : int
         How many pixels or points were left out because they were not finite.
+    colors : (N, 3) array_like, optional
+        The points' colours, red, green and blue from 0 to 1, or uint8: pieces of strings that differ in
+        colour are not joined. Views with and without may be mixed.
 
     Raises
     ------
     TypeError
-        If an array does not hold floating point numbers.
+        If an array does not hold floating point numbers (or, of colours, uint8).
     ValueError
-        If `points` is not (N, 3) or not finite, or `pose` is not a rigid motion.
+        If `points` is not (N, 3) or not finite, `pose` is not a rigid motion, or `colors` are not one for
+        each point, from 0 to 1.
     """
 
     points: Array
     pose: Array = field(default_factory=lambda: np.eye(4))
     dropped: int = 0
+    colors: Array | None = None
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, (None, 3))
         # what the caller does with its array later must not change the view
         object.__setattr__(self, "points", points.copy() if points is self.points else points)
         object.__setattr__(self, "pose", rigid_motion("pose", self.pose))
+        if self.colors is not None:
+            colors = color_array("colors", self.colors, (len(points), 3))
+            object.__setattr__(self, "colors", colors.copy() if colors is self.colors else colors)
 
     @classmethod
-    def from_depth(cls, depth: ArrayLike, intrinsics: ArrayLike, pose: ArrayLike | None = None) -> View:
+    def from_depth(
+        cls,
+        depth: ArrayLike,
+        intrinsics: ArrayLike,
+        pose: ArrayLike | None = None,
+        colors: ArrayLike | None = None,
+    ) -> View:
         """Un-project a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
         Parameters
@@ -252,6 +285,8 @@ class View:
             The pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
         pose : (4, 4) array_like of float, optional
             Camera-to-world rigid motion; the identity if not given.
+        colors : (H, W, 3) array_like, optional
+            The colour image that belongs to it pixel by pixel: red, green and blue from 0 to 1, or uint8.
 
         Returns
         -------
@@ -261,9 +296,10 @@ class View:
         Raises
         ------
         TypeError
-            If an array does not hold floating point numbers.
+            If an array does not hold floating point numbers (or, of colours, uint8).
         ValueError
-            If a shape is wrong, a depth is negative, or the intrinsics are not a pinhole's.
+            If a shape is wrong, a depth is negative, the intrinsics are not a pinhole's, or a colour is not
+            from 0 to 1.
         """
         image = float_array("depth", depth, (None, None))
         camera = finite_array("intrinsics", intrinsics, (3, 3))
@@ -279,10 +315,13 @@ class View:
         v, u = np.nonzero(finite & (image > 0))
         z = image[v, u]
         points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
-        return cls(points, np.eye(4) if pose is None else np.asarray(pose), int(image.size - finite.sum()))
+        seen = None if colors is None else color_array("colors", colors, (*image.shape, 3))[v, u]
+        return cls(
+            points, np.eye(4) if pose is None else np.asarray(pose), int(image.size - finite.sum()), seen
+        )
 
     @classmethod
-    def from_world(cls, points: ArrayLike, viewpoint: ArrayLike) -> View:
+    def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
         """Make a view of points that are already in the world frame.
 
         Parameters
@@ -291,6 +330,8 @@ class View:
             Points in the world frame, metres.
         viewpoint : (3,) array_like of float
             The camera's centre in the world frame, metres.
+        colors : (N, 3) array_like, optional
+            The points' colours: red, green and blue from 0 to 1, or uint8.
 
         Returns
         -------
@@ -300,13 +341,14 @@ class View:
         Raises
         ------
         TypeError
-            If an array does not hold floating point numbers.
+            If an array does not hold floating point numbers (or, of colours, uint8).
         ValueError
-            If a shape is wrong or a number is not finite.
+            If a shape is wrong, a number is not finite, or a colour is not from 0 to 1.
         """
         pose = np.eye(4)
         pose[:3, 3] = finite_array("viewpoint", viewpoint, (3,))
-        return cls(finite_array("points", points, (None, 3)) - pose[:3, 3], pose)
+        seen = None if colors is None else np.asarray(colors)
+        return cls(finite_array("points", points, (None, 3)) - pose[:3, 3], pose, 0, seen)
 
     @property
     def viewpoint(self) -> Array:
@@ -317,6 +359,11 @@ class View:
     def world_points(self) -> Array:
         """(N, 3) The points in the world frame, metres (eq. 1)."""
         return moved(self.points, self.pose)
+
+    def only(self, chosen: NDArray[np.bool_]) -> View:
+        """Return the view with some of its points, (N,) of bool."""
+        colors = None if self.colors is None else self.colors[chosen]
+        return replace(self, points=self.points[chosen], colors=colors)
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
         """Keep the points inside the extraction range.
@@ -343,7 +390,7 @@ class View:
         for axis, shift, least, most in zip(self.pose[:3, :3], self.viewpoint, low, high, strict=True):
             coordinate = self.points @ axis + shift
             inside &= (coordinate >= least) & (coordinate <= most)
-        return View(self.points[inside], self.pose, self.dropped)
+        return self.only(inside)
 
 
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:

@@ -1,0 +1,116 @@
+"""What is known of the strings before they are looked at: how many there are, how long, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from strand.view import Array
+
+# a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
+_SHARE, _RADII = 0.02, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What the caller knows of the strings.
+
+    Attributes
+    ----------
+    ropes : int or None
+        How many there are.
+    lengths : tuple of float
+        How long they are, the longest first, metres; empty if that is not known.
+    alike : bool
+        Whether there is one length, that of every string.
+    bounds : pair of (3,) ndarray, or None
+        The extraction range, which holds all strings, metres.
+    """
+
+    ropes: int | None = None
+    lengths: tuple[float, ...] = ()
+    alike: bool = False
+    bounds: tuple[Array, Array] | None = None
+
+    @classmethod
+    def given(
+        cls,
+        ropes: int | None,
+        length: float | Sequence[float] | None,
+        bounds: tuple[Array, Array] | None = None,
+    ) -> Known:
+        """Return what is known after checking it; several lengths say how many strings there are.
+
+        Raises
+        ------
+        TypeError
+            If `ropes` is not a whole number, or a length is not a number.
+        ValueError
+            If a number is out of range, or there are not as many lengths as ropes.
+        """
+        if ropes is not None:
+            if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
+                raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
+            if ropes < 1:
+                raise ValueError(f"ropes: expected at least 1, got {ropes}")
+        if length is None:
+            return cls(ropes, bounds=bounds)
+        several = np.asarray(length, dtype=object)
+        for value in several.ravel():
+            if isinstance(value, (bool, np.bool_)) or not isinstance(
+                value, (int, float, np.integer, np.floating)
+            ):
+                raise TypeError(f"length: expected a number of metres, or one for each rope, got {length!r}")
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"length: expected positive numbers of metres, got {length!r}")
+        if several.ndim == 0:
+            return cls(ropes, (float(several[()]),), True, bounds)
+        if several.ndim != 1 or not len(several):
+            raise ValueError(f"length: expected one length or one for each rope, got {length!r}")
+        if ropes is not None and len(several) != ropes:
+            raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(several)}")
+        return cls(len(several), tuple(sorted(map(float, several), reverse=True)), bounds=bounds)
+
+    def of_a_kind(self) -> Known:
+        """Return what it says of strings that are only some of all."""
+        return replace(self, ropes=None, lengths=self.lengths if self.alike else ())
+
+    def expected(self, lengths: Sequence[float]) -> list[float | None]:
+        """Say how long strings should be.
+
+        Parameters
+        ----------
+        lengths : sequence of float
+            How long they were found to be, metres.
+
+        Returns
+        -------
+        list of (float or None)
+            For each the length that is known, so that the differences are least together; None if there are
+            more strings than lengths, for the shortest.
+        """
+        if self.alike:
+            return [self.lengths[0]] * len(lengths)
+        true: list[float | None] = [None] * len(lengths)
+        order = sorted(range(len(lengths)), key=lambda k: -lengths[k])[: len(self.lengths)]
+        found = [lengths[k] for k in order]
+        best = min(
+            combinations(self.lengths, len(order)),
+            key=lambda some: sum(abs(a - b) for a, b in zip(some, found, strict=True)),
+        )
+        for k, value in zip(order, best, strict=True):
+            true[k] = value
+        return true
+
+
+NOTHING = Known()
+
+
+def contradiction(length: float, true: float | None, radius: float) -> float:
+    """How much farther a length is from the one that is known than it may well be, radii; 0 without one."""
+    if true is None:
+        return 0.0
+    return max(abs(length - true) / radius - _SHARE * true / radius - _RADII, 0.0)
