@@ -125,6 +125,16 @@ def test_ropes_that_differ_have_a_radius_each(thin, thick):
     assert all(0 < chain.radius_sd < 0.03 * chain.radius for chain in model.chains)
 
 
+@pytest.mark.parametrize(("crossings", "views", "seed"), [(7, 7, 32006), (10, 3, 32045)])
+def test_a_radius_is_as_sure_as_it_is_right_in_a_tangle(crossings, views, seed):
+    chains = strand.synthetic.tangle(crossings, 3, seed=seed)
+    scene = strand.synthetic.scene(chains=chains, seed=seed, views=views)
+    for radius in (None, scene.radius):
+        model = strand.reconstruct(scene.views, radius, scene.bounds)
+        for chain in model.chains:
+            assert abs(chain.radius - scene.radius) < 2.5 * chain.radius_sd
+
+
 def test_ropes_that_do_not_differ_share_one_radius():
     views, bounds, _ = crossing(0.004, 0.004)
     model = strand.reconstruct(views, None, bounds)

@@ -487,7 +487,10 @@ def find_strings(
         if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
             break
         judged = again
-    radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
+    if radii.held:
+        radii_sd = radii.sd[strings.ropes]
+    else:
+        radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, found, closed, radii_sd, config), key=lambda chain: -chain.length)
     joins, sure = certainty(judged, chains, found, closed, fit, sight, ropes, config)
