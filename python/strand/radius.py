@@ -25,8 +25,8 @@ _LEAST_MODE = 0.1
 _SAME, _SAME_SD = 0.05, 3.0
 # what is not known of a radius that is given, in radii
 _GIVEN_SD = 0.003
-# how far noise pulls a fitted radius, in squares of its standard deviation over the radius: silhouettes lose points
-# to the outlier filter and gain pixels that fly, and neither shows in the residuals
+# how far noise pulls a fitted radius, in squares of its standard deviation over the radius: silhouettes lose
+# points to the outlier filter and gain pixels that fly, and neither shows in the residuals
 _PULL = 0.2
 # what is not known of a strip's width, in radii: strings lie beside each other, patches are round
 _WIDTH_SD = 0.05
