@@ -683,3 +683,14 @@ def test_a_forked_process_can_call_after_its_parent_did(busy):
         for child in children:
             if child.is_alive():
                 child.kill()
+
+
+def test_what_icp_found_can_be_pickled():
+    points = np.random.default_rng(0).uniform(size=(100, 3))
+    found = strand.icp(points, points + 0.001, 0.05)
+    again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.transformation, found.transformation)
+    for name in ("fitness", "inlier_rmse", "iterations", "converged", "stop"):
+        assert getattr(again, name) == getattr(found, name)
+    with pytest.raises(ValueError, match="stop"):
+        strand.IcpResult(np.eye(4), 1.0, 0.0, 1, True, "why")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import strand
+from strand import tubes
 from strand.config import Filter
 from strand.outliers import without_outliers
 from strand.radius import Radii, agreeing
@@ -125,6 +127,16 @@ def test_ropes_that_differ_have_a_radius_each(thin, thick):
     assert all(0 < chain.radius_sd < 0.03 * chain.radius for chain in model.chains)
 
 
+@pytest.mark.parametrize(("crossings", "views", "seed"), [(7, 7, 32006), (10, 3, 32045)])
+def test_a_radius_is_as_sure_as_it_is_right_in_a_tangle(crossings, views, seed):
+    chains = strand.synthetic.tangle(crossings, 3, seed=seed)
+    scene = strand.synthetic.scene(chains=chains, seed=seed, views=views)
+    for radius in (None, scene.radius):
+        model = strand.reconstruct(scene.views, radius, scene.bounds)
+        for chain in model.chains:
+            assert abs(chain.radius - scene.radius) < 2.5 * chain.radius_sd
+
+
 def test_ropes_that_do_not_differ_share_one_radius():
     views, bounds, _ = crossing(0.004, 0.004)
     model = strand.reconstruct(views, None, bounds)
@@ -140,6 +152,29 @@ def test_radii_that_are_known_are_kept_and_told_apart():
     for chain, axis in zip(model.chains, truth, strict=True):
         off = [strand.Chain(axis, chain.radius).nearest(point)[1] for point in chain.points[2:-2]]
         assert np.sqrt(np.mean(np.square(off))) < 3e-4
+
+
+@pytest.mark.parametrize("radius", [(0.003, 0.006), None])
+def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeypatch, radius):
+    views, bounds, truth = crossing(0.003, 0.006)
+    compared = tubes.compared
+    decisions = []
+
+    def cut_short_at_first(*arguments):
+        ways = compared(*arguments)
+        if not decisions:
+            for rope, (best, *_) in enumerate(ways):
+                chains = [(nodes[: len(nodes) // 2], ring) for nodes, ring in best.assembly.chains]
+                ways[rope] = [replace(best, assembly=replace(best.assembly, chains=chains))]
+        decisions.append(ways)
+        return ways
+
+    monkeypatch.setattr(tubes, "compared", cut_short_at_first)
+    model = strand.reconstruct(views, radius, bounds)
+    assert len(decisions) == 2
+    assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.03)
+    lengths = [strand.Chain(axis, 1.0).length for axis in truth]
+    assert [chain.length for chain in model.chains] == pytest.approx(lengths, rel=0.02)
 
 
 def test_one_view_says_how_little_it_knows():

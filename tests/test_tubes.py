@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -304,26 +305,19 @@ def test_an_arc_that_another_runs_into_is_parted_there():
 def test_a_fit_that_the_data_cannot_support_is_refused():
     clouds = tubes.Clouds([np.random.default_rng(0).uniform(size=(50, 3))], np.zeros((1, 3)), 0, None)
     control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1) + 5.0
+    fit = partial(
+        strand.fit_tubes,
+        clouds.points,
+        clouds.viewpoints,
+        [control],
+        np.eye(4)[None],
+        0.01,
+        pose_sd=(0.01, 0.01),
+    )
     with pytest.raises(strand.NotEnoughDataError, match="points"):
-        strand.fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            [control],
-            np.eye(4)[None],
-            0.01,
-            pose_sd=(0.01, 0.01),
-            reference=None,
-        )
+        fit(reference=None)
     with pytest.raises(ValueError, match="reference"):
-        strand.fit_tubes(
-            clouds.points,
-            clouds.viewpoints,
-            [control],
-            np.eye(4)[None],
-            0.01,
-            pose_sd=(0.01, 0.01),
-            reference=3,
-        )
+        fit(reference=3)
 
 
 def test_methods_and_numbers_are_kept_apart(paper):

@@ -42,6 +42,16 @@ class Sight:
 
 @final
 class IcpResult:
+    def __new__(
+        cls,
+        transformation: ArrayLike,
+        fitness: float,
+        inlier_rmse: float,
+        iterations: int,
+        converged: bool,
+        stop: str,
+    ) -> IcpResult: ...
+    def __getnewargs__(self) -> tuple[NDArray[np.float64], float, float, int, bool, str]: ...
     @property
     def transformation(self) -> NDArray[np.float64]: ...
     @property

@@ -261,7 +261,9 @@ def forced(judged: Sequence[Judged]) -> float:
     return free[0] - min(free)
 
 
-def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[Array] | None:
+def reopened(
+    fit: TubeFit, parts: Sequence[Curve | None], sight: Sight
+) -> tuple[list[Array], list[int]] | None:
     """Look at a fit for what speaks against it: points left over, string where cameras saw none.
 
     Parameters
@@ -274,24 +276,30 @@ def reopened(fit: TubeFit, parts: Sequence[Curve | None], sight: Sight) -> list[
 
     Returns
     -------
-    list of (M, 3) ndarray or None
-        Nodes of the pieces to decide on again, metres; None if nothing speaks against the fit.
+    list of (M, 3) ndarray, list of int, or None
+        Nodes of the pieces to decide on again, metres, and the kind of rope of each; None if nothing speaks
+        against the fit.
     """
-    r = fit.radius(0)
-    extra = left_over(fit)
     pieces: list[Array] = []
+    ropes: list[int] = []
     cut = False
-    for part in parts:
+    for number, part in enumerate(parts):
         if part is None:
             continue
+        r = fit.radius(number)
         nodes = part.at(part.nodes(0.5 * r))[0]
         keep = np.ones(len(nodes), dtype=bool)
         for start, stop in runs(sight.empty(nodes, r)):
             if (stop - start) * 0.5 >= _PHANTOM:
                 keep[start:stop] = False
         cut = cut or not keep.all()
-        pieces += [nodes[start:stop] for start, stop in runs(keep) if stop - start >= 3]
-    return pieces + extra if extra or cut else None
+        kept = [nodes[start:stop] for start, stop in runs(keep) if stop - start >= 3]
+        pieces += kept
+        ropes += [int(fit.ropes[number])] * len(kept)
+    extra = [(nodes, rope) for rope in range(len(fit.radii)) for nodes in left_over(fit, rope)]
+    if not extra and not cut:
+        return None
+    return pieces + [nodes for nodes, _ in extra], ropes + [rope for _, rope in extra]
 
 
 def alike(some: Chains, others: Chains, radius: float) -> bool:

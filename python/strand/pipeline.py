@@ -169,8 +169,7 @@ def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
 
 
 def _chosen(chains: list[Chain], ropes: int | None, run: Run) -> tuple[Chain, ...]:
-    """Keep as many strings as there are ropes, longest first."""
-    chains = sorted(chains, key=lambda chain: -chain.length)
+    """Keep as many strings as there are ropes."""
     if ropes is not None:
         if len(chains) < ropes:
             run.warnings.append(f"found {len(chains)} strings, fewer than ropes = {ropes}")

@@ -88,8 +88,9 @@ def find_strings(
         "cuts": parts.cuts,
         "segments": parts.segments,
     }
+    chains = [Chain(nodes, radius, closed) for nodes, closed in found]
     return Found(
-        [Chain(nodes, radius, closed) for nodes, closed in found],
+        sorted(chains, key=lambda chain: -chain.length),
         [cloud.view.pose for cloud in registered],
         [np.full(6, np.nan) for _ in registered],
         stages,

@@ -25,6 +25,9 @@ _LEAST_MODE = 0.1
 _SAME, _SAME_SD = 0.05, 3.0
 # what is not known of a radius that is given, in radii
 _GIVEN_SD = 0.003
+# how far noise pulls a fitted radius, in squares of its standard deviation over the radius: silhouettes lose
+# points to the outlier filter and gain pixels that fly, and neither shows in the residuals
+_PULL = 0.2
 # what is not known of a strip's width, in radii: strings lie beside each other, patches are round
 _WIDTH_SD = 0.05
 
@@ -63,6 +66,26 @@ class Radii:
         values = np.concatenate([self.values, self.values / 2.0, self.values / 3.0])
         order = np.argsort(values)
         return replace(self, values=values[order], sd=np.concatenate([self.sd, self.sd, self.sd])[order])
+
+    def deviation(self, fitted: Array, sd: Array, sigma: float) -> Array:
+        """Return the standard deviations of fitted radii, with what noise does to them beside its scatter.
+
+        Points that scatter independently would give a radius better than the tube's outline is seen.
+
+        Parameters
+        ----------
+        fitted, sd : (K,) ndarray
+            Radii and what the fit says of their standard deviations, metres.
+        sigma : float
+            Standard deviation of the fit's residuals, metres.
+
+        Returns
+        -------
+        (K,) ndarray
+            Metres; of radii that were given, no more than what is not known of them.
+        """
+        found = np.hypot(sd, _PULL * sigma**2 / fitted)
+        return found if self.free else np.minimum(found, self.sd)
 
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:

@@ -37,6 +37,7 @@ class Found:
     Attributes
     ----------
     chains : list of Chain
+        Longest first.
     poses : list of (4, 4) ndarray
         Registered camera-to-world poses of these views.
     pose_sd : list of (6,) ndarray

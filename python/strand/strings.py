@@ -131,7 +131,7 @@ def straighten(nodes: Array, radius: float, span: float) -> Array:
 def assemble(
     segments: Sequence[Array], reconnected: Reconnected, axis: Array, radius: float, config: Reconnection
 ) -> list[tuple[Array, bool]]:
-    """Join segments to whole strings, longest first.
+    """Join segments to whole strings.
 
     Parameters
     ----------
@@ -169,4 +169,4 @@ def assemble(
             for _ in range(2):
                 nodes = reach_end(nodes, axis, len(axis) / total, radius, span)[::-1]
             strings[i] = (nodes, closed)
-    return sorted(strings, key=lambda string: -path_length(string[0])[-1])
+    return strings

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
-from strand.assembly import Judged, decide, reopened
+from strand.assembly import Judged, decide, explanation_cost, reopened
 from strand.certainty import branches, confidence, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
@@ -104,7 +104,7 @@ class Arcs:
         return Arcs(list(compress(self.nodes, chosen)), list(compress(self.ropes, chosen)))
 
 
-def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int) -> Arcs:
+def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int, config: Config) -> Arcs:
     """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
     cameras = [
@@ -118,35 +118,21 @@ def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int) -> Arcs:
         ropes += [rope] * len(arcs)
     if not nodes:
         raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
-    found = Arcs(nodes, ropes)
+    return _explaining(clouds, motions, radii, Arcs(nodes, ropes), config)
+
+
+def _explaining(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs, config: Config) -> Arcs:
+    """Return the arcs whose radius is that of the points about them, if there are several radii."""
     if len(radii) == 1:
-        return found
+        return arcs
 
     def fitted(numbers: list[int]) -> TubeFit:
-        some = found.only([number in numbers for number in range(len(nodes))])
-        return _on_arcs(clouds, motions, radii, some)
+        some = arcs.only([number in numbers for number in range(len(arcs.nodes))])
+        curves = _splines(some, radii, config, 0.0)
+        held: dict[str, Any] = {"fit_curves": False, "iterations": 0, "uncertainty": False}
+        return _fit(clouds, curves, some.ropes, motions, radii, config, **held)
 
-    return found.only(best_explaining(ropes, radii, fitted))
-
-
-def _on_arcs(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs) -> TubeFit:
-    """Feet of all points on arcs as they are."""
-    return fit_tubes(
-        clouds.points,
-        clouds.viewpoints,
-        [
-            _core.spline_through(nodes, radii[rope], 0.0)
-            for nodes, rope in zip(arcs.nodes, arcs.ropes, strict=True)
-        ],
-        motions,
-        radii,
-        ropes=arcs.ropes,
-        pose_sd=(1.0, 1.0),
-        reference=None,
-        fit_curves=False,
-        iterations=0,
-        uncertainty=False,
-    )
+    return arcs.only(best_explaining(arcs.ropes, radii, fitted))
 
 
 def _fit(
@@ -176,16 +162,15 @@ def _fit(
 
 
 def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
-    """Corrections of the poses that put all views on the tubes of the reference view."""
+    """Corrections of the poses that put all views, best thinned, on the tubes of the reference view."""
     still = np.tile(np.eye(4), (len(clouds.points), 1, 1))
     if len(clouds.points) == 1:
         return still
-    clouds = clouds.thinned(float(radii.min()))
     alone = Clouds(
         [clouds.points[clouds.reference]], clouds.viewpoints[clouds.reference][None], 0, clouds.bounds
     )
     try:
-        arcs = trace(alone, still[:1], radii, min_nodes=4)
+        arcs = trace(alone, still[:1], radii, 4, config)
     except NotEnoughDataError:
         return still
     long = [len(nodes) >= _REFERENCE_NODES for nodes in arcs.nodes]
@@ -207,9 +192,11 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
 
 
 def fit_arcs(
-    clouds: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
+    clouds: Clouds, few: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
 ) -> tuple[TubeFit, Radii]:
     """Trace arcs and fit them with the poses, more than once; radii that are free last.
+
+    `few` is `clouds` thinned: arcs are traced in it, and only the last fits are to all points.
 
     Returns the last fit, and those of the radii that some arc has.
 
@@ -218,9 +205,9 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
-    fit, few = None, clouds.thinned(float(radii.values.min()))
+    fit = None
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
-        arcs = trace(few, motions, radii.values, min_nodes=3)
+        arcs = trace(few, motions, radii.values, 3, config)
         present = sorted(set(arcs.ropes))
         radii, arcs = radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
         fit = _fit(
@@ -256,7 +243,9 @@ def fit_arcs(
     if len(set(kinds)) < len(kinds):
         # strands side by side looked like a thicker rope
         first = [kinds.index(kind) for kind in range(max(kinds) + 1)]
-        return fit_arcs(clouds, fit.motions, radii.only(first), config, uncertainty=uncertainty)
+        radii = radii.only(first)
+        few = clouds.thinned(float(radii.values.min()))
+        return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
     return fit, radii
 
 
@@ -293,35 +282,71 @@ def compared(
         If no string is long enough.
     """
     ways = []
-    kinds = len(before.radii)
     for rope, radius in enumerate(before.radii):
         mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
-        points = clouds if kinds == 1 else _of_rope(clouds, before, rope)
-        sample = points.thinned(float(radius))
-
-        def fitted(
-            chains: Sequence[tuple[Array, bool]], sample: Clouds = sample, radius: float = radius
-        ) -> TubeFit:
-            strings = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
-            curves = _splines(strings, np.array([radius]), config, _STRING_MARGIN)
-            fit = _fit(
-                sample,
-                curves,
-                strings.ropes,
-                before.motions,
-                np.array([radius]),
-                config,
-                band=(0.5, 0.4),
-                iterations=12,
-                uncertainty=False,
-            )
-            return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
-
-        of_mine = known if kinds == 1 else known.of_a_kind()
+        fitted = _on_sample(clouds, before, rope, known, config)
+        of_mine = known if len(before.radii) == 1 else known.of_a_kind()
         ways.append(decide(mine, float(radius), config.linking, sight, fitted, of_mine, hues))
     if not any(ways):
         raise NotEnoughDataError("views: the points make no string; is the radius right, in metres?")
     return ways
+
+
+def _on_sample(
+    clouds: Clouds, before: TubeFit, rope: int, known: Known, config: Config
+) -> Callable[[Sequence[tuple[Array, bool]]], TubeFit]:
+    """Return what fits strings of one kind of rope to a sample of its points, poses as they are."""
+    points = clouds if len(before.radii) == 1 else _of_rope(clouds, before, rope)
+    radius = before.radii[rope : rope + 1]
+    sample = points.thinned(float(radius[0]))
+
+    def fitted(chains: Sequence[tuple[Array, bool]]) -> TubeFit:
+        strings = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
+        curves = _splines(strings, radius, config, _STRING_MARGIN)
+        fit = _fit(
+            sample,
+            curves,
+            strings.ropes,
+            before.motions,
+            radius,
+            config,
+            band=(0.5, 0.4),
+            iterations=12,
+            uncertainty=False,
+        )
+        return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
+
+    return fitted
+
+
+def decided_again(
+    ways: Sequence[Sequence[Judged]],
+    arcs: Arcs,
+    clouds: Clouds,
+    before: TubeFit,
+    sight: Sight,
+    known: Known,
+    hues: Hues | None,
+    config: Config,
+) -> list[list[Judged]] | None:
+    """Fit and compare ways to make strings of other arcs; None if that pays for no kind of rope.
+
+    Which points are of which kind of rope is found anew, so the way that was best is judged on them too.
+    """
+    if len(before.radii) > 1:
+        motions, radii = before.motions, before.radii
+        arcs = _explaining(clouds, motions, radii, arcs, config)
+        how: dict[str, Any] = {"band": (0.5, 0.4), "iterations": 8, "uncertainty": False}
+        before = _fit(clouds, _splines(arcs, radii, config, 0.5), arcs.ropes, motions, radii, config, **how)
+    again = compared(clouds, arcs, before, sight, known, hues, config)
+    if not all(ways) or not all(again):
+        return None
+    costs = [judged[0].cost for judged in ways]
+    if len(before.radii) > 1:
+        for rope, judged in enumerate(ways):
+            fitted = _on_sample(clouds, before, rope, known, config)
+            costs[rope] = explanation_cost(fitted(judged[0].assembly.chains), sight)
+    return again if sum(judged[0].cost for judged in again) < sum(costs) - _BETTER else None
 
 
 def _of_rope(clouds: Clouds, fit: TubeFit, rope: int) -> Clouds:
@@ -460,9 +485,10 @@ def find_strings(
     """
     clouds = Clouds.of(views, bounds)
     with run.stage("register"):
-        motions = registered_roughly(clouds, radii.values, config)
+        few = clouds.thinned(float(radii.values.min()))
+        motions = registered_roughly(few, radii.values, config)
     with run.stage("arcs"):
-        fit, radii = fit_arcs(clouds, motions, radii, config)
+        fit, radii = fit_arcs(clouds, few, motions, radii, config)
         before = with_left_over(clouds, fit, config)
         arcs = seen_arcs(before, config)
     with run.stage("link"):
@@ -483,17 +509,20 @@ def find_strings(
             if known.lengths:
                 starts = _splines(strings, before.radii, config, _STRING_MARGIN)
                 found = as_long(fit, starts, found, known)
-            # no decision that no fit would follow; points that speak against a rope may be another kind's
-            may_reopen = reopenings < _REOPENED and len(judged) == 1
-            pieces = reopened(fit, found, sight) if may_reopen else None
+            # no decision that no fit would follow
+            now = replace(fit, ropes=np.array(strings.ropes), radii=before.radii)
+            pieces = reopened(now, found, sight) if reopenings < _REOPENED else None
         if pieces is None:
             break
         with run.stage("link"):
-            again = compared(clouds, Arcs(pieces, [0] * len(pieces)), before, sight, known, hues, config)
-        if not again[0] or again[0][0].cost > judged[0][0].cost - _BETTER:
+            again = decided_again(judged, Arcs(*pieces), clouds, before, sight, known, hues, config)
+        if again is None:
             break
         judged = again
-    radii_sd = radii.sd[strings.ropes] if radii.held else fit.radii_sd[fit.ropes]
+    if radii.held:
+        radii_sd = radii.sd[strings.ropes]
+    else:
+        radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, found, closed, radii_sd, config), key=lambda chain: -chain.length)
     joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
@@ -568,8 +597,9 @@ def register_views(
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
     radii = Radii.given(radius)
-    motions = registered_roughly(clouds, radii.values, config)
-    fit, _ = fit_arcs(clouds, motions, radii, config, uncertainty=True)
+    few = clouds.thinned(radius)
+    motions = registered_roughly(few, radii.values, config)
+    fit, _ = fit_arcs(clouds, few, motions, radii, config, uncertainty=True)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]

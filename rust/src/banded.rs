@@ -140,6 +140,13 @@ impl Factor {
         }
         (x, y.iter().copied().collect())
     }
+
+    /// A column of the whole matrix' inverse, as far as it is the border's.
+    pub fn border_inverse(&self, column: usize) -> Vec<f64> {
+        let mut unit = DVector::zeros(self.corner.l_dirty().nrows());
+        unit[column] = 1.0;
+        self.corner.solve(&unit).iter().copied().collect()
+    }
 }
 
 #[cfg(test)]
@@ -182,7 +189,12 @@ mod tests {
             let factor = matrix.factor().unwrap();
             let (x, y) = factor.solve(&right.as_slice()[..n], &right.as_slice()[n..]);
             let solution = DVector::from_iterator(n + m, x.into_iter().chain(y));
-            prop_assert!((dense * solution - right).amax() < 1e-12);
+            prop_assert!((&dense * solution - right).amax() < 1e-12);
+            let inverse = dense.try_inverse().unwrap();
+            for column in 0..m {
+                let found = DVector::from_vec(factor.border_inverse(column));
+                prop_assert!((found - inverse.view((n, n + column), (m, 1))).amax() < 1e-12);
+            }
         }
     }
 

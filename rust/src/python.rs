@@ -185,12 +185,54 @@ fn estimate_normals<'py>(
     }
 }
 
+/// What Python calls the reasons for which iterations end.
+const STOPS: [(Stop, &str); 4] = [
+    (Stop::Tolerance, "tolerance"),
+    (Stop::Iterations, "iterations"),
+    (Stop::TooFewCorrespondences, "too few correspondences"),
+    (Stop::Degenerate, "degenerate"),
+];
+
 /// The outcome of `strand.icp`.
 #[pyclass(frozen, module = "strand")]
 struct IcpResult(crate::IcpResult);
 
 #[pymethods]
 impl IcpResult {
+    #[new]
+    fn new(
+        transformation: &Bound<'_, PyAny>,
+        fitness: &Bound<'_, PyAny>,
+        inlier_rmse: &Bound<'_, PyAny>,
+        iterations: &Bound<'_, PyAny>,
+        converged: bool,
+        stop: &str,
+    ) -> PyResult<Self> {
+        Ok(Self(crate::IcpResult {
+            transformation: motion("transformation", transformation)?,
+            fitness: number("fitness", fitness)?,
+            inlier_rmse: number("inlier_rmse", inlier_rmse)?,
+            iterations: count("iterations", iterations)?,
+            converged,
+            stop: STOPS.iter().find(|(_, name)| *name == stop).map(|(reason, _)| *reason).ok_or_else(
+                || {
+                    let names = STOPS.map(|(_, name)| format!("\"{name}\"")).join(", ");
+                    PyValueError::new_err(format!("stop: expected one of {names}, got \"{stop}\""))
+                },
+            )?,
+        }))
+    }
+
+    /// What a pickle makes it of again.
+    #[allow(clippy::type_complexity)]
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, f64, f64, usize, bool, &'static str)> {
+        let crate::IcpResult { fitness, inlier_rmse, iterations, converged, .. } = self.0;
+        Ok((self.transformation(py)?, fitness, inlier_rmse, iterations, converged, self.stop()))
+    }
+
     /// (4, 4) ndarray: the rigid motion from the source's frame to the target's.
     #[getter]
     fn transformation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -224,12 +266,7 @@ impl IcpResult {
     /// str: why the iterations ended: "tolerance", "iterations", "too few correspondences" or "degenerate".
     #[getter]
     fn stop(&self) -> &'static str {
-        match self.0.stop {
-            Stop::Tolerance => "tolerance",
-            Stop::Iterations => "iterations",
-            Stop::TooFewCorrespondences => "too few correspondences",
-            Stop::Degenerate => "degenerate",
-        }
+        STOPS.iter().find(|(reason, _)| *reason == self.0.stop).map_or("", |(_, name)| name)
     }
 
     fn __repr__(&self) -> String {

@@ -444,9 +444,7 @@ impl State<'_> {
         let mut size = (gained / (controls.len() + edges.len()) as f64).sqrt();
         for rope in 0..layout.radii {
             let column = layout.poses + rope;
-            let mut unit = vec![0.0; layout.border()];
-            unit[column] = 1.0;
-            let variance = factor.solve(&vec![0.0; layout.banded], &unit).1[column];
+            let variance = factor.border_inverse(column)[column];
             // one unknown among many, and all the others follow it
             size = size.max(edges[column].abs() / variance.sqrt());
             let (r, start) = (self.radii[rope], self.start_radii[rope]);

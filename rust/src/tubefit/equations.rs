@@ -253,15 +253,10 @@ impl State<'_> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
-        let inverse = |column: usize| {
-            let mut unit = vec![0.0; layout.border()];
-            unit[column] = 1.0;
-            factor.solve(&vec![0.0; layout.banded], &unit).1
-        };
         let poses = (0..self.views.len())
             .map(|view| match layout.column(view) {
                 Some(column) => std::array::from_fn(|i| {
-                    let row = inverse(column + i);
+                    let row = factor.border_inverse(column + i);
                     std::array::from_fn(|j| row[column + j])
                 }),
                 None => [[0.0; 6]; 6],
@@ -270,7 +265,7 @@ impl State<'_> {
         let radii = (0..self.radii.len())
             .map(|rope| match layout.radii {
                 0 => 0.0,
-                _ => inverse(layout.poses + rope)[layout.poses + rope].sqrt(),
+                _ => factor.border_inverse(layout.poses + rope)[layout.poses + rope].sqrt(),
             })
             .collect();
         let none = vec![0.0; layout.border()];
