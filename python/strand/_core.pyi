@@ -14,6 +14,7 @@ __all__ = [
     "__version__",
     "centerline",
     "count_neighbors",
+    "crop",
     "estimate_normals",
     "fit_tubes",
     "icp",
@@ -55,6 +56,7 @@ class IcpResult:
     @property
     def stop(self) -> Literal["tolerance", "iterations", "too few correspondences", "degenerate"]: ...
 
+def crop(points: ArrayLike, pose: ArrayLike, low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]: ...
 def radius_outlier_mask(
     points: ArrayLike,
     radius: float,

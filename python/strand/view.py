@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand import _core
+
 Array = NDArray[np.float64]
 
 
@@ -339,11 +341,7 @@ class View:
             If a low corner is not below its high one.
         """
         low, high = extraction_range(bounds)
-        inside = np.ones(len(self.points), dtype=bool)
-        for axis, shift, least, most in zip(self.pose[:3, :3], self.viewpoint, low, high, strict=True):
-            coordinate = self.points @ axis + shift
-            inside &= (coordinate >= least) & (coordinate <= most)
-        return View(self.points[inside], self.pose, self.dropped)
+        return View(_core.crop(self.points, self.pose, low, high), self.pose, self.dropped)
 
 
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:

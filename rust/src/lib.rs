@@ -27,6 +27,7 @@
 mod banded;
 mod centerline;
 mod chain;
+mod crop;
 mod error;
 mod filter;
 mod geometry;
@@ -49,6 +50,7 @@ pub type Point = [f64; 3];
 
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
+pub use crop::crop;
 pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;

@@ -1,8 +1,8 @@
 //! The Python bindings: validate, release the GIL, call the core, map the error. No maths.
 
 mod arguments;
-mod sight;
 mod tubes;
+mod views;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::create_exception;
@@ -473,7 +473,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("StrandError", py.get_type::<StrandError>())?;
     module.add("NotEnoughDataError", py.get_type::<NotEnoughDataError>())?;
     module.add_class::<IcpResult>()?;
-    module.add_class::<sight::Sight>()?;
+    module.add_class::<views::Sight>()?;
+    module.add_function(wrap_pyfunction!(views::crop, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;
