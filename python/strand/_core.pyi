@@ -12,6 +12,7 @@ __all__ = [
     "Sight",
     "StrandError",
     "__version__",
+    "arc_lengths",
     "centerline",
     "count_neighbors",
     "crop",
@@ -21,7 +22,9 @@ __all__ = [
     "num_threads",
     "radius_outlier_mask",
     "set_num_threads",
+    "spline_places",
     "spline_through",
+    "string_parts",
     "strip_radii",
     "trace_chains",
     "trace_tubes",
@@ -159,3 +162,18 @@ def strip_radii(
     points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int
 ) -> NDArray[np.float64]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...
+def spline_places(
+    control: ArrayLike, parameters: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+def arc_lengths(control: ArrayLike, start: float, stop: float) -> NDArray[np.float64]: ...
+def string_parts(
+    curves: Sequence[ArrayLike],
+    ropes: Sequence[int],
+    radii: Sequence[float],
+    counted: NDArray[np.bool_],
+    curve: NDArray[np.int64],
+    parameter: NDArray[np.float64],
+    points: ArrayLike,
+    to_camera: ArrayLike,
+    slack: Sequence[float] | None,
+) -> list[tuple[float, float] | None]: ...

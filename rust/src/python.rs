@@ -1,6 +1,7 @@
 //! The Python bindings: validate, release the GIL, call the core, map the error. No maths.
 
 mod arguments;
+mod curves;
 mod tubes;
 mod views;
 
@@ -484,7 +485,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::strip_radii, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::fit_tubes, module)?)?;
-    module.add_function(wrap_pyfunction!(tubes::spline_through, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::string_parts, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }
