@@ -12,15 +12,19 @@ __all__ = [
     "Sight",
     "StrandError",
     "__version__",
+    "arc_lengths",
     "centerline",
     "count_neighbors",
+    "crop",
     "estimate_normals",
     "fit_tubes",
     "icp",
     "num_threads",
     "radius_outlier_mask",
     "set_num_threads",
+    "spline_places",
     "spline_through",
+    "string_parts",
     "strip_radii",
     "trace_chains",
     "trace_tubes",
@@ -65,6 +69,9 @@ class IcpResult:
     @property
     def stop(self) -> Literal["tolerance", "iterations", "too few correspondences", "degenerate"]: ...
 
+def crop(
+    points: ArrayLike, pose: ArrayLike, low: ArrayLike, high: ArrayLike, colors: ArrayLike | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]: ...
 def radius_outlier_mask(
     points: ArrayLike,
     radius: float,
@@ -167,3 +174,18 @@ def strip_radii(
     points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int
 ) -> NDArray[np.float64]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...
+def spline_places(
+    control: ArrayLike, parameters: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+def arc_lengths(control: ArrayLike, start: float, stop: float) -> NDArray[np.float64]: ...
+def string_parts(
+    curves: Sequence[ArrayLike],
+    ropes: Sequence[int],
+    radii: Sequence[float],
+    counted: NDArray[np.bool_],
+    curve: NDArray[np.int64],
+    parameter: NDArray[np.float64],
+    points: ArrayLike,
+    to_camera: ArrayLike,
+    slack: Sequence[float] | None,
+) -> list[tuple[float, float] | None]: ...

@@ -8,10 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strand import _core
 from strand.view import Array, finite_array
-
-# places in each span between which arc length is taken as linear in the parameter
-_PLACES = 16
 
 
 def evaluate(control: Array, parameter: ArrayLike) -> tuple[Array, Array, Array]:
@@ -29,15 +27,7 @@ def evaluate(control: Array, parameter: ArrayLike) -> tuple[Array, Array, Array]
     position, first, second : (M, 3) ndarray
         The place and its derivatives by the parameter.
     """
-    u = np.asarray(parameter, dtype=np.float64)
-    first, weights = basis(u, len(control))
-    near = control[first[:, None] + np.arange(4)]
-    t = u - first
-    s = 1.0 - t
-    slope = np.stack([-s * s, 3 * t * t - 4 * t, -3 * t * t + 2 * t + 1, t * t], axis=1) / 2
-    bend = np.stack([s, 3 * t - 2, 1 - 3 * t, t], axis=1)
-    position, slope, bend = (np.einsum("mk,mkj->mj", w, near) for w in (weights, slope, bend))
-    return position, slope, bend
+    return _core.spline_places(control, np.asarray(parameter, dtype=np.float64))
 
 
 def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
@@ -92,14 +82,9 @@ class Curve:
 
     @cached_property
     def _table(self) -> tuple[Array, Array]:
-        """Parameters, and the arc length from the start to each."""
-        count = max(int((self.stop - self.start) * _PLACES) + 1, 2)
-        u = np.linspace(self.start, self.stop, count)
-        # Simpson's rule between neighbouring places
-        _, slope, _ = evaluate(self.control, np.linspace(self.start, self.stop, 2 * count - 1))
-        speed = np.linalg.norm(slope, axis=1)
-        steps = (speed[:-2:2] + 4 * speed[1::2] + speed[2::2]) / 6 * (u[1] - u[0])
-        return u, np.concatenate([[0.0], np.cumsum(steps)])
+        """Parameters, and the arc length from the start to each; linear between them."""
+        arc = _core.arc_lengths(self.control, self.start, self.stop)
+        return np.linspace(self.start, self.stop, len(arc)), arc
 
     @property
     def length(self) -> float:

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
+from strand import _core
 from strand.curve import Curve
 from strand.tubefit import TubeFit
 from strand.view import Array
 
-# all in radii: width of the counting bins; the stretch near an end whose points are looked at twice; how far
-# inside the end the density is taken, from and to; how far the end may lie from the first full bin
-_BIN, _NEAR_END, _INSIDE, _REACH = 0.5, 7.0, (1.0, 5.0), 1.5
+# how far inside an end the density of its points is taken, in radii
+_INSIDE = 5.0
 
 
 def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
@@ -32,21 +32,23 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     list of (Curve or None)
         None for a curve that fewer than eight points support.
     """
-    counted = fit.inlier.copy()
-    curves = [Curve.whole(control) for control in fit.curves]
+    slack = None
     if exclusive:
-        counted &= ~_ambiguous(fit, curves, counted)
-    parts: list[Curve | None] = []
-    for number, curve in enumerate(curves):
-        s = np.sort(curve.arc_length(fit.parameter[counted & (fit.curve == number)]))
-        if len(s) < 8:
-            parts.append(None)
-            continue
-        radius = fit.radius(number)
-        start = _end(s, curve.length, radius)
-        stop = curve.length - _end(curve.length - s[::-1], curve.length, radius)
-        parts.append(curve.part(start, stop) if stop - start > radius else None)
-    return parts
+        slack = [max(2.5 * fit.sigma, 0.15 * fit.radius(number)) for number in range(len(fit.curves))]
+    parts = _core.string_parts(
+        fit.curves,
+        fit.ropes.tolist(),
+        fit.radii.tolist(),
+        fit.inlier,
+        fit.curve,
+        fit.parameter,
+        fit.points,
+        fit.to_camera,
+        slack,
+    )
+    return [
+        None if part is None else Curve(control, *part) for control, part in zip(fit.curves, parts, strict=True)
+    ]
 
 
 def seen_excess(cosine: float, band: float) -> tuple[float, float]:
@@ -108,7 +110,7 @@ def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
         Metres; a radius if no point is near.
     """
     radius = fit.radius(number)
-    length = min(_INSIDE[1] * radius, part.length)
+    length = min(_INSIDE * radius, part.length)
     place = part.arc_length(fit.parameter)
     inwards = part.length - place if late else place
     counted = fit.inlier & (fit.curve == number) & (inwards < length)
@@ -124,62 +126,3 @@ def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
         variance += count**2 * width**2 / 12.0
         doubts += count * seen_excess(cosine, fit.band(number) / radius)[1] * radius
     return math.hypot(math.sqrt(variance), doubts) / total if total else radius
-
-
-def _end(s: Array, length: float, radius: float) -> float:
-    """Arc length at which ascending places of points begin."""
-    width = _BIN * radius
-    bins = int(length / width) + 1
-    counts = np.bincount(np.minimum((s / width).astype(np.int64), bins - 1), minlength=bins)
-    usual = float(np.median(counts[counts > 0]))
-    first = 0
-    for i in range(bins - 1):
-        density = max(float(np.median(counts[i + 1 : i + 9])), 0.3 * usual)
-        if counts[i] >= 0.4 * density and counts[i] + counts[i + 1] >= 0.8 * density:
-            first = i
-            break
-    about = (first + 0.5) * width
-    near, far = about + _INSIDE[0] * radius, min(about + _INSIDE[1] * radius, length - about)
-    far = max(far, near + radius)
-    inside = np.count_nonzero((s >= near) & (s < far))
-    beyond = np.count_nonzero((s < near) & (s > about - _REACH * radius))
-    if not inside:
-        return about
-    density = inside / (far - near)
-    # where another strand hides part of the inside, the density is too low: no end lies beyond all points
-    end = max(near - beyond / density, s[1] - 1.0 / density)
-    return float(np.clip(end, max(about - _REACH * radius, 0.0), about + _REACH * radius))
-
-
-def _ambiguous(fit: TubeFit, curves: list[Curve], counted: np.ndarray) -> np.ndarray:
-    """Points near the end of their curve that lie on the surface of another strand as well."""
-    places = [curve.nodes(0.25 * fit.radius(number)) for number, curve in enumerate(curves)]
-    samples = [curve.at(s)[:2] for curve, s in zip(curves, places, strict=True)]
-    centres = np.concatenate([sample[0] for sample in samples])
-    tangents = np.concatenate([sample[1] for sample in samples])
-    number = np.repeat(np.arange(len(curves)), [len(s) for s in places])
-    along = np.concatenate(places)
-    radii = fit.radii[fit.ropes[number]]
-    ambiguous = np.zeros(len(fit.curve), dtype=bool)
-    for k, curve in enumerate(curves):
-        r = fit.radius(k)
-        slack = max(2.5 * fit.sigma, 0.15 * r)
-        reach = 1.3 * float(fit.radii.max()) + slack
-        own = np.flatnonzero(counted & (fit.curve == k))
-        s = curve.arc_length(fit.parameter[own])
-        for at_end in (s < _NEAR_END * r, s > curve.length - _NEAR_END * r):
-            points, here = own[at_end], s[at_end]
-            if not len(points):
-                continue
-            position = fit.points[points]
-            low, high = position.min(axis=0) - reach, position.max(axis=0) + reach
-            near = np.flatnonzero(((centres > low) & (centres < high)).all(axis=1))
-            offset = position[:, None] - centres[near]
-            lengthwise = (offset * tangents[near]).sum(axis=2)
-            across = offset - lengthwise[..., None] * tangents[near]
-            distance = np.linalg.norm(across, axis=2)
-            facing = (across * fit.to_camera[points][:, None]).sum(axis=2) > -0.1 * distance
-            elsewhere = (number[near] != k) | (np.abs(along[near] - here[:, None]) > 5.0 * r)
-            on_surface = (np.abs(lengthwise) < 0.3 * r) & (np.abs(distance - radii[near]) < slack) & facing
-            ambiguous[points] |= (on_surface & elsewhere).any(axis=1)
-    return ambiguous

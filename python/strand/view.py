@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand import _core
+
 Array = NDArray[np.float64]
 
 
@@ -386,11 +388,8 @@ class View:
             If a low corner is not below its high one.
         """
         low, high = extraction_range(bounds)
-        inside = np.ones(len(self.points), dtype=bool)
-        for axis, shift, least, most in zip(self.pose[:3, :3], self.viewpoint, low, high, strict=True):
-            coordinate = self.points @ axis + shift
-            inside &= (coordinate >= least) & (coordinate <= most)
-        return self.only(inside)
+        points, colors = _core.crop(self.points, self.pose, low, high, self.colors)
+        return replace(self, points=points, colors=colors)
 
 
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:

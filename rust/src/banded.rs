@@ -41,15 +41,6 @@ impl Bordered {
         self.band[row][column + WIDTH - 1 - row] += value;
     }
 
-    /// Adds to all of A, as rows of the columns up to the diagonal; none adds nothing.
-    pub fn add_band_rows(&mut self, rows: &[[f64; WIDTH]]) {
-        for (row, added) in self.band.iter_mut().zip(rows) {
-            for (x, y) in row.iter_mut().zip(added) {
-                *x += y;
-            }
-        }
-    }
-
     /// Adds to an entry of C.
     #[inline]
     pub fn add_border(&mut self, row: usize, column: usize, value: f64) {

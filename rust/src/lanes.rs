@@ -2,7 +2,7 @@
 //!
 //! Plain arrays and loops of fixed length, in a form that the compiler turns to SIMD instructions.
 
-use std::ops::{Add, AddAssign, Mul, Sub};
+use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// How many numbers.
 pub const LANES: usize = 8;
@@ -63,12 +63,59 @@ impl Lanes {
         self.zip(other, |a, b| if a < b { 1.0 } else { 0.0 })
     }
 
+    /// Where this is not above the other: 1, elsewhere 0.
+    #[inline(always)]
+    pub fn not_above(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a <= b { 1.0 } else { 0.0 })
+    }
+
+    /// The first number where this is not 0, elsewhere the second.
+    #[inline(always)]
+    pub fn choose(self, yes: Self, no: Self) -> Self {
+        let mut result = no;
+        for l in 0..LANES {
+            result.0[l] = if self.0[l] != 0.0 { yes.0[l] } else { no.0[l] };
+        }
+        result
+    }
+
+    /// The smaller of each two.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
     /// The sum of all lanes.
     #[inline(always)]
     pub fn sum(self) -> f64 {
         self.0.iter().map(|&x| f64::from(x)).sum()
     }
 }
+
+/// Defines a function that is compiled twice: plainly, and for wider registers, where the processor has them.
+macro_rules! wide {
+    ($(#[$meta:meta])* $vis:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? $body:block) => {
+        $(#[$meta])*
+        $vis fn $name($($argument: $type),*) $(-> $result)? {
+            #[inline(always)]
+            fn plain($($argument: $type),*) $(-> $result)? $body
+
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx2")]
+            fn wider($($argument: $type),*) $(-> $result)? {
+                plain($($argument),*)
+            }
+
+            #[cfg(target_arch = "x86_64")]
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has AVX2
+                return unsafe { wider($($argument),*) };
+            }
+            plain($($argument),*)
+        }
+    };
+}
+pub(crate) use wide;
 
 impl Add for Lanes {
     type Output = Self;
@@ -101,8 +148,22 @@ impl Mul for Lanes {
     }
 }
 
+impl Div for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
+    }
+}
+
 /// Inner products.
 #[inline(always)]
 pub fn dot(a: [Lanes; 3], b: [Lanes; 3]) -> Lanes {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector products.
+#[inline(always)]
+pub fn cross(a: [Lanes; 3], b: [Lanes; 3]) -> [Lanes; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -24,9 +24,12 @@
 //! ```
 #![warn(missing_docs)]
 
+mod arclength;
 mod banded;
 mod centerline;
 mod chain;
+mod crop;
+mod ends;
 mod error;
 mod filter;
 mod geometry;
@@ -47,8 +50,11 @@ mod tubes;
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
 
+pub use arclength::ByLength;
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
+pub use crop::crop;
+pub use ends::{OnTube, string_parts};
 pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;

@@ -1,8 +1,9 @@
 //! The Python bindings: validate, release the GIL, call the core, map the error. No maths.
 
 mod arguments;
-mod sight;
+mod curves;
 mod tubes;
+mod views;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::create_exception;
@@ -510,7 +511,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("StrandError", py.get_type::<StrandError>())?;
     module.add("NotEnoughDataError", py.get_type::<NotEnoughDataError>())?;
     module.add_class::<IcpResult>()?;
-    module.add_class::<sight::Sight>()?;
+    module.add_class::<views::Sight>()?;
+    module.add_function(wrap_pyfunction!(views::crop, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;
@@ -520,7 +522,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::strip_radii, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::fit_tubes, module)?)?;
-    module.add_function(wrap_pyfunction!(tubes::spline_through, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::string_parts, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

@@ -47,6 +47,12 @@ impl Pieces {
         }
     }
 
+    /// The cubic of a span: coefficients of 1, t, t² and t³.
+    #[inline]
+    pub fn span(&self, number: usize) -> [Point; 4] {
+        self.spans[number]
+    }
+
     /// The largest parameter.
     #[inline]
     pub fn end(&self) -> f64 {

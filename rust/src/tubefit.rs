@@ -13,8 +13,11 @@ use crate::{Point, parallel};
 
 mod equations;
 mod feet;
+mod search;
+mod sums;
 
 use equations::undetermined;
+use feet::ViewTerms;
 
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
@@ -186,13 +189,11 @@ struct State<'a> {
     noise: f64,
 }
 
-/// One point's part in the normal equations.
+/// A place of one of the curves.
 #[derive(Clone, Copy)]
-struct Term {
-    moved: Point,
-    /// The outward normal as far as poses are concerned: at a right angle to the curve's direction, see [`directions`].
-    settled: Point,
-    foot: Foot,
+struct OnCurve {
+    curve: usize,
+    parameter: f64,
 }
 
 /// Fits curves, poses and radius to the points of all views.
@@ -311,7 +312,7 @@ impl State<'_> {
     fn run(&mut self, options: &TubeFitOptions) -> Result<TubeFit> {
         let mut iteration = 0;
         let mut step = f64::INFINITY;
-        let mut terms = Vec::new();
+        let mut terms: Vec<ViewTerms> = Vec::new();
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
@@ -367,7 +368,7 @@ impl State<'_> {
 
     fn result(
         &mut self,
-        mut terms: Vec<Vec<Term>>,
+        mut terms: Vec<ViewTerms>,
         bands: &[f64],
         mut iterations: usize,
         options: &TubeFitOptions,
@@ -390,31 +391,36 @@ impl State<'_> {
             radii: self.radii.clone(),
             sigma: self.sigma,
             bands: bands.to_vec(),
-            feet: terms.into_iter().map(|view| view.into_iter().map(|term| term.foot).collect()).collect(),
+            feet: self.feet(&terms),
             iterations,
         })
     }
 
     /// Updates the standard deviations of residuals and of noise.
-    fn measure(&mut self, terms: &[Vec<Term>], options: &TubeFitOptions) {
-        let used: Vec<&Foot> =
-            terms.iter().flatten().map(|term| &term.foot).filter(|foot| foot.inlier).collect();
-        if used.len() > 50 {
+    fn measure(&mut self, terms: &[ViewTerms], options: &TubeFitOptions) {
+        let mut sizes = Vec::new();
+        let mut along_rays = Vec::new();
+        for (curve, near) in terms.iter().flat_map(ViewTerms::on_curves).filter(|(_, near)| near.inlier) {
+            let size = self.radius(curve) * f64::from(near.residual.abs());
+            sizes.push(size);
+            if options.residual == Residual::Ray && options.noise.is_none() {
+                along_rays.push(size / f64::from(near.facing.max(0.4)));
+            }
+        }
+        if sizes.len() > 50 {
             let least = 0.02 * smallest(&self.radii);
-            self.sigma = robust_sd(used.iter().map(|foot| foot.residual)).max(least);
+            self.sigma = robust_sd(sizes).max(least);
             self.noise = match (options.residual, options.noise) {
                 (Residual::Distance, _) => self.sigma,
                 (Residual::Ray, Some(noise)) => noise,
-                (Residual::Ray, None) => {
-                    robust_sd(used.iter().map(|foot| foot.residual / foot.facing.max(0.4))).max(least)
-                }
+                (Residual::Ray, None) => robust_sd(along_rays).max(least),
             };
         }
     }
 
     /// One Gauss–Newton step. Returns its root mean square over the unknowns, or a radius' part if that is larger, in
     /// standard deviations.
-    fn step(&mut self, terms: &[Vec<Term>], options: &TubeFitOptions) -> Result<f64> {
+    fn step(&mut self, terms: &[ViewTerms], options: &TubeFitOptions) -> Result<f64> {
         let layout = self.layout(options);
         if layout.banded + layout.border() == 0 {
             return Ok(0.0);
@@ -484,9 +490,8 @@ fn smallest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Standard deviation from the median of sizes, for values about zero.
-fn robust_sd(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+/// Standard deviation of values about zero, from the median of their sizes.
+fn robust_sd(mut sizes: Vec<f64>) -> f64 {
     let middle = sizes.len() / 2;
     1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
 }

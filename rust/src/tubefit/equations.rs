@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::{EndSighting, State, Term, TubeFitOptions, Uncertainty};
+use super::feet::ViewTerms;
+use super::sums::RESIDUAL;
+use super::{EndSighting, State, TubeFitOptions, Uncertainty};
 use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result};
 use crate::geometry::{cross, dot, normalized, sub};
@@ -16,8 +18,6 @@ use crate::spline::Spline;
 const THIRD_DIFFERENCE: f64 = 0.1;
 pub(super) const SECOND_DIFFERENCE: f64 = 6.0;
 const SLIDE: f64 = 0.05;
-/// Unknowns of one view and rope: rotation, translation, the radius, and one that is always 0, for even numbers.
-const EDGE: usize = 8;
 
 /// Which unknown is where: control points in the band; poses, then the radii, in the border.
 pub(super) struct Layout {
@@ -38,18 +38,6 @@ impl Layout {
     pub(super) fn column(&self, view: usize) -> Option<usize> {
         self.reference.filter(|&fixed| fixed != view).map(|fixed| 6 * (view - usize::from(view > fixed)))
     }
-}
-
-/// One view's part of the normal equations, laid out as [`Bordered`] is, but for its own unknowns only.
-struct ViewSums {
-    /// Points that have a part.
-    used: usize,
-    band: Vec<[f64; WIDTH]>,
-    right_band: Vec<f64>,
-    border: Vec<[f64; EDGE]>,
-    /// For each rope.
-    corner: Vec<[[f64; EDGE]; EDGE]>,
-    right_edge: Vec<[f64; EDGE]>,
 }
 
 impl State<'_> {
@@ -74,44 +62,38 @@ impl State<'_> {
     /// The normal equations at the given feet: the matrix, and the right-hand sides of its band and its border.
     pub(super) fn assemble(
         &self,
-        terms: &[Vec<Term>],
+        terms: &[ViewTerms],
         layout: &Layout,
         options: &TubeFitOptions,
     ) -> Result<(Bordered, Vec<f64>, Vec<f64>)> {
         let mut matrix = Bordered::zeros(layout.banded, layout.border());
         let mut right_band = vec![0.0; layout.banded];
         let mut right_border = vec![0.0; layout.border()];
-        let of_views: Vec<ViewSums> = (0..self.views.len())
-            .into_par_iter()
-            .map(|view| self.view_sums(&terms[view], layout.column(view).is_some(), layout))
-            .collect();
+        let scale = 1.0 / (self.noise * self.noise);
         let mut used = 0;
-        for (view, sums) in of_views.iter().enumerate() {
-            used += sums.used;
-            matrix.add_band_rows(&sums.band);
-            for (x, y) in right_band.iter_mut().zip(&sums.right_band) {
-                *x += y;
-            }
-            for (rope, (corner, right_edge)) in sums.corner.iter().zip(&sums.right_edge).enumerate() {
-                let poses =
+        for (view, terms) in terms.iter().enumerate() {
+            for sums in &terms.sums {
+                used += sums.used;
+                let pose =
                     layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
-                let radius = (layout.radii > 0).then_some((6, layout.poses + rope));
-                let edges: Vec<(usize, usize)> = poses.chain(radius).collect();
-                for (i, &(from, to)) in edges.iter().enumerate() {
-                    right_border[to] += right_edge[from];
-                    for &(other, column) in &edges[..=i] {
-                        matrix.add_corner(to, column, corner[from][other]);
+                let radius = (layout.radii > 0).then_some((6, layout.poses + self.ropes[sums.curve]));
+                let edges = pose.chain(radius);
+                if options.fit_curves {
+                    let start = layout.offsets[sums.curve] + 3 * sums.first;
+                    sums.visit_band(|i, j, value| matrix.add_band(start + i, start + j, scale * value));
+                    for i in 0..WIDTH {
+                        let border = sums.border(i);
+                        right_band[start + i] += scale * border[RESIDUAL];
+                        for (from, to) in edges.clone() {
+                            matrix.add_border(start + i, to, -scale * border[from]);
+                        }
                     }
                 }
-            }
-            for (curve, &offset) in layout.offsets.iter().enumerate().filter(|_| layout.banded > 0) {
-                let poses =
-                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
-                let radius = (layout.radii > 0).then_some((6, layout.poses + self.ropes[curve]));
-                let rows = offset..offset + 3 * self.curves[curve].control.len();
-                for (from, to) in poses.chain(radius) {
-                    for row in rows.clone() {
-                        matrix.add_border(row, to, sums.border[row][from]);
+                for (from, to) in edges.clone() {
+                    let corner = sums.corner(from);
+                    right_border[to] -= scale * corner[RESIDUAL];
+                    for (other, column) in edges.clone().filter(|edge| edge.1 <= to) {
+                        matrix.add_corner(to, column, scale * corner[other]);
                     }
                 }
             }
@@ -194,62 +176,8 @@ impl State<'_> {
         }
     }
 
-    /// One view's part of the normal equations.
-    fn view_sums(&self, terms: &[Term], moves: bool, layout: &Layout) -> ViewSums {
-        let mut sums = ViewSums {
-            used: 0,
-            band: vec![[0.0; WIDTH]; layout.banded],
-            right_band: vec![0.0; layout.banded],
-            border: vec![[0.0; EDGE]; layout.banded],
-            corner: vec![[[0.0; EDGE]; EDGE]; self.radii.len()],
-            right_edge: vec![[0.0; EDGE]; self.radii.len()],
-        };
-        let scale = 1.0 / (self.noise * self.noise);
-        for Term { moved, settled, foot } in terms.iter().filter(|term| term.foot.weight > 0.0) {
-            sums.used += 1;
-            let rope = self.ropes[foot.curve];
-            let weight = foot.weight * scale;
-            let mut edge = [0.0; EDGE];
-            if moves {
-                let turn = cross(sub(*moved, self.center), *settled);
-                edge[..3].copy_from_slice(&turn);
-                edge[3..6].copy_from_slice(settled);
-            }
-            if layout.radii > 0 {
-                edge[6] = -1.0;
-            }
-            for i in 0..EDGE {
-                let x = weight * edge[i];
-                sums.right_edge[rope][i] -= x * foot.residual;
-                for j in 0..EDGE {
-                    sums.corner[rope][i][j] += x * edge[j];
-                }
-            }
-            if layout.banded > 0 {
-                let (first, basis) = self.curves[foot.curve].basis(foot.parameter);
-                let start = layout.offsets[foot.curve] + 3 * first;
-                let rows = start..start + WIDTH;
-                let jacobian: [f64; WIDTH] = std::array::from_fn(|i| -basis[i / 3] * foot.outward[i % 3]);
-                let band = sums.band[rows.clone()].iter_mut();
-                let border = sums.border[rows.clone()].iter_mut();
-                let right = sums.right_band[rows].iter_mut();
-                for (i, ((band, border), right)) in band.zip(border).zip(right).enumerate() {
-                    let x = weight * jacobian[i];
-                    *right -= x * foot.residual;
-                    for (entry, y) in band[WIDTH - 1 - i..].iter_mut().zip(&jacobian) {
-                        *entry += x * y;
-                    }
-                    for j in 0..EDGE {
-                        border[j] += x * edge[j];
-                    }
-                }
-            }
-        }
-        sums
-    }
-
     /// Standard deviations and covariances: the inverse of the normal equations' matrix.
-    pub(super) fn uncertainty(&self, terms: &[Vec<Term>], options: &TubeFitOptions) -> Result<Uncertainty> {
+    pub(super) fn uncertainty(&self, terms: &[ViewTerms], options: &TubeFitOptions) -> Result<Uncertainty> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;

@@ -1,10 +1,34 @@
-//! Bindings of what cameras saw of places.
+//! Bindings of what concerns views alone: the extraction range, and what cameras saw of places.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motion, require_same_length};
-use crate::{Seen, SightView};
+use super::arguments::{FloatArray, motion, points_array, require_same_length};
+use crate::{Point, Seen, SightView};
+
+/// Keep the points in an extraction range; see `strand.View.crop`.
+#[pyfunction]
+#[pyo3(signature = (points, pose, low, high, colors=None))]
+pub(super) fn crop<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    pose: &Bound<'py, PyAny>,
+    low: Point,
+    high: Point,
+    colors: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)> {
+    let points = FloatArray::new("points", points)?;
+    let (points, pose) = (points.rows("points", "(N, 3)")?, motion("pose", pose)?);
+    let kept = py.detach(|| crate::crop(points, &pose, [low, high]));
+    let only = |rows: &[Point]| points_array(py, kept.iter().map(|&i| rows[i]).collect());
+    let colors = colors.map(|colors| FloatArray::new("colors", colors)).transpose()?;
+    let colors = colors.map(|colors| {
+        let colors = colors.rows("colors", "(N, 3)")?;
+        require_same_length("colors", colors.len(), points.len())?;
+        only(colors)
+    });
+    Ok((only(points)?, colors.transpose()?))
+}
 
 /// What all views saw, for questions about places; see `strand.visibility.Sight`.
 #[pyclass(frozen, module = "strand._core")]

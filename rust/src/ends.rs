@@ -1,0 +1,233 @@
+//! Where a string ends: points that stop, found by counting.
+
+use crate::arclength::{ByLength, tangent};
+use crate::geometry::{advance, dot, sub};
+use crate::{Point, Tube};
+
+/// All in radii: width of the counting bins; the stretch near an end whose points are looked at twice; how far inside the
+/// end the density is taken, from and to; how far the end may lie from the first full bin.
+const BIN: f64 = 0.5;
+const NEAR_END: f64 = 7.0;
+const INSIDE: [f64; 2] = [1.0, 5.0];
+const REACH: f64 = 1.5;
+/// Fewer points support no curve.
+const FEWEST: usize = 8;
+
+/// A surface point that a curve explains.
+#[derive(Debug, Clone, Copy)]
+pub struct OnTube {
+    /// Number of the curve.
+    pub curve: usize,
+    /// Parameter of its foot there.
+    pub parameter: f64,
+    /// Where it is, metres.
+    pub position: Point,
+    /// Unit vector to the camera that saw it.
+    pub to_camera: Point,
+}
+
+/// Cuts fitted curves to the stretch that points support: the parameters from which to which each is string, if it is.
+///
+/// With n points for each metre of string and m points past L₀ − r, where L₀ is about where they give out, the end is at
+/// L₀ − r + m / n: unbiased, where a threshold on the density is not. With `slack`, for each tube how far from the
+/// surface its points may be, those near an end that lie on another strand's surface too are left out: they say nothing
+/// about that end.
+pub fn string_parts(
+    tubes: &[Tube],
+    radii: &[f64],
+    points: &[OnTube],
+    slack: Option<&[f64]>,
+) -> Vec<Option<[f64; 2]>> {
+    let curves: Vec<ByLength> =
+        tubes.iter().map(|tube| ByLength::new(&tube.curve, 0.0, tube.curve.end())).collect();
+    let strands = slack.map(|slack| (Strands::new(&curves, tubes, radii), slack));
+    let mut places: Vec<Vec<f64>> = vec![Vec::new(); tubes.len()];
+    let mut near_ends: Vec<[Vec<(f64, usize)>; 2]> = vec![Default::default(); tubes.len()];
+    for (i, point) in points.iter().enumerate() {
+        let curve = &curves[point.curve];
+        let s = curve.arc_length(point.parameter);
+        let near = NEAR_END * radii[tubes[point.curve].rope];
+        if strands.is_some() && s < near {
+            near_ends[point.curve][0].push((s, i));
+        } else if strands.is_some() && s > curve.length() - near {
+            near_ends[point.curve][1].push((s, i));
+        } else {
+            places[point.curve].push(s);
+        }
+    }
+    if let Some((strands, slack)) = &strands {
+        for (number, ends) in near_ends.iter().enumerate() {
+            for end in ends {
+                let own = strands.alone(number, slack[number], end, points);
+                places[number].extend(own);
+            }
+        }
+    }
+    places
+        .into_iter()
+        .enumerate()
+        .map(|(number, mut s)| {
+            if s.len() < FEWEST {
+                return None;
+            }
+            s.sort_unstable_by(f64::total_cmp);
+            let (curve, radius) = (&curves[number], radii[tubes[number].rope]);
+            let length = curve.length();
+            let start = end(&s, length, radius);
+            let backwards: Vec<f64> = s.iter().rev().map(|s| length - s).collect();
+            let stop = length - end(&backwards, length, radius);
+            (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
+        })
+        .collect()
+}
+
+/// Arc length at which ascending places of points begin.
+fn end(s: &[f64], length: f64, radius: f64) -> f64 {
+    let width = BIN * radius;
+    let bins = (length / width) as usize + 1;
+    let mut counts = vec![0usize; bins];
+    for s in s {
+        counts[((s / width) as usize).min(bins - 1)] += 1;
+    }
+    let usual = median(counts.iter().copied().filter(|&count| count > 0).collect());
+    let full = |&i: &usize| {
+        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * usual);
+        counts[i] as f64 >= 0.4 * density && (counts[i] + counts[i + 1]) as f64 >= 0.8 * density
+    };
+    let first = (0..bins - 1).find(full).unwrap_or(0);
+    let about = (first as f64 + 0.5) * width;
+    let near = about + INSIDE[0] * radius;
+    let far = (about + INSIDE[1] * radius).min(length - about).max(near + radius);
+    let before = |limit: f64| s.partition_point(|&s| s < limit);
+    let inside = before(far) - before(near);
+    let beyond = before(near) - s.partition_point(|&s| s <= about - REACH * radius).min(before(near));
+    if inside == 0 {
+        return about;
+    }
+    let density = inside as f64 / (far - near);
+    // where another strand hides part of the inside, the density is too low: no end lies beyond all points
+    let end = (near - beyond as f64 / density).max(s[1] - 1.0 / density);
+    end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
+}
+
+fn median(mut counts: Vec<usize>) -> f64 {
+    counts.sort_unstable();
+    let middle = counts.len() / 2;
+    match counts.len() % 2 {
+        1 => counts[middle] as f64,
+        _ => 0.5 * (counts[middle - 1] + counts[middle]) as f64,
+    }
+}
+
+/// A place of a strand's axis.
+struct Node {
+    curve: usize,
+    s: f64,
+    position: Point,
+    tangent: Point,
+    radius: f64,
+}
+
+/// Places along all curves, for what else a point may belong to.
+struct Strands {
+    nodes: Vec<Node>,
+    radii: Vec<f64>,
+    widest: f64,
+}
+
+impl Strands {
+    fn new(curves: &[ByLength], tubes: &[Tube], radii: &[f64]) -> Self {
+        let radii_of: Vec<f64> = tubes.iter().map(|tube| radii[tube.rope]).collect();
+        let mut nodes = Vec::new();
+        for (number, (curve, &radius)) in curves.iter().zip(&radii_of).enumerate() {
+            for s in curve.nodes(0.25 * radius) {
+                let place = curve.at(s);
+                let (position, tangent) = (place.position, tangent(&place));
+                nodes.push(Node { curve: number, s, position, tangent, radius });
+            }
+        }
+        Self { nodes, widest: radii.iter().copied().fold(0.0, f64::max), radii: radii_of }
+    }
+
+    /// Places along a curve of those of its points near one end that lie on no other strand's surface.
+    fn alone(&self, curve: usize, slack: f64, at_end: &[(f64, usize)], points: &[OnTube]) -> Vec<f64> {
+        let r = self.radii[curve];
+        let reach = 1.3 * self.widest + slack;
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for &(_, i) in at_end {
+            for k in 0..3 {
+                low[k] = low[k].min(points[i].position[k] - reach);
+                high[k] = high[k].max(points[i].position[k] + reach);
+            }
+        }
+        let near: Vec<&Node> = (self.nodes.iter())
+            .filter(|node| (0..3).all(|k| node.position[k] > low[k] && node.position[k] < high[k]))
+            .collect();
+        let shared = |&(here, i): &(f64, usize)| {
+            near.iter().any(|node| {
+                if node.curve == curve && (node.s - here).abs() <= 5.0 * r {
+                    return false;
+                }
+                let offset = sub(points[i].position, node.position);
+                let lengthwise = dot(offset, node.tangent);
+                if lengthwise.abs() >= 0.3 * r {
+                    return false;
+                }
+                let across = advance(offset, -lengthwise, node.tangent);
+                let distance = dot(across, across).sqrt();
+                (distance - node.radius).abs() < slack && dot(across, points[i].to_camera) > -0.1 * distance
+            })
+        };
+        at_end.iter().filter(|point| !shared(point)).map(|&(s, _)| s).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spline::Spline;
+
+    /// The curve of a tube that is straight along x from 0.
+    fn straight(length: f64, spans: usize) -> Spline {
+        let step = length / spans as f64;
+        Spline { control: (0..spans + 3).map(|i| [(i as f64 - 1.0) * step, 0.0, 0.0]).collect() }
+    }
+
+    /// Points on top of a straight tube of radius 1 along x, from 3 to 37.
+    fn on_top(tube: &Tube) -> Vec<OnTube> {
+        let whole = ByLength::new(&tube.curve, 0.0, tube.curve.end());
+        (0..340)
+            .map(|i| 3.05 + 0.1 * f64::from(i))
+            .map(|x| OnTube {
+                curve: 0,
+                parameter: whole.parameter(x),
+                position: [x, 0.0, 1.0],
+                to_camera: [0.0, 0.0, 1.0],
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_string_is_as_long_as_its_points_are() {
+        let tubes = [Tube { curve: straight(40.0, 16), rope: 0 }];
+        let points = on_top(&tubes[0]);
+        for slack in [None, Some(&[0.15][..])] {
+            let parts = string_parts(&tubes, &[1.0], &points, slack);
+            let [start, stop] = parts[0].unwrap().map(|u| u * 2.5);
+            assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
+        }
+        assert_eq!(string_parts(&tubes, &[1.0], &points[..7], None), [None]);
+    }
+
+    #[test]
+    fn points_on_another_strand_too_do_not_count_for_an_end() {
+        let across = Spline { control: (0..9).map(|i| [36.5, 2.5 * f64::from(i - 4), 0.0]).collect() };
+        let tubes = [Tube { curve: straight(40.0, 16), rope: 0 }, Tube { curve: across, rope: 0 }];
+        let mut points = on_top(&tubes[0]);
+        points.retain(|point| point.position[0] < 34.0 || point.position[0] > 36.2);
+        let stop = |slack| string_parts(&tubes, &[1.0], &points, slack)[0].unwrap()[1] * 2.5;
+        assert!(stop(None) > 34.5);
+        assert!(stop(Some(&[0.15, 0.15])) < 34.3);
+    }
+}

@@ -1,0 +1,128 @@
+//! Bindings of splines, and of where strings end along them.
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use super::arguments::{FloatArray, points_array, require_same_length};
+use crate::{ByLength, OnTube, Point, Spline, Tube};
+
+/// Fit a uniform cubic B-spline through ordered nodes by least squares.
+///
+/// Parameters
+/// ----------
+/// nodes : (M, 3) array_like of float
+///     Ordered nodes, metres.
+/// spacing : float
+///     About how long the spline's spans are, metres.
+/// extension : float
+///     The curve is carried on straight by this at both ends, metres.
+///
+/// Returns
+/// -------
+/// (n, 3) ndarray
+///     Control points, metres, n >= 4; the parameter runs from 0 to n - 3.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `nodes` does not hold floating point numbers.
+/// ValueError
+///     If `nodes` is not (M, 3) or not finite, or a length is out of range.
+/// strand.NotEnoughDataError
+///     If there are fewer than two different nodes.
+#[pyfunction]
+pub(super) fn spline_through<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    spacing: f64,
+    extension: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    let nodes = nodes.rows("nodes", "(M, 3)")?;
+    let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
+    points_array(py, spline.control)
+}
+
+/// Positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(super) fn spline_places<'py>(
+    py: Python<'py>,
+    control: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let (spline, parameters) = (spline("control", control)?, FloatArray::new("parameter", parameters)?);
+    let parameters = parameters.slice()?;
+    let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(parameters.len()));
+    for place in parameters.iter().map(|&u| spline.at(u)) {
+        for (all, one) in places.iter_mut().zip([place.position, place.first, place.second]) {
+            all.push(one);
+        }
+    }
+    let [position, first, second] = places;
+    Ok((points_array(py, position)?, points_array(py, first)?, points_array(py, second)?))
+}
+
+/// Arc length from one parameter of a spline to places evenly spaced up to another, metres.
+#[pyfunction]
+pub(super) fn arc_lengths<'py>(
+    py: Python<'py>,
+    control: &Bound<'py, PyAny>,
+    start: f64,
+    stop: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let spline = spline("control", control)?;
+    Ok(PyArray1::from_vec(py, ByLength::new(&spline, start, stop).into_table()))
+}
+
+/// Cut curves to the stretch that points support; see `strand.ends.string_parts`.
+///
+/// `slack` is None, or how far from each curve's surface its points may be.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn string_parts<'py>(
+    py: Python<'py>,
+    curves: Vec<Bound<'py, PyAny>>,
+    ropes: Vec<usize>,
+    radii: Vec<f64>,
+    counted: PyReadonlyArray1<'py, bool>,
+    curve: PyReadonlyArray1<'py, i64>,
+    parameter: PyReadonlyArray1<'py, f64>,
+    points: &Bound<'py, PyAny>,
+    to_camera: &Bound<'py, PyAny>,
+    slack: Option<Vec<f64>>,
+) -> PyResult<Vec<Option<[f64; 2]>>> {
+    let (points, to_camera) = (FloatArray::new("points", points)?, FloatArray::new("to_camera", to_camera)?);
+    let (points, to_camera) = (points.rows("points", "(N, 3)")?, to_camera.rows("to_camera", "(N, 3)")?);
+    let (counted, curve, parameter) = (counted.as_slice()?, curve.as_slice()?, parameter.as_slice()?);
+    for (name, length) in [
+        ("to_camera", to_camera.len()),
+        ("counted", counted.len()),
+        ("curve", curve.len()),
+        ("parameter", parameter.len()),
+    ] {
+        require_same_length(name, length, points.len())?;
+    }
+    let tubes: Vec<Tube> = curves
+        .iter()
+        .zip(ropes)
+        .map(|(curve, rope)| Ok(Tube { curve: spline("curves", curve)?, rope }))
+        .collect::<PyResult<_>>()?;
+    Ok(py.detach(|| {
+        let on_tubes: Vec<OnTube> = (0..points.len())
+            .filter(|&i| counted[i])
+            .map(|i| OnTube {
+                curve: curve[i] as usize,
+                parameter: parameter[i],
+                position: points[i],
+                to_camera: to_camera[i],
+            })
+            .collect();
+        crate::string_parts(&tubes, &radii, &on_tubes, slack.as_deref())
+    }))
+}
+
+/// A spline of checked control points.
+fn spline(name: &str, control: &Bound<'_, PyAny>) -> PyResult<Spline> {
+    Ok(Spline { control: FloatArray::new(name, control)?.rows(name, "(n, 3)")?.to_vec() })
+}

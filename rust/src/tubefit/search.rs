@@ -1,0 +1,143 @@
+//! Which place of which curve explains a point best, from nothing but the point.
+
+use std::collections::HashMap;
+
+use super::{OnCurve, Residual, State};
+use crate::Point;
+use crate::geometry::{dot, normalized, sub};
+use crate::lanes::{self, LANES, Lanes, wide};
+
+/// Distance between the places of a curve that points are compared with, in radii.
+const SAMPLING: f64 = 0.5;
+/// How far a point may be from an axis to belong to it, in radii.
+const REACH: f64 = 2.0;
+
+/// Places along all curves, listed for each cell of space that has some within reach.
+pub(super) struct Search {
+    cell: f64,
+    /// Of the blocks of a cell.
+    cells: HashMap<[i64; 3], std::ops::Range<usize>>,
+    blocks: Vec<Block>,
+    /// Square of the distance within which places count, m².
+    reach: f32,
+    /// Points that turn farther away from their cameras, as a cosine, lie on the far side of a tube.
+    least_facing: f32,
+}
+
+/// Eight places of curves, in metres relative to the middle of their cell; the rest of a last block is out of reach.
+#[derive(Clone)]
+struct Block {
+    position: [Lanes; 3],
+    tangent: [Lanes; 3],
+    radius: Lanes,
+    places: [OnCurve; LANES],
+}
+
+impl Search {
+    pub(super) fn new(state: &State, residual: Residual) -> Self {
+        let reach = REACH * state.radii.iter().copied().fold(0.0, f64::max);
+        let cell = 2.0 * reach;
+        let mut samples = Vec::new();
+        let mut listed: Vec<([i64; 3], usize)> = Vec::new();
+        for (curve, spline) in state.curves.iter().enumerate() {
+            for parameter in spline.parameters(SAMPLING * state.radius(curve)) {
+                let place = spline.at(parameter);
+                let [low, high] = [-reach, reach].map(|by| cell_of(place.position.map(|x| x + by), cell));
+                for x in low[0]..=high[0] {
+                    for y in low[1]..=high[1] {
+                        for z in low[2]..=high[2] {
+                            listed.push(([x, y, z], samples.len()));
+                        }
+                    }
+                }
+                samples.push((place, state.radius(curve), OnCurve { curve, parameter }));
+            }
+        }
+        listed.sort_unstable();
+        let mut cells = HashMap::new();
+        let mut blocks: Vec<Block> = Vec::new();
+        for list in listed.chunk_by(|a, b| a.0 == b.0) {
+            let first = blocks.len();
+            let middle = list[0].0.map(|x| (x as f64 + 0.5) * cell);
+            for numbers in list.chunks(LANES) {
+                let mut block = Block {
+                    position: [Lanes::all(f32::MAX.sqrt()); 3],
+                    tangent: [Lanes::all(0.0); 3],
+                    radius: Lanes::all(0.0),
+                    places: [OnCurve { curve: 0, parameter: 0.0 }; LANES],
+                };
+                for (l, &(_, number)) in numbers.iter().enumerate() {
+                    let (place, radius, on_curve) = &samples[number];
+                    let (x, tangent) = (sub(place.position, middle), normalized(place.first));
+                    for k in 0..3 {
+                        block.position[k].0[l] = x[k] as f32;
+                        block.tangent[k].0[l] = tangent[k] as f32;
+                    }
+                    block.radius.0[l] = *radius as f32;
+                    block.places[l] = *on_curve;
+                }
+                blocks.push(block);
+            }
+            cells.insert(list[0].0, first..blocks.len());
+        }
+        let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
+        Self { cell, cells, blocks, reach: (reach * reach) as f32, least_facing }
+    }
+
+    /// The places that explain points seen by one camera best; none for points that no tube is near to.
+    pub(super) fn places(&self, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
+        let mut last = ([i64::MAX; 3], 0..0);
+        let place = |&p: &Point| {
+            let cell = cell_of(p, self.cell);
+            if cell != last.0 {
+                last = (cell, self.cells.get(&cell).cloned().unwrap_or(0..0));
+            }
+            let blocks = &self.blocks[last.1.clone()];
+            if blocks.is_empty() {
+                return None;
+            }
+            let middle = cell.map(|x| (x as f64 + 0.5) * self.cell);
+            let to_camera = sub(camera, p);
+            let distance = dot(to_camera, to_camera).sqrt();
+            let (x, to_camera) = (sub(p, middle), to_camera.map(|x| (x / distance) as f32));
+            let [costs, numbers] =
+                cheapest(blocks, x.map(|x| x as f32), to_camera, self.reach, self.least_facing);
+            let best = (0..LANES).fold(0, |best, l| if costs.0[l] < costs.0[best] { l } else { best });
+            (costs.0[best] < f32::MAX).then(|| blocks[numbers.0[best] as usize].places[best])
+        };
+        points.iter().map(place).collect()
+    }
+}
+
+fn cell_of(p: Point, cell: f64) -> [i64; 3] {
+    p.map(|x| (x / cell).floor() as i64)
+}
+
+wide! {
+    /// The least cost in each lane of some blocks, and the number of its block.
+    fn cheapest(
+        blocks: &[Block],
+        p: [f32; 3],
+        to_camera: [f32; 3],
+        reach: f32,
+        least_facing: f32
+    ) -> [Lanes; 2] {
+        let (p, to_camera) = (p.map(Lanes::all), to_camera.map(Lanes::all));
+        let [zero, most, reach, facing] = [0.0, f32::MAX, reach, least_facing].map(Lanes::all);
+        let (mut best, mut number) = (most, zero);
+        for (i, block) in blocks.iter().enumerate() {
+            let r = block.radius;
+            let x: [Lanes; 3] = std::array::from_fn(|k| p[k] - block.position[k]);
+            let along = lanes::dot(x, block.tangent);
+            let q: [Lanes; 3] = std::array::from_fn(|k| x[k] - along * block.tangent[k]);
+            let d = lanes::dot(q, q).sqrt();
+            let away = lanes::dot(q, to_camera).below(facing * d) * Lanes::all(2.0) * r;
+            let cost = (d - r).abs() + away + (along.abs() - Lanes::all(0.3) * r).max(zero);
+            let out = reach.below(lanes::dot(x, x)).max((Lanes::all(1.2) * r).not_above(cost));
+            let cheaper = cost.below(best) * (Lanes::all(1.0) - out);
+            best = cheaper.choose(cost, best);
+            number = cheaper.choose(Lanes::all(i as f32), number);
+        }
+        [best, number]
+    }
+}
