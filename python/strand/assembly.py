@@ -55,15 +55,15 @@ class Assembly:
     chains : list of ((K, 3) ndarray, bool)
         Nodes of each string, metres, and whether it is closed.
     matching_cost : float
-    left_out : tuple of float
-        Lengths of what became too short a string, metres.
+    left_out : tuple of (K, 3) ndarray
+        Nodes of what became too short a string, metres.
     """
 
     links: Links
     joins: tuple[tuple[int, int], ...]
     chains: Chains
     matching_cost: float
-    left_out: tuple[float, ...]
+    left_out: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ def assembled(
     if known.lengths:
         made = links.joined(joins, radius, config, sight, known)
     chains = [chain for chain in made if long_enough(chain)]
-    left_out = tuple(float(path_length(chain[0])[-1]) for chain in made if not long_enough(chain))
+    left_out = tuple(chain[0] for chain in made if not long_enough(chain))
     return Assembly(links, tuple(joins), chains, cost, left_out) if chains else None
 
 

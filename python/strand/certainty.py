@@ -9,8 +9,8 @@ import numpy as np
 from strand.assembly import Chains, Judged, forced
 from strand.config import Linking
 from strand.curve import Curve
-from strand.ends import string_parts
-from strand.model import Chain, Join
+from strand.ends import string_parts, unseen_beyond
+from strand.model import Chain, Doubt, Join
 from strand.topology import path_length
 from strand.tubefit import TubeFit
 from strand.view import Array
@@ -18,8 +18,8 @@ from strand.visibility import Sight
 
 # margins are in the units of the costs; this much is worth a factor of e in the odds
 _SCALE = 2.5
-# places beyond an end that would have been seen if the string went on, in radii
-_BEYOND = (1.5, 2.5)
+# how far beyond an end no camera may have seen, in radii
+_UNSEEN = 1.75
 # a branch ends at most so far from the side of what it comes from, which is how far counting may miss an end,
 # and points at its axis this well; the way between is looked at in such steps; in radii
 _MEETS, _STRAIGHT, _LOOK = 1.75, 1.2, 0.25
@@ -30,6 +30,10 @@ _INSIDE, _FEW = (0.5, 2.5), 0.4
 # doubt: without any reason, for each join by its margin, for each end that may be another's or farther on,
 # for each radius of what is left out, and for the noise in radii beyond what is narrow
 _ALWAYS, _JOINS, _ENDS, _STRAY, _NOISE, _NARROW = 0.01, 0.5, 0.4, 0.15, 6.0, 0.21
+# and for the share of the points on strings under what is usual
+_ASTRAY, _USUAL_SHARE = 10.0, 0.92
+# less is not worth mentioning
+_LEAST = 1e-3
 
 
 def joins_of(
@@ -89,29 +93,26 @@ def _nearest(chains: Sequence[Chain], place: Array) -> int:
     return int(np.argmin([np.linalg.norm(chain.points - place, axis=1).min() for chain in chains]))
 
 
-def confidence(
-    judged: Sequence[Judged],
+def doubts(
+    ways: Sequence[Sequence[Judged]],
     joins: Sequence[Join],
-    chains: Sequence[Chain],
     parts: Sequence[Curve | None],
     fit: TubeFit,
     sight: Sight,
-) -> float:
-    """Say how likely it is that strings run as the best explanation has them.
+) -> tuple[Doubt, ...]:
+    """Say what speaks against the answer, and how much.
 
-    exp(-d), where d adds up what raises doubt: joins with small margins, a rival explanation that costs
-    hardly more, ends beyond which the string could go on unseen, pieces that became part of no string, noise
-    that is wide for the strings, and what explains the points better but for contradicting what is known of
-    the strings. The weights were set on scenes drawn at random.
+    Joins with small margins, rival explanations that cost hardly more, ends beyond which the string could go
+    on unseen, pieces that became part of no string, points on no string, noise that is wide for the strings,
+    and what explains the points better but for contradicting what is known of the strings. The weights were
+    set on scenes drawn at random.
 
     Parameters
     ----------
-    judged : sequence of Judged
-        The best first.
+    ways : sequence of sequence of Judged
+        For each kind of rope ways to make strings of its pieces, the best first.
     joins : sequence of Join
-        Of the best.
-    chains : sequence of Chain
-        What the best became.
+        Of the best ways.
     parts : sequence of (Curve or None)
         The stretch of each fitted curve that is string; None for closed ones too.
     fit : TubeFit
@@ -121,51 +122,99 @@ def confidence(
 
     Returns
     -------
-    float
-        From 0 to 1.
+    tuple of Doubt
+        The greatest first.
     """
+    found = [_of_join(join) for join in joins]
+    for judged in filter(None, ways):
+        found += _of_decision(judged)
+    found += _of_ends(parts, fit, sight)
+    share = float(fit.inlier.mean())
+    reason = (
+        f"only {share:.0%} of the points lie on the strings found; is the radius right, and does the "
+        "extraction range leave out everything else?"
+    )
+    found.append(Doubt(_ASTRAY * max(_USUAL_SHARE - share, 0.0), "of the strings found", reason))
+    return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
+
+
+def confidence(found: Sequence[Doubt]) -> float:
+    """How likely the answer is right: exp(-d), where d adds up all doubts."""
+    return float(np.exp(-_ALWAYS - sum(doubt.amount for doubt in found)))
+
+
+def worth_a_warning(margin: float) -> float:
+    """How great a doubt is that a join of this margin raises."""
+    return _JOINS * float(np.exp(-max(margin, 0.0) / _SCALE))
+
+
+def _of_join(join: Join) -> Doubt:
+    other = (
+        "it may end there"
+        if join.alternative is None
+        else f"it may go on at {np.round(join.alternative, 3).tolist()}"
+    )
+    reason = f"{other} (margin {join.margin:.1f})"
+    return Doubt(worth_a_warning(join.margin), "how the string runs", reason, join.place)
+
+
+def _of_decision(judged: Sequence[Judged]) -> list[Doubt]:
+    """Doubts about the decision on one kind of rope."""
     best = judged[0]
     radius = best.fit.radius(0)
-    doubt = _ALWAYS + _JOINS * sum(float(np.exp(-max(join.margin, 0.0) / _SCALE)) for join in joins)
+    found = []
+    for nodes in best.assembly.left_out:
+        length = float(path_length(nodes)[-1])
+        reason = f"a piece of {length * 1e3:.0f} mm became part of no string"
+        found.append(Doubt(_STRAY * (length / radius + 1.0), "what is there", reason, nodes[len(nodes) // 2]))
+    wide = best.fit.sigma / radius
+    reason = f"noise is {wide:.2f} radii wide"
+    found.append(Doubt(_NOISE * max(wide - _NARROW, 0.0), "of all that is finer than the noise", reason))
+    reason = "something else explains the points better"
+    found.append(Doubt(forced(judged) / _SCALE, "of what is known of the strings beforehand", reason))
     if len(judged) > 1:
-        doubt += float(np.exp(-(judged[1].cost - best.cost) / _SCALE))
-    doubt += _ENDS * sum(_could_go_on(chain, sight, radius) for chain in chains)
-    doubt += _ENDS * _vague_ends(parts, fit)
-    doubt += _STRAY * sum(length / radius + 1.0 for length in best.assembly.left_out)
-    doubt += _NOISE * max(best.fit.sigma / radius - _NARROW, 0.0)
-    doubt += forced(judged) / _SCALE
-    return float(np.exp(-doubt))
+        rival = judged[1]
+        more = rival.cost - best.cost
+        amount = float(np.exp(-more / _SCALE))
+        reason = f"another way to explain the points costs {more:.1f} more"
+        found.append(Doubt(amount, "how the strings run", reason, _difference(best, rival)))
+    return found
 
 
-def _vague_ends(parts: Sequence[Curve | None], fit: TubeFit) -> int:
-    """Count the ends that few points show, or that lie elsewhere if points count that may be another's."""
-    count = 0
+def _difference(best: Judged, rival: Judged) -> Array | None:
+    """Return where an explanation joins what the best does not, or the other way round."""
+    radius = best.fit.radius(0)
+    for some, other in ((rival, best), (best, rival)):
+        for pair in some.assembly.joins:
+            a, b = (some.assembly.links.end(end) for end in pair)
+            if not _run(other.assembly.chains, a, b, radius):
+                return np.asarray(0.5 * (a + b))
+    return None
+
+
+def _of_ends(parts: Sequence[Curve | None], fit: TubeFit, sight: Sight) -> list[Doubt]:
+    """Doubts about ends: strings may go on where no camera saw, or few points show where they end."""
+    found = []
     for number, (kept, whole) in enumerate(zip(parts, string_parts(fit, exclusive=False), strict=True)):
-        if kept is None or whole is None:
+        if kept is None:
             continue
         r = fit.radius(number)
         curve = Curve.whole(kept.control)
-        start, stop, *others = curve.arc_length([kept.start, kept.stop, whole.start, whole.stop])
+        start, stop = curve.arc_length([kept.start, kept.stop])
         s = curve.arc_length(fit.parameter[fit.inlier & (fit.curve == number)])
         usual = np.count_nonzero((s > start) & (s < stop)) / max(stop - start, r)
-        for end, other, inwards in ((start, others[0], 1.0), (stop, others[1], -1.0)):
-            inside = (s - end) * inwards
+        others = (np.inf, np.inf) if whole is None else curve.arc_length([whole.start, whole.stop])
+        for late, end, other in ((False, start, others[0]), (True, stop, others[1])):
+            inside = end - s if late else s - end
             seen = np.count_nonzero((inside > _INSIDE[0] * r) & (inside < _INSIDE[1] * r))
             few = seen < _FEW * usual * (_INSIDE[1] - _INSIDE[0]) * r
-            count += bool(few or abs(end - other) > _MOVED * r)
-    return count
-
-
-def _could_go_on(chain: Chain, sight: Sight, radius: float) -> int:
-    """Count the ends beyond which no camera would have seen more of the string."""
-    if chain.closed:
-        return 0
-    count = 0
-    for points in (chain.points, chain.points[::-1]):
-        out = points[0] - points[min(4, len(points) - 1)]
-        out = out / np.linalg.norm(out)
-        count += bool(sight.hidden(points[0] + radius * np.array(_BEYOND)[:, None] * out, radius).all())
-    return count
+            place = kept.at([kept.length if late else 0.0])[0][0]
+            if few or abs(end - other) > _MOVED * r:
+                found.append(Doubt(_ENDS, "where the string ends", "few points show it", place))
+            if unseen_beyond(kept, late, sight, r) > _UNSEEN * r:
+                reason = "it may go on where no camera saw"
+                found.append(Doubt(_ENDS, "where the string ends", reason, place))
+    return found
 
 
 def branches(chains: Sequence[Chain], sight: Sight | None = None) -> list[tuple[int, int, Array]]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from strand import _core
 from strand.curve import Curve
 from strand.tubefit import TubeFit
-from strand.view import Array
+from strand.visibility import EMPTY, Sight
 
 # how far inside an end the density of its points is taken, in radii
 _INSIDE = 5.0
+# places beyond an end that cameras may have seen through, in radii
+_AHEAD = np.arange(0.5, 4.01, 0.25)
+# stretches beyond an end that no camera saw, in radii: the end lies in the middle of them
+_UNSEEN = (2.0, 3.5)
 
 
 def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
@@ -47,8 +52,68 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         slack,
     )
     return [
-        None if part is None else Curve(control, *part) for control, part in zip(fit.curves, parts, strict=True)
+        None if part is None else Curve(control, *part)
+        for control, part in zip(fit.curves, parts, strict=True)
     ]
+
+
+def unseen_beyond(part: Curve, late: bool, sight: Sight, radius: float) -> float:
+    """Return how far straight beyond an end cameras first saw that nothing is there.
+
+    Parameters
+    ----------
+    part : Curve
+        The stretch of a curve that is string.
+    late : bool
+        Whether the end in question is that of greater arc length.
+    sight : Sight
+        What the views saw.
+    radius : float
+        The string's, metres.
+
+    Returns
+    -------
+    float
+        Metres; infinite if it is farther than four radii.
+    """
+    end, inner = part.at([part.length, part.length - radius] if late else [0.0, radius])[0]
+    through = (sight.states(end + _AHEAD[:, None] * (end - inner), radius) == EMPTY).any(axis=0)
+    return float(_AHEAD[through.argmax()] * radius) if through.any() else float("inf")
+
+
+def with_hidden_ends(
+    fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], sight: Sight
+) -> list[Curve | None]:
+    """Carry strings that end where no camera saw on to the middle of the stretch where they may end.
+
+    Parameters
+    ----------
+    fit : TubeFit
+    parts : sequence of (Curve or None)
+        The stretch of each fitted curve that was seen.
+    closed : sequence of bool
+        Whether each has no ends.
+    sight : Sight
+        What the views saw.
+
+    Returns
+    -------
+    list of (Curve or None)
+    """
+    longer = list(parts)
+    for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
+        if part is None or ring:
+            continue
+        r = fit.radius(number)
+        whole = Curve.whole(part.control)
+        start, stop = whole.arc_length([part.start, part.stop])
+        early, late = (unseen_beyond(part, end, sight, r) for end in (False, True))
+        if _UNSEEN[0] * r <= early <= _UNSEEN[1] * r:
+            start = max(start - 0.5 * early, 0.0)
+        if _UNSEEN[0] * r <= late <= _UNSEEN[1] * r:
+            stop = min(stop + 0.5 * late, whole.length)
+        longer[number] = whole.part(start, stop)
+    return longer
 
 
 def seen_excess(cosine: float, band: float) -> tuple[float, float]:

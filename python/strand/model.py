@@ -264,6 +264,32 @@ class Join:
 
 
 @dataclass(frozen=True, eq=False)
+class Doubt:
+    """What speaks against an answer.
+
+    Attributes
+    ----------
+    amount : float
+        The confidence is exp(-d), where d adds up all doubts' amounts.
+    about : str
+        What is uncertain.
+    reason : str
+        Why.
+    place : (3,) ndarray or None
+        Where, world frame, metres; None if it is about the strings as a whole.
+    """
+
+    amount: float
+    about: str
+    reason: str
+    place: Array | None = None
+
+    def __str__(self) -> str:
+        where = "" if self.place is None else f" at {np.round(self.place, 3).tolist()}"
+        return f"unsure {self.about}{where}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """A point chain model: the strings that the views show.
 
@@ -287,6 +313,8 @@ class Model:
         joined to another, ends in place. NaN if the method does not say.
     joins : tuple of Join
         Where pieces were joined over gaps and crossings, the least certain first.
+    doubts : tuple of Doubt
+        What speaks against the answer and lowers `confidence`, the greatest first.
     """
 
     chains: tuple[Chain, ...]
@@ -297,11 +325,13 @@ class Model:
     pose_sd: Array = field(default_factory=lambda: np.empty((0, 6)))
     confidence: float = float("nan")
     joins: tuple[Join, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     def next_view(self) -> Array:
         """Camera position from which one more view would tell most: it best sees the least certain place.
 
-        That is the join with the least margin; without joins, the place that fewest points support.
+        That is the place of the greatest doubt; without any that has one, of the join with the least margin;
+        without joins, the place that fewest points support.
 
         Returns
         -------
@@ -315,8 +345,10 @@ class Model:
         """
         if not self.chains or not len(self.poses):
             raise ValueError("model: expected chains and poses, got none")
-        if self.joins:
-            place = self.joins[0].place
+        places = [doubt.place for doubt in self.doubts if doubt.place is not None]
+        places += [join.place for join in self.joins]
+        if places:
+            place = places[0]
         else:
             weakest = [
                 (int(chain.points_seen.min()), k)
@@ -362,6 +394,15 @@ class Model:
                         "alternative": None if join.alternative is None else join.alternative.tolist(),
                     }
                     for join in self.joins
+                ],
+                "doubts": [
+                    {
+                        "amount": doubt.amount,
+                        "about": doubt.about,
+                        "reason": doubt.reason,
+                        "place": None if doubt.place is None else doubt.place.tolist(),
+                    }
+                    for doubt in self.doubts
                 ],
             },
         )
@@ -415,6 +456,12 @@ def _join(data: dict[str, Any]) -> Join:
     )
 
 
+def _doubt(data: dict[str, Any]) -> Doubt:
+    """Make a doubt of what `Model.save` wrote."""
+    place = None if data["place"] is None else np.asarray(data["place"], dtype=np.float64)
+    return Doubt(float(data["amount"]), str(data["about"]), str(data["reason"]), place)
+
+
 def load(path: str | os.PathLike[str]) -> Model:
     """Read a model that `Model.save` wrote.
 
@@ -426,8 +473,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With the same chains, poses, deviations, timings, warnings, confidence and joins, bit for bit; without
-        stages.
+        With the same chains, poses, deviations, timings, warnings, confidence, joins and doubts, bit for bit;
+        without stages.
 
     Raises
     ------
@@ -455,6 +502,7 @@ def load(path: str | os.PathLike[str]) -> Model:
             pose_sd.reshape(-1, 6),
             float("nan") if confidence is None else float(confidence),
             tuple(_join(join) for join in data.get("joins", [])),
+            tuple(_doubt(doubt) for doubt in data.get("doubts", [])),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

@@ -11,17 +11,18 @@ from numpy.typing import ArrayLike
 
 from strand import published, tubes
 from strand._core import NotEnoughDataError
+from strand.certainty import confidence
 from strand.config import Config
 from strand.known import Known, contradiction
-from strand.model import Chain, Model
+from strand.model import Chain, Doubt, Model
 from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.radius import Radii, estimate_radius
 from strand.stages import Run
-from strand.view import View, checked_views, extraction_range
+from strand.view import Array, View, checked_views, extraction_range
 
-# a length that is wrong by so many radii more than it may be lowers the confidence by a factor of e
-_CONTRADICTION = 2.5
+# doubt: for each radius that a length is wrong by more than it may be, for each string open that is a ring
+_CONTRADICTION, _OPEN = 0.4, math.log(2.0)
 
 
 def reconstruct(
@@ -116,16 +117,13 @@ def reconstruct(
                 raise
             # strands that lie side by side all along look like thicker ones
             found = tubes.find_strings(seen, whole, used, box, radii.with_parts(), known, config, run)
-    chains = tuple(
-        oriented(_chosen(found.chains, known.ropes, run), () if previous is None else previous.chains)
-    )
+    kept = found.chains if known.ropes is None else found.chains[: known.ropes]
+    chains = tuple(oriented(kept, () if previous is None else previous.chains))
     joins = tuple(join for join in found.joins if max(join.chains) < len(chains))
-    confidence = found.confidence
-    if confidence is not None:
-        confidence *= sum(chain.length for chain in chains) / sum(chain.length for chain in found.chains)
-        if known.ropes is not None and len(chains) < known.ropes:
-            confidence *= len(chains) / known.ropes
-        confidence *= _agreement(chains, known, config, run)
+    contradictions = _contradictions(chains, found.chains[len(chains) :], known, config)
+    run.warnings.extend(doubt.reason for doubt in contradictions)
+    doubts = sorted([*found.doubts, *contradictions], key=lambda doubt: -doubt.amount)
+    sure = confidence(doubts) if config.method == "tubes" else float("nan")
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -136,7 +134,7 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, confidence, joins)
+    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, sure, joins, tuple(doubts))
 
 
 def _checked(
@@ -168,35 +166,36 @@ def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
     return used
 
 
-def _chosen(chains: list[Chain], ropes: int | None, run: Run) -> tuple[Chain, ...]:
-    """Keep as many strings as there are ropes."""
-    if ropes is not None:
-        if len(chains) < ropes:
-            run.warnings.append(f"found {len(chains)} strings, fewer than ropes = {ropes}")
-        for chain in chains[ropes:]:
-            where = np.round(chain.points[0], 3).tolist()
-            run.warnings.append(
-                f"left out a piece {chain.length * 1e3:.0f} mm long at {where}, more than ropes = {ropes}"
-            )
-        chains = chains[:ropes]
-    return tuple(chains)
+def _contradictions(
+    chains: Sequence[Chain], left_out: Sequence[Chain], known: Known, config: Config
+) -> list[Doubt]:
+    """Say where the strings that were found are not as they are known to be."""
+    found: list[Doubt] = []
 
+    def contradicts(amount: float, reason: str, place: Array | None = None) -> None:
+        found.append(Doubt(amount, "whether that is right", reason, place))
 
-def _agreement(chains: Sequence[Chain], known: Known, config: Config, run: Run) -> float:
-    """How far chains agree with what is known of the strings' lengths and rings, from 0 to 1."""
-    agreement = 1.0
+    if known.ropes is not None and len(chains) < known.ropes:
+        amount = math.log(known.ropes / len(chains))
+        contradicts(amount, f"found {len(chains)} strings, fewer than ropes = {known.ropes}")
+    all_lengths = sum(chain.length for chain in [*chains, *left_out])
+    for chain in left_out:
+        where = np.round(chain.points[0], 3).tolist()
+        reason = (
+            f"left out a piece {chain.length * 1e3:.0f} mm long at {where}, more than ropes = {known.ropes}"
+        )
+        contradicts(-math.log1p(-chain.length / all_lengths), reason, chain.points[0])
     lengths = [chain.length for chain in chains]
     true_lengths = known.expected(lengths) if known.lengths else [None] * len(chains)
     for number, (chain, true) in enumerate(zip(chains, true_lengths, strict=True)):
         off = contradiction(chain.length, true, chain.radius)
         if true is not None and off > 0:
-            agreement *= math.exp(-off / _CONTRADICTION)
             more = chain.length - true
-            run.warnings.append(
+            contradicts(
+                _CONTRADICTION * off,
                 f"chain {number} is {chain.length * 1e3:.0f} mm long, {abs(more) * 1e3:.0f} mm "
-                f"{'longer' if more > 0 else 'shorter'} than it is known to be"
+                f"{'longer' if more > 0 else 'shorter'} than it is known to be",
             )
         if config.method == "tubes" and config.linking.rings == "always" and not chain.closed:
-            agreement *= 0.5
-            run.warnings.append(f"chain {number} has ends, though all strings are said to be rings")
-    return agreement
+            contradicts(_OPEN, f"chain {number} has ends, though all strings are said to be rings")
+    return found

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from strand.model import Chain, Join
+from strand.model import Chain, Doubt, Join
 from strand.view import Array
 
 
@@ -45,15 +45,15 @@ class Found:
         the method knows none.
     stages : dict of str to object
         The arrays between the stages.
-    confidence : float
-        How likely the answer is right; NaN where the method does not say.
     joins : tuple of Join
         The least certain first.
+    doubts : tuple of Doubt
+        What speaks against the answer; empty where the method does not say.
     """
 
     chains: list[Chain]
     poses: list[Array]
     pose_sd: list[Array]
     stages: dict[str, Any]
-    confidence: float = float("nan")
     joins: tuple[Join, ...] = ()
+    doubts: tuple[Doubt, ...] = ()

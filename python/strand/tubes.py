@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import Judged, decide, explanation_cost, reopened
-from strand.certainty import branches, confidence, joins_of
+from strand.certainty import branches, doubts, joins_of, worth_a_warning
 from strand.config import Config, Poses
 from strand.curve import Curve
-from strand.ends import string_parts
+from strand.ends import string_parts, with_hidden_ends
 from strand.hues import Hues, colors_of
 from strand.known import Known
 from strand.model import Chain, Join
@@ -40,9 +40,6 @@ _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
 # how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
 _REOPENED, _BETTER = 1, 1.0
-
-# share of the points on strings under which something is amiss
-_USUAL_SHARE = 0.92
 
 Bounds = tuple[Array, Array] | None
 
@@ -366,25 +363,14 @@ def chosen(ways: Sequence[Sequence[Judged]]) -> tuple[Arcs, list[bool]]:
     return strings, [ring for (_, ring), _ in chains]
 
 
-def certainty(
-    ways: Sequence[Sequence[Judged]],
-    chains: Sequence[Chain],
-    parts: Sequence[Curve | None],
-    closed: Sequence[bool],
-    fit: TubeFit,
-    sight: Sight,
-    config: Config,
-) -> tuple[tuple[Join, ...], float]:
-    """Return the joins, the least certain first, and the confidence of the least certain kind of rope."""
-    joins: list[Join] = []
-    sure = 1.0
-    open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
-    for judged in ways:
-        if judged:
-            mine = joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
-            joins.extend(mine)
-            sure = min(sure, confidence(judged, mine, chains, open_parts, fit, sight))
-    return tuple(sorted(joins, key=lambda join: join.margin)), sure
+def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config: Config) -> tuple[Join, ...]:
+    """Return the joins of all kinds of rope, the least certain first."""
+    joins = [
+        join
+        for judged in filter(None, ways)
+        for join in joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
+    ]
+    return tuple(sorted(joins, key=lambda join: join.margin))
 
 
 def fit_strings(
@@ -523,15 +509,12 @@ def find_strings(
         radii_sd = radii.sd[strings.ropes]
     else:
         radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
+    whole = with_hidden_ends(fit, found, closed, sight)
     # joins name chains by their numbers, longest first
-    chains = sorted(described(fit, found, closed, radii_sd, config), key=lambda chain: -chain.length)
-    joins, sure = certainty(judged, chains, found, closed, fit, sight, config)
-    share = float(fit.inlier.mean())
-    if share < _USUAL_SHARE:
-        run.warnings.append(
-            f"only {share:.0%} of the points lie on the strings found: is the radius right, and does the "
-            "extraction range leave out everything else?"
-        )
+    chains = sorted(described(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
+    joins = all_joins(judged, chains, config)
+    open_parts = [None if ring else part for part, ring in zip(found, closed, strict=True)]
+    uncertain = doubts(judged, joins, open_parts, fit, sight)
     if config.tubes.noise is not None and not 0.3 < fit.sigma / config.tubes.noise < 2.0:
         run.warnings.append(
             f"noise: {config.tubes.noise * 1e3:.3g} mm was given, but residuals scatter by "
@@ -541,10 +524,15 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    _warn_of_doubt(joins, chains, sight, config, run)
+    least = worth_a_warning(config.linking.margin)
+    run.warnings.extend(str(doubt) for doubt in uncertain if doubt.amount > least)
+    for number, trunk, place in branches(chains, sight):
+        run.warnings.append(
+            f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
+        )
     if bounds is not None:
         _warn_of_cut_ends(chains, bounds, run)
-    return Found(chains, poses, list(fit.pose_sd), stages, sure, joins)
+    return Found(chains, poses, list(fit.pose_sd), stages, joins, uncertain)
 
 
 def register_views(
@@ -620,27 +608,6 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
     return curve.part(margin, float(stop))
-
-
-def _warn_of_doubt(
-    joins: Sequence[Join], chains: Sequence[Chain], sight: Sight, config: Config, run: Run
-) -> None:
-    """Name the places where strings may run otherwise, and where they seem to branch."""
-    for join in joins:
-        if join.margin < config.linking.margin:
-            other = (
-                "it may end there"
-                if join.alternative is None
-                else f"it may go on at {np.round(join.alternative, 3).tolist()}"
-            )
-            run.warnings.append(
-                f"unsure how the string runs at {np.round(join.place, 3).tolist()}: {other} "
-                f"(margin {join.margin:.1f}); Model.next_view says from where to look"
-            )
-    for number, trunk, place in branches(chains, sight):
-        run.warnings.append(
-            f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
-        )
 
 
 def _warn_of_cut_ends(chains: Sequence[Chain], bounds: tuple[Array, Array], run: Run) -> None:
