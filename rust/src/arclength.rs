@@ -89,8 +89,10 @@ mod tests {
 
     #[test]
     fn arc_length_and_parameter_are_each_others_inverse() {
-        let nodes: Vec<Point> =
-            (0..100).map(|i| f64::from(i) * 0.05).map(|a| [0.05 * a.cos(), 0.05 * a.sin(), 0.01 * a]).collect();
+        let nodes: Vec<Point> = (0..100)
+            .map(|i| f64::from(i) * 0.05)
+            .map(|a| [0.05 * a.cos(), 0.05 * a.sin(), 0.01 * a])
+            .collect();
         let spline = Spline::through(&nodes, 0.01, 0.0).unwrap();
         let whole = ByLength::new(&spline, 0.0, spline.end());
         assert!((whole.length() / spline.length() - 1.0).abs() < 1e-6);

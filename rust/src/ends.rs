@@ -176,8 +176,7 @@ impl Strands {
                 }
                 let across = advance(offset, -lengthwise, node.tangent);
                 let distance = dot(across, across).sqrt();
-                (distance - node.radius).abs() < slack
-                    && dot(across, points[i].to_camera) > -0.1 * distance
+                (distance - node.radius).abs() < slack && dot(across, points[i].to_camera) > -0.1 * distance
             })
         };
         at_end.iter().filter(|point| !shared(point)).map(|&(s, _)| s).collect()
