@@ -13,13 +13,18 @@ __all__ = [
     "StrandError",
     "__version__",
     "arc_lengths",
+    "bending",
+    "bridge",
     "centerline",
     "count_neighbors",
     "crop",
+    "end_direction",
     "estimate_normals",
     "fit_tubes",
     "icp",
+    "join_cost",
     "num_threads",
+    "path_length",
     "radius_outlier_mask",
     "set_num_threads",
     "spline_places",
@@ -177,3 +182,10 @@ def string_parts(
     to_camera: ArrayLike,
     slack: Sequence[float] | None,
 ) -> list[tuple[float, float] | None]: ...
+def path_length(nodes: ArrayLike) -> NDArray[np.float64]: ...
+def end_direction(nodes: ArrayLike, skip: float, span: float) -> NDArray[np.float64]: ...
+def bridge(
+    before: ArrayLike, after: ArrayLike, span: float, spacing: float, reach: tuple[float, float]
+) -> NDArray[np.float64]: ...
+def bending(nodes: ArrayLike) -> float: ...
+def join_cost(p: ArrayLike, leave: ArrayLike, q: ArrayLike, arrive: ArrayLike, radius: float) -> float: ...
