@@ -18,9 +18,11 @@ __all__ = [
     "centerline",
     "count_neighbors",
     "crop",
+    "crowded",
     "end_direction",
     "estimate_normals",
     "fit_tubes",
+    "hides",
     "icp",
     "join_cost",
     "num_threads",
@@ -189,3 +191,7 @@ def bridge(
 ) -> NDArray[np.float64]: ...
 def bending(nodes: ArrayLike) -> float: ...
 def join_cost(p: ArrayLike, leave: ArrayLike, q: ArrayLike, arrive: ArrayLike, radius: float) -> float: ...
+def hides(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: float) -> bool: ...
+def crowded(
+    places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
+) -> NDArray[np.bool_]: ...

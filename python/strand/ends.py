@@ -47,7 +47,8 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
         slack,
     )
     return [
-        None if part is None else Curve(control, *part) for control, part in zip(fit.curves, parts, strict=True)
+        None if part is None else Curve(control, *part)
+        for control, part in zip(fit.curves, parts, strict=True)
     ]
 
 

@@ -352,7 +352,9 @@ def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linkin
     """Bending energy of a bridge between two arcs, times the radius, and what it costs to be seen through."""
     cost = radius * _core.bending(nodes)
     if sight is not None:
-        cost += config.seen_through * float(sight.empty(nodes, radius).mean() * path_length(nodes)[-1]) / radius
+        cost += (
+            config.seen_through * float(sight.empty(nodes, radius).mean() * path_length(nodes)[-1]) / radius
+        )
     return cost
 
 

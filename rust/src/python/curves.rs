@@ -122,6 +122,26 @@ pub(super) fn string_parts<'py>(
     }))
 }
 
+/// Which places of strands, given with their strands' numbers and the arc lengths there, crowd others.
+#[pyfunction]
+pub(super) fn crowded<'py>(
+    py: Python<'py>,
+    places: &Bound<'py, PyAny>,
+    strands: PyReadonlyArray1<'py, i64>,
+    lengths: PyReadonlyArray1<'py, f64>,
+    contact: f64,
+    own: f64,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let places = FloatArray::new("places", places)?;
+    let (places, strands, lengths) =
+        (places.rows("places", "(N, 3)")?, strands.as_slice()?, lengths.as_slice()?);
+    require_same_length("strands", strands.len(), places.len())?;
+    require_same_length("lengths", lengths.len(), places.len())?;
+    let nodes: Vec<(Point, usize, f64)> =
+        (0..places.len()).map(|i| (places[i], strands[i] as usize, lengths[i])).collect();
+    Ok(PyArray1::from_vec(py, py.detach(|| crate::crowded(&nodes, contact, own))))
+}
+
 /// Arc length from the first of ordered nodes to each, metres.
 #[pyfunction]
 pub(super) fn path_length<'py>(
