@@ -13,13 +13,20 @@ __all__ = [
     "StrandError",
     "__version__",
     "arc_lengths",
+    "bending",
+    "bridge",
     "centerline",
     "count_neighbors",
     "crop",
+    "crowded",
+    "end_direction",
     "estimate_normals",
     "fit_tubes",
+    "hides",
     "icp",
+    "join_cost",
     "num_threads",
+    "path_length",
     "radius_outlier_mask",
     "set_num_threads",
     "spline_places",
@@ -189,3 +196,14 @@ def string_parts(
     to_camera: ArrayLike,
     slack: Sequence[float] | None,
 ) -> list[tuple[float, float] | None]: ...
+def path_length(nodes: ArrayLike) -> NDArray[np.float64]: ...
+def end_direction(nodes: ArrayLike, skip: float, span: float) -> NDArray[np.float64]: ...
+def bridge(
+    before: ArrayLike, after: ArrayLike, span: float, spacing: float, reach: tuple[float, float]
+) -> NDArray[np.float64]: ...
+def bending(nodes: ArrayLike) -> float: ...
+def join_cost(p: ArrayLike, leave: ArrayLike, q: ArrayLike, arrive: ArrayLike, radius: float) -> float: ...
+def hides(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: float) -> bool: ...
+def crowded(
+    places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
+) -> NDArray[np.bool_]: ...

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strand import _core
 from strand._core import NotEnoughDataError
 from strand.config import Linking
 from strand.curve import Curve
@@ -364,10 +365,5 @@ def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))
     centre, place, which = np.concatenate(centres), np.concatenate(places), np.concatenate(number)
-    near = np.zeros(len(centre), dtype=bool)
-    for start in range(0, len(centre), 512):
-        rows = slice(start, start + 512)
-        squared = ((centre[rows, None] - centre[None]) ** 2).sum(axis=2)
-        own = (which[rows, None] == which[None]) & (np.abs(place[rows, None] - place[None]) < 5.0 * r)
-        near[rows] = (~own & (squared < (_CONTACT * r) ** 2)).any(axis=1)
+    near = _core.crowded(centre, which, place, _CONTACT * r, 5.0 * r)
     return cost + _INSIDE * 2.0 * spacing * float(near.sum())

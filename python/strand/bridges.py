@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from strand import _core
 from strand.config import Linking
 from strand.strings import bridge
 from strand.topology import path_length
@@ -24,13 +25,11 @@ _OUTSIDE = 2.0
 
 def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
     """Bending energy of a bridge between two arcs, times the radius, and what it costs to be seen through."""
-    steps = np.diff(nodes, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    units = steps / np.maximum(lengths, 1e-12)[:, None]
-    turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
-    cost = float((turns**2 / np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)).sum() * radius)
+    cost = radius * _core.bending(nodes)
     if sight is not None:
-        cost += config.seen_through * float(sight.empty(nodes, radius).mean() * lengths.sum()) / radius
+        cost += (
+            config.seen_through * float(sight.empty(nodes, radius).mean() * path_length(nodes)[-1]) / radius
+        )
     return cost
 
 

@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 import rustworkx as rx
 
+from strand import _core
 from strand.bridges import LONG, SEEN_THROUGH, bridge_cost, least_bending
 from strand.config import Linking
 from strand.hues import Hues
@@ -164,20 +165,7 @@ def join_cost(p: Array, leave: Array, q: Array, arrive: Array, radius: float) ->
     (8 r / L) (a^2 + b^2 - a b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways
     offset. Infinite where the curve would have to turn back.
     """
-    step = q - p
-    gap = float(np.linalg.norm(step))
-    if gap < 1.2 * radius:
-        turn = np.arccos(np.clip(-leave @ arrive, -1.0, 1.0))
-        aside = np.linalg.norm(step - (step @ leave) * leave)
-        return float(1.5 * turn**2 + 0.5 * (aside / (0.5 * radius)) ** 2)
-    straight = step / gap
-    a = np.arccos(np.clip(leave @ straight, -1.0, 1.0))
-    b = np.arccos(np.clip(-arrive @ straight, -1.0, 1.0))
-    if max(a, b) > 1.4:
-        return float("inf")
-    together = np.cross(leave, straight) @ np.cross(straight, -arrive)
-    energy = 8.0 * radius / gap * (a * a + b * b - together)
-    return float(2.0 * (a * a + b * b) + energy + 0.25 * gap / radius)
+    return _core.join_cost(p, leave, q, arrive, radius)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand import _core
 from strand.curve import Curve
 from strand.ends import pixel_width, seen_excess
 from strand.tubefit import EndSighting, TubeFit
@@ -88,7 +89,7 @@ def end_sightings(
             for view, camera in enumerate(cameras):
                 to_camera = camera - inside[0]
                 cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
-                if not _COSINES[0] < cosine < _COSINES[1] or _hides(others, inside, camera, _HIDDEN * r):
+                if not _COSINES[0] < cosine < _COSINES[1] or _core.hides(others, inside, camera, _HIDDEN * r):
                     continue
                 back = np.linalg.inv(fit.motions[view])
                 if bounds is not None and _leaves(
@@ -128,19 +129,6 @@ def _elsewhere(axis: Sequence[Array | None], number: int, inside: Array, r: floa
             nodes = nodes[: -len(inside) - 6] if late else nodes[len(inside) + 6 :]
         places.append(nodes)
     return np.concatenate(places)
-
-
-def _hides(others: Array, inside: Array, camera: Array, distance: float) -> bool:
-    """Whether other strands are near a line of sight, in front of what it should see or beside it."""
-    for place in inside:
-        to_camera = camera - place
-        to_camera = to_camera / np.linalg.norm(to_camera)
-        offset = others - place
-        depth = offset @ to_camera
-        across = np.linalg.norm(offset - depth[:, None] * to_camera, axis=1)
-        if ((across < distance) & (depth > -distance)).any():
-            return True
-    return False
 
 
 def _leaves(places: Array, bounds: tuple[Array, Array]) -> bool:

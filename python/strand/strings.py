@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand import _core
 from strand.config import Reconnection
 from strand.topology import Reconnected, end_direction, path_length, walk
 from strand.view import Array
@@ -46,18 +47,7 @@ def bridge(
     (B, 3) ndarray
         The nodes between the two, metres: p(t) of a cubic Hermite curve.
     """
-    start, stop = before[-1], after[0]
-    gap = float(np.linalg.norm(stop - start))
-    count = int(gap / spacing) + 1
-    t = (np.arange(1, count) / count)[:, None]
-    leave = end_direction(before, 0.0, span) * gap * reach[0]
-    arrive = -end_direction(after[::-1], 0.0, span) * gap * reach[1]
-    return np.asarray(
-        (2 * t**3 - 3 * t**2 + 1) * start
-        + (t**3 - 2 * t**2 + t) * leave
-        + (3 * t**2 - 2 * t**3) * stop
-        + (t**3 - t**2) * arrive
-    )
+    return _core.bridge(before, after, span, spacing, reach)
 
 
 def reach_end(nodes: Array, axis: Array, density: float, radius: float, span: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 import rustworkx as rx
 from numpy.typing import NDArray
 
+from strand import _core
 from strand.config import Reconnection, Splitting
 from strand.view import Array
 
@@ -39,7 +40,7 @@ def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def path_length(nodes: Array) -> Array:
     """Arc length from the first of (M, 3) nodes to each of them, metres."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+    return _core.path_length(nodes)
 
 
 def closes(chain: Array, reach: float, loop: float) -> bool:
@@ -252,14 +253,7 @@ def end_direction(nodes: Array, skip: float, span: float) -> Array:
 
     A chain shorter than that gives the direction of the whole chain; a single node the zero vector.
     """
-    back = path_length(nodes[::-1])
-    last = len(nodes) - 1
-    near, far = np.minimum(np.searchsorted(back, [skip, skip + span]), last)
-    if near == far:
-        near, far = 0, last
-    step = nodes[last - near] - nodes[last - far]
-    length = np.linalg.norm(step)
-    return np.asarray(step / length if length > 0 else step)
+    return _core.end_direction(nodes, skip, span)
 
 
 def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) -> list[list[int]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import _core
-from strand.view import Array, extraction_range, moved
+from strand.view import Array, extraction_range
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,16 +237,4 @@ def fit_tubes(
         ends=[(seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in ends],
         uncertainty=uncertainty,
     )
-    placed, directions = [], []
-    for cloud, centre, motion in zip(points, viewpoints, found["motions"], strict=True):
-        placed.append(moved(cloud, motion))
-        to_camera = moved(centre[None], motion) - placed[-1]
-        distance = np.linalg.norm(to_camera, axis=1, keepdims=True)
-        directions.append(to_camera / np.maximum(distance, np.finfo(np.float64).tiny))
-    return TubeFit(
-        points=np.concatenate(placed),
-        to_camera=np.concatenate(directions),
-        view=np.repeat(np.arange(len(points)), [len(cloud) for cloud in points]),
-        ropes=numbers.astype(np.int64),
-        **found,
-    )
+    return TubeFit(ropes=numbers.astype(np.int64), **found)

@@ -6,6 +6,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use crate::lanes::wide;
+
 /// Entries of a row left of and on the diagonal: three control points and its own coordinates.
 pub const WIDTH: usize = 12;
 
@@ -56,44 +58,63 @@ impl Bordered {
 
     /// Cholesky factors; none if the matrix is not positive definite.
     pub fn factor(mut self) -> Option<Factor> {
-        let (n, m) = (self.band.len(), self.corner.nrows());
-        for i in 0..n {
-            let low = i.saturating_sub(WIDTH - 1);
-            for j in low..=i {
-                let start = low.max(j.saturating_sub(WIDTH - 1));
-                let mut sum = self.band[i][j + WIDTH - 1 - i];
-                for k in start..j {
-                    sum -= self.band[i][k + WIDTH - 1 - i] * self.band[j][k + WIDTH - 1 - j];
-                }
-                if j < i {
-                    // the diagonal holds reciprocals
-                    self.band[i][j + WIDTH - 1 - i] = sum * self.band[j][WIDTH - 1];
-                } else if sum > 0.0 && sum.is_finite() {
-                    self.band[i][WIDTH - 1] = sum.sqrt().recip();
-                } else {
-                    return None;
-                }
-            }
-            let (done, rest) = self.border.split_at_mut(i * m);
-            let row = &mut rest[..m];
-            for k in low..i {
-                let l = self.band[i][k + WIDTH - 1 - i];
-                if l != 0.0 {
-                    for (x, above) in row.iter_mut().zip(&done[k * m..(k + 1) * m]) {
-                        *x -= l * above;
-                    }
-                }
-            }
-            for x in row.iter_mut() {
-                *x *= self.band[i][WIDTH - 1];
-            }
-            for a in 0..m {
-                for b in 0..=a {
-                    self.corner[(a, b)] -= row[a] * row[b];
-                }
+        let m = self.corner.nrows();
+        // row by row
+        let mut taken = vec![0.0; m * m];
+        if !eliminate(&mut self.band, &mut self.border, &mut taken) {
+            return None;
+        }
+        for a in 0..m {
+            for b in 0..=a {
+                self.corner[(a, b)] -= taken[a * m + b];
             }
         }
         Some(Factor { band: self.band, border: self.border, corner: self.corner.cholesky()? })
+    }
+}
+
+wide! {
+    /// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
+    fn eliminate(band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
+        let m = border.len() / band.len().max(1);
+        for i in 0..band.len() {
+            let low = i.saturating_sub(WIDTH - 1);
+            let (above, rest) = band.split_at_mut(i);
+            let row = &mut rest[0];
+            for j in low..i {
+                let start = low.max(j.saturating_sub(WIDTH - 1));
+                let mut sum = row[j + WIDTH - 1 - i];
+                for k in start..j {
+                    sum -= row[k + WIDTH - 1 - i] * above[j][k + WIDTH - 1 - j];
+                }
+                // the diagonal holds reciprocals
+                row[j + WIDTH - 1 - i] = sum * above[j][WIDTH - 1];
+            }
+            let left: f64 = row[low + WIDTH - 1 - i..WIDTH - 1].iter().map(|l| l * l).sum();
+            let square = row[WIDTH - 1] - left;
+            if square <= 0.0 || !square.is_finite() {
+                return false;
+            }
+            row[WIDTH - 1] = square.sqrt().recip();
+            let (done, rest) = border.split_at_mut(i * m);
+            let edge = &mut rest[..m];
+            for k in low..i {
+                let l = row[k + WIDTH - 1 - i];
+                for (x, above) in edge.iter_mut().zip(&done[k * m..(k + 1) * m]) {
+                    *x -= l * above;
+                }
+            }
+            for x in edge.iter_mut() {
+                *x *= row[WIDTH - 1];
+            }
+            for a in 0..m {
+                let x = edge[a];
+                for (sum, y) in product[a * m..=a * m + a].iter_mut().zip(&edge[..=a]) {
+                    *sum += x * y;
+                }
+            }
+        }
+        true
     }
 }
 
@@ -137,6 +158,62 @@ impl Factor {
         let mut unit = DVector::zeros(self.corner.l_dirty().nrows());
         unit[column] = 1.0;
         self.corner.solve(&unit).iter().copied().collect()
+    }
+}
+
+impl Factor {
+    /// The inverse of the matrix: the entries where A has its band, laid out as A is, and the corner.
+    ///
+    /// Of A alone by Takahashi's recurrence, which needs no entry outside the band; the border adds
+    /// (A⁻¹C) S⁻¹ (A⁻¹C)ᵀ, S the Schur complement.
+    pub fn inverse(&self) -> (Vec<[f64; WIDTH]>, DMatrix<f64>) {
+        let m = self.corner.l_dirty().nrows();
+        let mut inverse = vec![[0.0; WIDTH]; self.band.len()];
+        let mut rows = self.border.clone();
+        invert(&self.band, &mut inverse, &mut rows);
+        let lower = self.corner.l();
+        for row in rows.chunks_exact_mut(m.max(1)) {
+            for a in 0..m {
+                let known: f64 = (0..a).map(|b| lower[(a, b)] * row[b]).sum();
+                row[a] = (row[a] - known) / lower[(a, a)];
+            }
+        }
+        for (i, entries) in inverse.iter_mut().enumerate().filter(|_| m > 0) {
+            for j in i.saturating_sub(WIDTH - 1)..=i {
+                let (x, y) = (&rows[i * m..(i + 1) * m], &rows[j * m..(j + 1) * m]);
+                entries[j + WIDTH - 1 - i] += x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+            }
+        }
+        (inverse, self.corner.inverse())
+    }
+}
+
+/// The entries of (LLᵀ)⁻¹ inside the band, and L⁻ᵀW in the place of W.
+fn invert(band: &[[f64; WIDTH]], inverse: &mut [[f64; WIDTH]], rows: &mut [f64]) {
+    let n = band.len();
+    let m = rows.len() / n.max(1);
+    for i in (0..n).rev() {
+        let scale = band[i][WIDTH - 1];
+        let end = n.min(i + WIDTH);
+        for j in (i..end).rev() {
+            let mut sum = if i == j { scale } else { 0.0 };
+            for k in i + 1..end {
+                let (late, early) = (k.max(j), k.min(j));
+                sum -= band[k][i + WIDTH - 1 - k] * inverse[late][early + WIDTH - 1 - late];
+            }
+            inverse[j][i + WIDTH - 1 - j] = sum * scale;
+        }
+        let (first, later) = rows.split_at_mut((i + 1) * m);
+        let row = &mut first[i * m..];
+        for k in i + 1..end {
+            let l = band[k][i + WIDTH - 1 - k];
+            for (x, below) in row.iter_mut().zip(&later[(k - i - 1) * m..(k - i) * m]) {
+                *x -= l * below;
+            }
+        }
+        for x in row.iter_mut() {
+            *x *= scale;
+        }
     }
 }
 
@@ -186,6 +263,14 @@ mod tests {
                 let found = DVector::from_vec(factor.border_inverse(column));
                 prop_assert!((found - inverse.view((n, n + column), (m, 1))).amax() < 1e-12);
             }
+            let whole = dense.try_inverse().unwrap();
+            let (band, corner) = factor.inverse();
+            for i in 0..n {
+                for j in i.saturating_sub(WIDTH - 1)..=i {
+                    prop_assert!((band[i][j + WIDTH - 1 - i] - whole[(i, j)]).abs() < 1e-12);
+                }
+            }
+            prop_assert!((corner - whole.view((n, n), (m, m))).amax() < 1e-12 || m == 0);
         }
     }
 

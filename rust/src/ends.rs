@@ -1,7 +1,7 @@
 //! Where a string ends: points that stop, found by counting.
 
 use crate::arclength::{ByLength, tangent};
-use crate::geometry::{advance, dot, sub};
+use crate::geometry::{advance, dot, squared_distance, sub};
 use crate::{Point, Tube};
 
 /// All in radii: width of the counting bins; the stretch near an end whose points are looked at twice; how far inside the
@@ -79,6 +79,15 @@ pub fn string_parts(
             (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
         })
         .collect()
+}
+
+/// For each place of strands, whether it is nearer than `contact` to another strand, or to its own farther along than
+/// `own`. A place is given with its strand's number and the arc length there.
+pub fn crowded(places: &[(Point, usize, f64)], contact: f64, own: f64) -> Vec<bool> {
+    let crowds = |&(a, strand, s): &(Point, usize, f64), &(b, other, t): &(Point, usize, f64)| {
+        squared_distance(a, b) < contact * contact && (strand != other || (s - t).abs() >= own)
+    };
+    places.iter().map(|one| places.iter().any(|other| crowds(one, other))).collect()
 }
 
 /// Arc length at which ascending places of points begin.
@@ -218,6 +227,14 @@ mod tests {
             assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
         }
         assert_eq!(string_parts(&tubes, &[1.0], &points[..7], None), [None]);
+    }
+
+    #[test]
+    fn strands_crowd_others_and_themselves_farther_along() {
+        let places = [([0.0; 3], 0, 0.0), ([1.0, 0.0, 0.0], 0, 1.0), ([2.0, 0.0, 0.0], 1, 0.0)];
+        assert_eq!(crowded(&places, 1.5, 5.0), [false, true, true]);
+        assert_eq!(crowded(&places, 1.5, 1.0), [true, true, true]);
+        assert_eq!(crowded(&places, 0.5, 1.0), [false; 3]);
     }
 
     #[test]

@@ -39,6 +39,12 @@ impl Lanes {
         self.map(f32::sqrt)
     }
 
+    /// The greatest whole numbers that are not greater.
+    #[inline(always)]
+    pub fn floor(self) -> Self {
+        self.map(f32::floor)
+    }
+
     /// Absolute values.
     #[inline(always)]
     pub fn abs(self) -> Self {

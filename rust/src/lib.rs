@@ -26,6 +26,7 @@
 
 mod arclength;
 mod banded;
+mod bridge;
 mod centerline;
 mod chain;
 mod crop;
@@ -51,18 +52,19 @@ mod tubes;
 pub type Point = [f64; 3];
 
 pub use arclength::ByLength;
+pub use bridge::{bending, bridge, end_direction, join_cost};
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
 pub use crop::crop;
-pub use ends::{OnTube, string_parts};
+pub use ends::{OnTube, crowded, string_parts};
 pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
-pub use sight::{Seen, Sight, SightView};
-pub use spline::Spline;
+pub use sight::{Seen, Sight, SightView, hides};
+pub use spline::{Spline, arc_length};
 pub use strips::{Strip, strip_radii};
-pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes};
+pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed};
 pub use tubes::{Arc, trace_tubes};

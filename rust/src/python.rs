@@ -513,6 +513,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<IcpResult>()?;
     module.add_class::<views::Sight>()?;
     module.add_function(wrap_pyfunction!(views::crop, module)?)?;
+    module.add_function(wrap_pyfunction!(views::hides, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;
@@ -526,6 +528,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
     module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
     module.add_function(wrap_pyfunction!(curves::string_parts, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::end_direction, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::bridge, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::bending, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

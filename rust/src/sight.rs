@@ -132,6 +132,19 @@ impl Sight {
     }
 }
 
+/// Whether any of some places hides a stretch from a camera: it is nearer than `distance` to a line of sight, in front of
+/// what should be seen or beside it.
+pub fn hides(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
+    stretch.iter().any(|&place| {
+        let to_camera = normalized(sub(camera, place));
+        others.iter().any(|&other| {
+            let offset = sub(other, place);
+            let depth = dot(offset, to_camera);
+            depth > -distance && dot(offset, offset) - depth * depth < distance * distance
+        })
+    })
+}
+
 impl Buffer {
     /// Grids one view; none if it has hardly any points.
     fn new(view: &SightView) -> Option<Self> {

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 
 use crate::error::{Error, Result, check_finite, check_positive};
-use crate::geometry::{RigidMotion, advance, centroid, dot, sub};
+use crate::geometry::{RigidMotion, advance, centroid, dot, normalized, sub};
 use crate::spline::Spline;
 use crate::{Point, parallel};
 
@@ -292,6 +292,18 @@ pub fn fit_tubes(
         noise: 0.2 * smallest(radii),
     };
     parallel::run(|| state.run(options))
+}
+
+/// All views' points where corrected poses place them, and the unit vectors to their cameras.
+pub fn placed(views: &[TubeView], motions: &[RigidMotion]) -> (Vec<Point>, Vec<Point>) {
+    let (mut points, mut to_camera) = (Vec::new(), Vec::new());
+    for (view, motion) in views.iter().zip(motions) {
+        let camera = motion.apply(view.viewpoint);
+        points.extend(view.points.iter().map(|&p| motion.apply(p)));
+        let placed = &points[to_camera.len()..];
+        to_camera.extend(placed.iter().map(|&p| normalized(sub(camera, p))));
+    }
+    (points, to_camera)
 }
 
 /// Rotation vector, and translation of a point, of a rigid motion.

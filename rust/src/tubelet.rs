@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, normalized, sub};
-use crate::lanes::{self, LANES, Lanes};
+use crate::lanes::{self, LANES, Lanes, wide};
 
 /// Standard deviation of the points' distances that weighs them against the priors, in radii.
 const NOISE: f64 = 0.25;
@@ -36,6 +36,7 @@ struct Block {
 pub struct Patch {
     origin: Point,
     radius: f64,
+    inverse: f64,
     blocks: Vec<Block>,
     /// Points in the last block; the rest of it lies out of every tubelet's reach.
     filled: usize,
@@ -44,7 +45,7 @@ pub struct Patch {
 impl Patch {
     /// No points yet, about a place and for tubes of a radius.
     pub fn new(origin: Point, radius: f64) -> Self {
-        Self { origin, radius, blocks: Vec::new(), filled: LANES }
+        Self { origin, radius, inverse: 1.0 / radius, blocks: Vec::new(), filled: LANES }
     }
 
     /// Adds a point and the unit vector to its camera.
@@ -56,7 +57,7 @@ impl Patch {
         }
         if let Some(block) = self.blocks.last_mut() {
             for k in 0..3 {
-                block.position[k].0[self.filled] = ((point[k] - self.origin[k]) / self.radius) as f32;
+                block.position[k].0[self.filled] = ((point[k] - self.origin[k]) * self.inverse) as f32;
                 block.to_camera[k].0[self.filled] = to_camera[k] as f32;
             }
         }
@@ -191,28 +192,40 @@ struct Sums {
     support: Support,
 }
 
-/// The sums at a tubelet, where f₁ and f₂ are `across`.
-fn gather(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-    /// The same, compiled for wider registers.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn gather_wide(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        gather_lanes(patch, tubelet, across, freedom)
+wide! {
+    /// The sums at a tubelet, where f₁ and f₂ are `across`.
+    fn gather(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<5>(patch, tubelet, across, freedom)
     }
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2
-        return unsafe { gather_wide(patch, tubelet, across, freedom) };
-    }
-    gather_lanes(patch, tubelet, across, freedom)
 }
 
+wide! {
+    /// The sums at a tubelet that is not to bend: moments up to the second.
+    fn gather_straight(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<3>(patch, tubelet, across, freedom)
+    }
+}
+
+wide! {
+    /// How well a tubelet explains a patch.
+    fn support(patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
+        sums::<0>(patch, tubelet, [[0.0; 3]; 2], freedom).support
+    }
+}
+
+/// The sums, with the first `MOMENTS` moments.
 #[inline(always)]
-fn gather_lanes(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+fn sums<const MOMENTS: usize>(
+    patch: &Patch,
+    tubelet: &Tubelet,
+    across: [Point; 2],
+    freedom: &Freedom,
+) -> Sums {
     let axis = patch.axis(tubelet);
     let [g1, g2] = across.map(|f| f.map(|x| Lanes::all(x as f32)));
     let [zero, one, reach, band] =
         [0.0, 1.0, freedom.half_length as f32, freedom.band as f32].map(Lanes::all);
+    let narrow = band.recip();
     let mut moments = [[zero; 3]; 5];
     let mut right = [[zero; 2]; 3];
     let (mut score, mut inliers, mut inside) = (zero, zero, zero);
@@ -225,17 +238,21 @@ fn gather_lanes(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &
         inside += near * distance.below(Lanes::all(0.45)).max(turned);
         let inlier = near * Lanes::all(-0.05).below(facing) * residual.abs().below(band);
         inliers += inlier;
-        let relative = residual * band.recip();
+        let relative = residual * narrow;
         let share = one - relative * relative;
         let mut power = inlier * share * share;
         score += power;
+        if MOMENTS == 0 {
+            continue;
+        }
         let (p1, p2) = (lanes::dot(outward, g1), lanes::dot(outward, g2));
         let products = [p1 * p1, p1 * p2, p2 * p2];
-        for n in 0..5 {
+        for n in 0..MOMENTS {
             for k in 0..3 {
                 moments[n][k] += power * products[k];
             }
-            if n < 3 {
+            // those that make the right-hand side go with 1, a and ½a²; the last only where the tube bends
+            if n < MOMENTS.div_ceil(2) {
                 right[n][0] += power * residual * p1;
                 right[n][1] += power * residual * p2;
             }
@@ -254,12 +271,14 @@ fn gather_lanes(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &
 pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Support) {
     let radius = patch.radius;
     let mut tubelet = start;
+    let length = |value: [f64; 2]| (value[0] * value[0] + value[1] * value[1]).sqrt();
     let precision = freedom.prior.map(|sd| if sd > 0.0 { (NOISE / sd).powi(2) } else { f64::INFINITY });
     // tilt and bend so far; the offset so far follows from the centre
     let mut changed = [[0.0; 2]; 3];
     for _ in 0..freedom.steps {
         let (f1, f2) = frame(tubelet.tangent);
-        let sums = gather(patch, &tubelet, [f1, f2], freedom);
+        let bends = freedom.prior[2] > 0.0;
+        let sums = if bends { gather } else { gather_straight }(patch, &tubelet, [f1, f2], freedom);
         if sums.support.inliers < 4 {
             return (tubelet, sums.support);
         }
@@ -267,7 +286,7 @@ pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Suppor
         changed[0] = [dot(moved, f1) / radius, dot(moved, f2) / radius];
         let Some(step) = solve(&sums, &precision, &changed) else { break };
         let limit = |value: [f64; 2], most: f64| {
-            let size = value[0].hypot(value[1]);
+            let size = length(value);
             if size > most { value.map(|x| x * most / size) } else { value }
         };
         let step = [limit(step[0], 0.4), limit(step[1], 0.3), step[2]];
@@ -282,12 +301,11 @@ pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Suppor
         tubelet.tangent = normalized(advance(tubelet.tangent, 1.0, along(step[1])));
         let bent = advance(tubelet.curvature, 1.0 / radius, along(step[2]));
         tubelet.curvature = advance(bent, -dot(bent, tubelet.tangent), tubelet.tangent);
-        if step[0][0].hypot(step[0][1]) < 1e-2 && step[1][0].hypot(step[1][1]) < 1e-2 {
+        if length(step[0]) < 1e-2 && length(step[1]) < 1e-2 {
             break;
         }
     }
-    let (f1, f2) = frame(tubelet.tangent);
-    (tubelet, gather(patch, &tubelet, [f1, f2], freedom).support)
+    (tubelet, support(patch, &tubelet, freedom))
 }
 
 /// One Gauss–Newton step in offset, tilt and bend, each along f₁ and f₂.

@@ -25,7 +25,7 @@ const SEED_CUBES: [f64; 2] = [2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
-const SEEDS_PER_TASK: usize = 16;
+const SEEDS_PER_TASK: usize = 4;
 
 /// What a seed may become: any direction, no bend.
 const FIRST_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.8, steps: 3, prior: [1.0, 1.0, 0.0] };

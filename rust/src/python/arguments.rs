@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -14,6 +14,12 @@ pub(super) struct FloatArray<'py>(pub(super) PyReadonlyArrayDyn<'py, f64>);
 impl<'py> FloatArray<'py> {
     pub(super) fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
         let py = value.py();
+        if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
+            && array.is_c_contiguous()
+            && array.data().is_aligned()
+        {
+            return Ok(Self(array.readonly()));
+        }
         let numpy = py.import("numpy")?;
         let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
         let dtype = array.getattr("dtype")?;
@@ -58,6 +64,12 @@ pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     } else {
         error
     }
+}
+
+/// A place or a vector.
+pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
+    let array = FloatArray::new(name, value)?;
+    array.slice()?.try_into().map_err(|_| wrong_shape(name, "(3,)", array.0.shape()))
 }
 
 /// A real number.

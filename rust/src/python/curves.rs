@@ -1,4 +1,4 @@
-//! Bindings of splines, and of where strings end along them.
+//! Bindings of curves: splines, where strings end along them, polylines and bridges between these.
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -120,6 +120,83 @@ pub(super) fn string_parts<'py>(
             .collect();
         crate::string_parts(&tubes, &radii, &on_tubes, slack.as_deref())
     }))
+}
+
+/// Which places of strands, given with their strands' numbers and the arc lengths there, crowd others.
+#[pyfunction]
+pub(super) fn crowded<'py>(
+    py: Python<'py>,
+    places: &Bound<'py, PyAny>,
+    strands: PyReadonlyArray1<'py, i64>,
+    lengths: PyReadonlyArray1<'py, f64>,
+    contact: f64,
+    own: f64,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let places = FloatArray::new("places", places)?;
+    let (places, strands, lengths) =
+        (places.rows("places", "(N, 3)")?, strands.as_slice()?, lengths.as_slice()?);
+    require_same_length("strands", strands.len(), places.len())?;
+    require_same_length("lengths", lengths.len(), places.len())?;
+    let nodes: Vec<(Point, usize, f64)> =
+        (0..places.len()).map(|i| (places[i], strands[i] as usize, lengths[i])).collect();
+    Ok(PyArray1::from_vec(py, py.detach(|| crate::crowded(&nodes, contact, own))))
+}
+
+/// Arc length from the first of ordered nodes to each, metres.
+#[pyfunction]
+pub(super) fn path_length<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    Ok(PyArray1::from_vec(py, crate::arc_length(nodes.rows("nodes", "(M, 3)")?)))
+}
+
+/// The unit vector out of the last of ordered nodes; see `strand.topology.end_direction`.
+#[pyfunction]
+pub(super) fn end_direction<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    skip: f64,
+    span: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    Ok(PyArray1::from_slice(py, &crate::end_direction(nodes.rows("nodes", "(M, 3)")?, skip, span)))
+}
+
+/// Nodes of the cubic from one stretch to the next; see `strand.strings.bridge`.
+#[pyfunction]
+pub(super) fn bridge<'py>(
+    py: Python<'py>,
+    before: &Bound<'py, PyAny>,
+    after: &Bound<'py, PyAny>,
+    span: f64,
+    spacing: f64,
+    reach: [f64; 2],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (before, after) = (FloatArray::new("before", before)?, FloatArray::new("after", after)?);
+    let (before, after) = (before.rows("before", "(K, 3)")?, after.rows("after", "(K, 3)")?);
+    points_array(py, crate::bridge(before, after, span, spacing, reach))
+}
+
+/// Bending energy of a polyline, 1/m.
+#[pyfunction]
+pub(super) fn bending(nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
+    Ok(crate::bending(FloatArray::new("nodes", nodes)?.rows("nodes", "(M, 3)")?))
+}
+
+/// Cost of joining two ends; see `strand.linking.join_cost`.
+#[pyfunction]
+pub(super) fn join_cost(
+    p: &Bound<'_, PyAny>,
+    leave: &Bound<'_, PyAny>,
+    q: &Bound<'_, PyAny>,
+    arrive: &Bound<'_, PyAny>,
+    radius: f64,
+) -> PyResult<f64> {
+    let [p, leave, q, arrive] = [("p", p), ("leave", leave), ("q", q), ("arrive", arrive)]
+        .map(|(name, value)| super::arguments::point(name, value));
+    Ok(crate::join_cost(p?, leave?, q?, arrive?, radius))
 }
 
 /// A spline of checked control points.

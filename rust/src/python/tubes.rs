@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arguments::{FloatArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape};
-use crate::{Point, RigidMotion, Viewpoints};
+use crate::{Error, Point, RigidMotion, Viewpoints};
 
 /// Estimate a string's radius at places of what one camera saw, from how wide it looks.
 ///
@@ -170,16 +170,22 @@ pub(super) fn fit_tubes<'py>(
             .ok_or_else(|| PyValueError::new_err(format!("ends: there is no view {view}")))?;
         seen.push(crate::EndSighting { end, place, outward, sd });
     }
-    let fit = py.detach(|| {
+    let (fit, (placed, to_camera)) = py.detach(|| {
         let views: Vec<crate::TubeView> = points
             .iter()
             .zip(viewpoints)
             .zip(&sightings)
             .map(|((&points, &viewpoint), ends)| crate::TubeView { points, viewpoint, ends })
             .collect();
-        crate::fit_tubes(&views, &tubes, &motions, &radii, &options)
+        let fit = crate::fit_tubes(&views, &tubes, &motions, &radii, &options)?;
+        let placed = crate::placed(&views, &fit.motions);
+        Ok::<_, Error>((fit, placed))
     })?;
     let result = PyDict::new(py);
+    result.set_item("points", points_array(py, placed)?)?;
+    result.set_item("to_camera", points_array(py, to_camera)?)?;
+    let view = points.iter().enumerate().flat_map(|(view, points)| points.iter().map(move |_| view as i64));
+    result.set_item("view", PyArray1::from_iter(py, view))?;
     let curves: Vec<_> =
         fit.curves.into_iter().map(|curve| points_array(py, curve.control)).collect::<PyResult<_>>()?;
     result.set_item("curves", curves)?;

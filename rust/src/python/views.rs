@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motion, points_array, require_same_length};
+use super::arguments::{FloatArray, motion, point, points_array, require_same_length};
 use crate::{Point, Seen, SightView};
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
@@ -28,6 +28,19 @@ pub(super) fn crop<'py>(
         only(colors)
     });
     Ok((only(points)?, colors.transpose()?))
+}
+
+/// Whether places hide a stretch of string from a camera.
+#[pyfunction]
+pub(super) fn hides(
+    others: &Bound<'_, PyAny>,
+    stretch: &Bound<'_, PyAny>,
+    camera: &Bound<'_, PyAny>,
+    distance: f64,
+) -> PyResult<bool> {
+    let (others, stretch) = (FloatArray::new("others", others)?, FloatArray::new("stretch", stretch)?);
+    let (others, stretch) = (others.rows("others", "(N, 3)")?, stretch.rows("stretch", "(M, 3)")?);
+    Ok(crate::hides(others, stretch, point("camera", camera)?, distance))
 }
 
 /// What all views saw, for questions about places; see `strand.visibility.Sight`.

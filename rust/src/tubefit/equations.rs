@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::feet::ViewTerms;
 use super::sums::RESIDUAL;
 use super::{EndSighting, State, TubeFitOptions, Uncertainty};
@@ -181,34 +179,26 @@ impl State<'_> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
         let factor = matrix.factor().ok_or_else(undetermined)?;
+        let (band, border) = factor.inverse();
         let poses = (0..self.views.len())
             .map(|view| match layout.column(view) {
-                Some(column) => std::array::from_fn(|i| {
-                    let row = factor.border_inverse(column + i);
-                    std::array::from_fn(|j| row[column + j])
-                }),
+                Some(column) => {
+                    std::array::from_fn(|i| std::array::from_fn(|j| border[(column + i, column + j)]))
+                }
                 None => [[0.0; 6]; 6],
             })
             .collect();
         let radii = (0..self.radii.len())
             .map(|rope| match layout.radii {
                 0 => 0.0,
-                _ => factor.border_inverse(layout.poses + rope)[layout.poses + rope].sqrt(),
+                _ => border[(layout.poses + rope, layout.poses + rope)].sqrt(),
             })
             .collect();
-        let none = vec![0.0; layout.border()];
-        let rows: Vec<usize> = (0..layout.banded).collect();
-        let columns: Vec<[f64; 12]> = rows
-            .par_iter()
-            .map(|&row| {
-                let mut unit = vec![0.0; layout.banded];
-                unit[row] = 1.0;
-                let inverse = factor.solve(&unit, &none).0;
-                // from the first coordinate of the row's control point on
-                let start = row - row % 3;
-                std::array::from_fn(|k| inverse.get(start + k).copied().unwrap_or(0.0))
-            })
-            .collect();
+        // of a coordinate with one that is as many or fewer than WIDTH - 1 rows later
+        let entry = |row: usize, column: usize| {
+            let (row, column) = (row.max(column), row.min(column));
+            if row < band.len() && row - column < WIDTH { band[row][column + WIDTH - 1 - row] } else { 0.0 }
+        };
         let curves = self
             .curves
             .iter()
@@ -219,7 +209,9 @@ impl State<'_> {
                     .map(|i| {
                         std::array::from_fn(|block| {
                             std::array::from_fn(|a| {
-                                std::array::from_fn(|b| columns[offset + 3 * i + a][3 * block + b])
+                                std::array::from_fn(|b| {
+                                    entry(offset + 3 * i + a, offset + 3 * (i + block) + b)
+                                })
                             })
                         })
                     })

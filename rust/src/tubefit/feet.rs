@@ -46,6 +46,14 @@ struct Run {
     points: Range<usize>,
 }
 
+/// A place on one of the spans, counted through all curves.
+#[derive(Clone, Copy, Default)]
+struct OnSpan {
+    span: u32,
+    /// The parameter within the span.
+    t: f32,
+}
+
 /// A [`Foot`] on a known span, in radii.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Near {
@@ -125,48 +133,29 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
             };
-            let (order, mut starts) = match (&search, known) {
+            let (order, mut places) = match (&search, known) {
                 (None, Some(known)) => known[view].places(),
                 (Some(search), _) => eye.searched(search, &spans),
                 (None, None) => (Vec::new(), Vec::new()),
             };
-            let runs = runs(&starts);
-            let settle = |runs: &[Run]| {
-                let range = whole(runs);
-                let mut t: Vec<f32> = starts[range.clone()].iter().map(|start| start.1).collect();
-                for Run { span, points } in runs {
-                    let t = &mut t[points.start - range.start..points.end - range.start];
-                    newton(&spans.spans[*span], &eye, &order[points.clone()], t);
-                }
-                t
+            let settle = |(run, places): (&Run, &mut [OnSpan])| {
+                newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
             };
-            let settled: Vec<Vec<f32>> = runs.par_chunks(RUNS_PER_TASK).map(settle).collect();
-            let from = runs.iter().flat_map(|run| run.points.clone().map(|_| run.span));
-            for ((start, t), span) in starts.iter_mut().zip(settled.into_iter().flatten()).zip(from) {
-                *start = spans.spans[span].moved(span, t);
-            }
-            let (order, starts) = sorted(order, starts, spans.spans.len());
-            let runs = self::runs(&starts);
-            let look = |runs: &[Run]| {
-                let range = whole(runs);
-                let mut near: Vec<Near> = starts[range.clone()]
-                    .iter()
-                    .map(|start| Near { t: start.1, ..Near::default() })
-                    .collect();
-                let mut sums = Vec::with_capacity(runs.len());
-                for Run { span, points } in runs {
-                    let span = &spans.spans[*span];
-                    let near = &mut near[points.start - range.start..points.end - range.start];
-                    let mut of_run = SpanSums::new(span.curve, span.number);
-                    feet(span, &eye, &order[points.clone()], near, &mut of_run);
-                    sums.push(of_run);
-                }
-                (near, sums)
+            let runs = runs(&places);
+            of_runs(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
+            let (order, places) = sorted(order, places, spans.spans.len());
+            let runs = self::runs(&places);
+            let mut near = vec![Near::default(); places.len()];
+            let look = |(run, near): (&Run, &mut [Near])| {
+                let span = &spans.spans[run.span];
+                let mut sums = SpanSums::new(span.curve, span.number);
+                feet(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
+                sums
             };
-            let (near, sums): (Vec<Vec<Near>>, Vec<Vec<SpanSums>>) =
-                runs.par_chunks(RUNS_PER_TASK).map(look).unzip();
+            let sums =
+                of_runs(&runs, &mut near).into_par_iter().with_min_len(RUNS_PER_TASK).map(look).collect();
             let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
-            ViewTerms { order, runs, near: near.concat(), curves, sums: sums.into_iter().flatten().collect() }
+            ViewTerms { order, runs, near, curves, sums }
         };
         (0..self.views.len()).into_par_iter().map(in_view).collect()
     }
@@ -199,13 +188,13 @@ impl State<'_> {
 }
 
 impl ViewTerms {
-    /// The points that belong somewhere, and the span and the parameter in it of each.
-    fn places(&self) -> (Vec<u32>, Vec<(usize, f32)>) {
-        let starts = self
-            .runs
-            .iter()
-            .flat_map(|run| self.near[run.points.clone()].iter().map(|near| (run.span, near.t)));
-        (self.order.clone(), starts.collect())
+    /// The points that belong somewhere, and where.
+    fn places(&self) -> (Vec<u32>, Vec<OnSpan>) {
+        let on_span = |run: &Run| {
+            let span = run.span as u32;
+            self.near[run.points.clone()].iter().map(move |near| OnSpan { span, t: near.t })
+        };
+        (self.order.clone(), self.runs.iter().flat_map(on_span).collect())
     }
 
     /// The curves, and the feet on them, of the points that belong somewhere.
@@ -218,8 +207,8 @@ impl ViewTerms {
 }
 
 impl Eye<'_> {
-    /// The points that some tube is near to, sorted by span, and the span and the parameter in it of each.
-    fn searched(&self, search: &Search, spans: &Spans) -> (Vec<u32>, Vec<(usize, f32)>) {
+    /// The points that some tube is near to, sorted by span, and where.
+    fn searched(&self, search: &Search, spans: &Spans) -> (Vec<u32>, Vec<OnSpan>) {
         let places: Vec<Vec<Option<OnCurve>>> = self
             .points
             .par_chunks(POINTS_PER_TASK)
@@ -259,41 +248,43 @@ impl Eye<'_> {
 }
 
 /// Sorts points by the span that they are on; those of one span stay in their order.
-fn sorted(order: Vec<u32>, starts: Vec<(usize, f32)>, spans: usize) -> (Vec<u32>, Vec<(usize, f32)>) {
-    if starts.is_sorted_by_key(|start| start.0) {
-        return (order, starts);
+fn sorted(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec<u32>, Vec<OnSpan>) {
+    if places.is_sorted_by_key(|place| place.span) {
+        return (order, places);
     }
     let mut next = vec![0usize; spans + 1];
-    for start in &starts {
-        next[start.0 + 1] += 1;
+    for place in &places {
+        next[place.span as usize + 1] += 1;
     }
     for span in 0..spans {
         next[span + 1] += next[span];
     }
-    let (mut numbers, mut places) = (vec![0; order.len()], vec![(0, 0.0); order.len()]);
-    for (number, start) in order.into_iter().zip(starts) {
-        let position = &mut next[start.0];
-        (numbers[*position], places[*position]) = (number, start);
+    let mut sorted = (vec![0; order.len()], vec![OnSpan::default(); order.len()]);
+    for (number, place) in order.into_iter().zip(places) {
+        let position = &mut next[place.span as usize];
+        (sorted.0[*position], sorted.1[*position]) = (number, place);
         *position += 1;
     }
-    (numbers, places)
+    sorted
 }
 
 /// Stretches of sorted points on one span, none longer than a task.
-fn runs(starts: &[(usize, f32)]) -> Vec<Run> {
+fn runs(places: &[OnSpan]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    for (i, start) in starts.iter().enumerate() {
+    for (i, place) in places.iter().enumerate() {
+        let span = place.span as usize;
         match runs.last_mut() {
-            Some(run) if run.span == start.0 && run.points.len() < POINTS_PER_TASK => run.points.end = i + 1,
-            _ => runs.push(Run { span: start.0, points: i..i + 1 }),
+            Some(run) if run.span == span && run.points.len() < POINTS_PER_TASK => run.points.end = i + 1,
+            _ => runs.push(Run { span, points: i..i + 1 }),
         }
     }
     runs
 }
 
-/// All points of some runs, which follow on each other.
-fn whole(runs: &[Run]) -> Range<usize> {
-    runs[0].points.start..runs[runs.len() - 1].points.end
+/// Each run with its part of values of all points.
+fn of_runs<'a, T>(runs: &'a [Run], mut values: &'a mut [T]) -> Vec<(&'a Run, &'a mut [T])> {
+    let part = |run: &'a Run| (run, values.split_off_mut(..run.points.len()).unwrap_or_default());
+    runs.iter().map(part).collect()
 }
 
 /// Number of each curve's first span, and of all spans.
@@ -340,24 +331,15 @@ impl Spans {
         Self { first: firsts(&state.curves), spans }
     }
 
-    /// The span of a place, and the parameter within it.
-    fn of(&self, place: OnCurve) -> (usize, f32) {
+    /// A place by its span.
+    fn of(&self, place: OnCurve) -> OnSpan {
         let first = self.first[place.curve];
         let span = (first + place.parameter as usize).min(self.first[place.curve + 1] - 1);
-        (span, (place.parameter - (span - first) as f64) as f32)
+        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
     }
 }
 
 impl Span {
-    /// The span, whose number among all is given, or its neighbour that a parameter counted from it lies in, and the
-    /// parameter within that one.
-    #[inline]
-    fn moved(&self, span: usize, t: f32) -> (usize, f32) {
-        let target = (self.number as f32 + t.floor()).clamp(0.0, (self.count - 1) as f32) as usize;
-        let steps = target as f32 - self.number as f32;
-        (span + target - self.number, t - steps)
-    }
-
     #[inline(always)]
     fn at(&self, t: Lanes) -> [[Lanes; 3]; 3] {
         let [c1, c2, c3] = self.cubic.map(|c| c.map(Lanes::all));
@@ -384,44 +366,59 @@ fn directions(pieces: &Pieces) -> Vec<Point> {
 }
 
 wide! {
-    /// Moves parameters, counted from a span, to the feet of its points.
-    fn newton(span: &Span, eye: &Eye, numbers: &[u32], t: &mut [f32]) {
-        let low = Lanes::all(-(span.number as f32));
-        let high = Lanes::all((span.count - span.number) as f32);
-        for (numbers, t) in numbers.chunks(LANES).zip(t.chunks_mut(LANES)) {
+    /// Moves places on a span to the feet of their points, which may lie on another span of the curve.
+    fn newton(span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
+        let least = Lanes::all(-(span.number as f32));
+        let most = Lanes::all((span.count - span.number) as f32);
+        for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
             let p = eye.block(span, numbers);
-            let mut u = Lanes::all(0.0);
-            u.0[..t.len()].copy_from_slice(t);
+            let mut t = Lanes::all(0.0);
+            for (t, place) in t.0.iter_mut().zip(places.iter()) {
+                *t = place.t;
+            }
             for _ in 0..2 {
-                let [position, first, second] = span.at(u);
+                let [position, first, second] = span.at(t);
                 let x: [Lanes; 3] = std::array::from_fn(|k| p[k] - position[k]);
                 let square = lanes::dot(first, first);
                 let slope = (square - lanes::dot(x, second)).max(Lanes::all(0.3) * square);
-                u = (u + lanes::dot(x, first) / slope).max(low).min(high);
+                t = (t + lanes::dot(x, first) / slope).max(least).min(most);
             }
-            t.copy_from_slice(&u.0[..t.len()]);
+            let steps = t.floor().min(most - Lanes::all(1.0));
+            let rest = t - steps;
+            for (l, place) in places.iter_mut().enumerate() {
+                place.span = place.span.wrapping_add_signed(steps.0[l] as i32);
+                place.t = rest.0[l];
+            }
         }
     }
 }
 
 wide! {
-    /// The feet of points on a span, whose parameters are known, and their part in the normal equations.
-    fn feet(span: &Span, eye: &Eye, numbers: &[u32], near: &mut [Near], sums: &mut SpanSums) {
+    /// The feet of points at their places on a span, and their part in the normal equations.
+    fn feet(
+        span: &Span,
+        eye: &Eye,
+        numbers: &[u32],
+        places: &[OnSpan],
+        near: &mut [Near],
+        sums: &mut SpanSums
+    ) {
         let [zero, one] = [0.0, 1.0].map(Lanes::all);
         let camera: [Lanes; 3] =
             std::array::from_fn(|k| Lanes::all(((eye.camera[k] - span.origin[k]) / span.radius) as f32));
         let arm: [Lanes; 3] = std::array::from_fn(|k| Lanes::all((span.origin[k] - eye.center[k]) as f32));
         let radius = Lanes::all(span.radius as f32);
         let [low, high] = span.bounds.map(|corner| corner.map(Lanes::all));
-        for (numbers, near) in numbers.chunks(LANES).zip(near.chunks_mut(LANES)) {
+        let blocks = numbers.chunks(LANES).zip(places.chunks(LANES)).zip(near.chunks_mut(LANES));
+        for ((numbers, places), near) in blocks {
             let p = eye.block(span, numbers);
             let mut t = zero;
             let mut here = zero;
             let mut direction = [zero; 3];
-            for (l, near) in near.iter().enumerate() {
-                t.0[l] = near.t;
+            for (l, place) in places.iter().enumerate() {
+                t.0[l] = place.t;
                 here.0[l] = 1.0;
-                let along = span.directions[(near.t * DIRECTIONS as f32).round() as usize];
+                let along = span.directions[(place.t * DIRECTIONS as f32 + 0.5) as usize];
                 for k in 0..3 {
                     direction[k].0[l] = along[k];
                 }
@@ -459,6 +456,7 @@ wide! {
             foot.explained = foot.explained * on;
             foot.inlier = foot.inlier * on;
             for (l, near) in near.iter_mut().enumerate() {
+                near.t = t.0[l];
                 near.residual = foot.residual.0[l];
                 near.facing = foot.facing.0[l];
                 near.weight = foot.weight.0[l];

@@ -68,7 +68,7 @@ impl SpanSums {
             t * t * t * sixth,
         ];
         let n = points.outward;
-        let features = turned([
+        let features = [
             points.turn[0],
             points.turn[1],
             points.turn[2],
@@ -77,38 +77,39 @@ impl SpanSums {
             points.settled[2],
             zero - one,
             points.residual,
-        ]);
-        let normals = turned([
-            n[0] * n[0],
-            n[0] * n[1],
-            n[0] * n[2],
-            n[1] * n[1],
-            n[1] * n[2],
-            n[2] * n[2],
-            zero,
-            zero,
-        ]);
+        ];
+        let weighted = basis.map(|b| b * points.weight);
+        let pairs = PAIRS.map(|(a, b)| weighted[a] * basis[b]);
+        let normals = AXES.map(|(k, l)| n[k] * n[l]);
+        let by_point = turned(features);
+        let normals_by_point =
+            turned(std::array::from_fn(|i| if i < AXES.len() { normals[i] } else { zero }));
+        // few sums at a time, so that they stay in registers
+        let mut band = self.band;
         for l in 0..LANES {
-            let weight = points.weight.0[l];
-            if weight <= 0.0 {
-                continue;
-            }
-            self.used += 1;
-            let basis = basis.map(|b| b.0[l]);
-            let weighted = basis.map(|b| b * weight);
-            for (sum, (a, b)) in self.band.iter_mut().zip(PAIRS) {
-                *sum += Lanes::all(weighted[a] * basis[b]) * normals[l];
-            }
-            let along = n.map(|n| Lanes::all(n.0[l]) * features[l]);
-            for (sums, b) in self.border.iter_mut().zip(weighted) {
-                for (sum, along) in sums.iter_mut().zip(along) {
-                    *sum += Lanes::all(b) * along;
-                }
-            }
-            for (i, sum) in self.corner.iter_mut().enumerate() {
-                *sum += Lanes::all(weight * features[l].0[i]) * features[l];
+            for (sum, pair) in band.iter_mut().zip(&pairs) {
+                *sum += Lanes::all(pair.0[l]) * normals_by_point[l];
             }
         }
+        self.band = band;
+        let mut border = self.border;
+        for l in 0..LANES {
+            let along = n.map(|n| Lanes::all(n.0[l]) * by_point[l]);
+            for (sums, b) in border.iter_mut().zip(&weighted) {
+                for (sum, along) in sums.iter_mut().zip(along) {
+                    *sum += Lanes::all(b.0[l]) * along;
+                }
+            }
+        }
+        self.border = border;
+        let mut corner = self.corner;
+        for l in 0..LANES {
+            for (sum, feature) in corner.iter_mut().zip(&features) {
+                *sum += Lanes::all(points.weight.0[l] * feature.0[l]) * by_point[l];
+            }
+        }
+        self.corner = corner;
+        self.used += points.weight.0.iter().filter(|&&weight| weight > 0.0).count();
     }
 
     /// Calls `add` with each entry of the 12 x 12 sums of the control points' coordinates, on and below the diagonal.
