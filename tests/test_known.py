@@ -152,16 +152,16 @@ def test_lengths_are_those_of_the_strings_that_they_fit_best():
 
 def test_a_bridge_has_the_length_that_is_asked_for():
     before = np.linspace([-0.05, 0.0, 0.0], [0.0, 0.0, 0.0], 21)
-    after = np.linspace([0.04, 0.01, 0.0], [0.09, 0.01, 0.0], 21)
-    for length in (0.045, 0.06):
+    after = np.linspace([0.08, 0.01, 0.0], [0.13, 0.01, 0.0], 21)
+    for length in (0.085, 0.095):
         nodes = bridges.least_bending(before, after, R, None, Linking(), length)
         way = np.vstack([before[-1:], nodes, after[:1]])
         assert length_of(way) == pytest.approx(length, rel=1e-6)
-    box = (np.array([-1.0, -1.0, -0.002]), np.array([1.0, 0.012, 1.0]))
-    nodes = bridges.least_bending(before, after, R, None, Linking(), 0.06, box)
+    box = (np.array([-1.0, -1.0, -0.002]), np.array([1.0, 0.014, 1.0]))
+    nodes = bridges.least_bending(before, after, R, None, Linking(), 0.095, box)
     assert ((nodes > box[0]) & (nodes < box[1])).all()
     plain = bridges.least_bending(before, after, R, None, Linking())
-    for length in (0.01, 0.5):
+    for length in (0.01, 0.15, 0.5):
         nodes = bridges.least_bending(before, after, R, None, Linking(), length)
         np.testing.assert_array_equal(nodes, plain)
 

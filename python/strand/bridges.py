@@ -17,10 +17,19 @@ LONG, _REACHES = 3.0, (0.6, 1.0, 1.5)
 # no gap is bridged of which cameras saw through a larger share
 SEEN_THROUGH = 0.3
 # a bridge that is to be longer leaves the straight way in one of so many directions; it is at most so much
-# longer, and its length is found by so many bisections
-_DIRECTIONS, _LONGEST, _BISECTIONS = 16, 2.0, 30
-# what a radius of it outside the extraction range costs
-_OUTSIDE = 2.0
+# longer, bends at most so tightly (times the radius), and its length is found by so many bisections
+_DIRECTIONS, _LONGEST, _TIGHTEST, _BISECTIONS = 16, 2.0, 0.4, 30
+# it goes where there is room: so much farther aside, each radius where no string can be costs this
+_ROOM, _NOWHERE = 1.5, 2.0
+
+
+def _turns(nodes: Array) -> tuple[Array, Array, Array]:
+    """Return lengths of the steps, turns between them, radians, and the lengths that turns stand for."""
+    steps = np.diff(nodes, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    units = steps / np.maximum(lengths, 1e-12)[:, None]
+    turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
+    return lengths, turns, np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)
 
 
 def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
@@ -107,7 +116,8 @@ def _bowed(
             if own > length or length > _LONGEST * own:
                 continue
             t = np.linspace(0.0, 1.0, len(way))
-            bow = 16.0 * (t * (1.0 - t)) ** 2
+            # how a straight rod buckles whose ends are held
+            bow = np.sin(np.pi * t) ** 2
             # no bow is higher than long
             low, high = np.zeros(_DIRECTIONS), np.full(_DIRECTIONS, length)
             for _ in range(_BISECTIONS):
@@ -115,12 +125,25 @@ def _bowed(
                 bowed = way + (height[:, None] * bow)[..., None] * aside[:, None]
                 short = np.linalg.norm(np.diff(bowed, axis=1), axis=2).sum(axis=1) < length
                 low, high = np.where(short, height, low), np.where(short, high, height)
-            for nodes in bowed:
-                out = 0.0
-                if bounds is not None:
-                    out = float(((nodes < bounds[0]) | (nodes > bounds[1])).any(axis=1).mean())
-                seen = 0.0 if sight is None else float(sight.empty(nodes, radius).mean())
-                cost = bridge_cost(nodes, radius, sight, config) + _OUTSIDE * out * length / radius
-                if cost < least - 1e-9 and max(out, seen) <= SEEN_THROUGH:
+            room = way + _ROOM * (bowed - way)
+            for nodes, farther in zip(bowed, room, strict=True):
+                _, turns, along = _turns(nodes)
+                if (turns / along).max() > _TIGHTEST / radius:
+                    continue
+                if _nowhere(nodes, radius, sight, bounds) > SEEN_THROUGH:
+                    continue
+                cost = bridge_cost(nodes, radius, sight, config)
+                cost += _NOWHERE * _nowhere(farther, radius, sight, bounds) * length / radius
+                if cost < least - 1e-9:
                     best, least = nodes[1:-1], cost
     return best
+
+
+def _nowhere(nodes: Array, radius: float, sight: Sight | None, bounds: tuple[Array, Array] | None) -> float:
+    """Return the share of nodes that lie where no string is: seen to be empty, or outside the bounds."""
+    out = np.zeros(len(nodes), dtype=bool)
+    if bounds is not None:
+        out |= ((nodes < bounds[0]) | (nodes > bounds[1])).any(axis=1)
+    if sight is not None:
+        out |= sight.empty(nodes, radius)
+    return float(out.mean())

@@ -455,7 +455,8 @@ class Links:
             ([self.arcs[end // 2][:: -1 if end % 2 else 1] for end in entered], closed)
             for entered, closed in walk(len(self.arcs), joins)
         ]
-        made = [_strung(parts, closed, radius, config, sight) for parts, closed in strings]
+        wanted = None if known is None or not known.lengths else 1.0
+        made = [_strung(parts, closed, radius, config, sight, wanted) for parts, closed in strings]
         if known is not None and known.lengths:
             lengths = [float(path_length(nodes)[-1]) for nodes, _ in made]
             for k, true in enumerate(known.expected(lengths)):
@@ -544,17 +545,20 @@ def _strung(
     radius: float,
     config: Linking,
     sight: Sight | None,
-    stretch: float = 1.0,
+    stretch: float | None,
     bounds: tuple[Array, Array] | None = None,
 ) -> tuple[Array, float]:
     """One chain of several parts, and how long its bridges are that could be longer.
 
-    Parts are cut back where they overlap, with a cubic between; long ones are made longer by `stretch`.
+    Parts are cut back where they overlap, with a cubic between; long ones are made longer by `stretch`,
+    without which they are not measured.
     """
     longer = 0.0
 
     def bridged(before: Array, after: Array, nodes: Array) -> Array:
         nonlocal longer
+        if stretch is None:
+            return nodes
         way = np.vstack([before[-1:], nodes, after[:1]])
         length = float(path_length(way)[-1])
         seen_through = sight is not None and sight.empty(way, radius).mean() > SEEN_THROUGH
