@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
+from strand.arguments import number
 from strand.view import Array, finite_array
 
 
@@ -53,7 +54,7 @@ class Curve:
     Raises
     ------
     TypeError
-        If `control` does not hold floating point numbers.
+        If `control` does not hold floating point numbers, or a parameter is no number.
     ValueError
         If `control` is not (n, 3) with n >= 4 or not finite, or the parameters are out of range.
     """
@@ -66,14 +67,14 @@ class Curve:
         control = finite_array("control", self.control, (None, 3))
         if len(control) < 4:
             raise ValueError(f"control: expected at least four points, got {len(control)}")
+        object.__setattr__(self, "start", number("start", self.start))
+        object.__setattr__(self, "stop", number("stop", self.stop))
         if not 0 <= self.start < self.stop <= len(control) - 3:
             raise ValueError(
                 f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, "
                 f"got {self.start} and {self.stop}"
             )
         object.__setattr__(self, "control", control)
-        object.__setattr__(self, "start", float(self.start))
-        object.__setattr__(self, "stop", float(self.stop))
 
     @classmethod
     def whole(cls, control: Array) -> Curve:

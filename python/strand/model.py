@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import io
+from strand.arguments import as_array, flag, not_negative, number, several, whole
 from strand.curve import Curve
 from strand.nextview import best_camera
 from strand.topology import runs
-from strand.view import Array, checked_radius, finite_array
+from strand.view import Array, checked_radius, finite_array, float_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +43,10 @@ class Chain:
     Raises
     ------
     TypeError
-        If `points` does not hold floating point numbers.
+        If an argument is of the wrong kind.
     ValueError
-        If `points` is not (M, 3), not finite, has fewer than two nodes or equal neighbours, or
-        `radius` is not positive, or `radius_sd` is negative.
+        If an array has a wrong shape or is not finite, `points` has fewer than two nodes or equal
+        neighbours, `radius` is not positive, or `radius_sd` is negative.
     """
 
     points: Array
@@ -63,8 +64,8 @@ class Chain:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "radius", checked_radius(self.radius))
-        if not (np.isfinite(self.radius_sd) and self.radius_sd >= 0):
-            raise ValueError(f"radius_sd: expected a number of metres >= 0, got {self.radius_sd}")
+        object.__setattr__(self, "closed", flag("closed", self.closed))
+        object.__setattr__(self, "radius_sd", not_negative("radius_sd", self.radius_sd))
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
         count = len(points)
@@ -74,8 +75,15 @@ class Chain:
             ("views_seen", (count,)),
         ):
             value = getattr(self, name)
-            if value is not None and np.shape(value) != shape:
-                raise ValueError(f"{name}: expected shape {shape}, got {np.shape(value)}")
+            if value is None:
+                continue
+            array = as_array(name, value)
+            if array.dtype.kind not in ("f" if name == "covariance" else "iu"):
+                raise TypeError(f"{name}: expected numbers of its kind, got dtype {array.dtype}")
+            if array.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 
@@ -262,6 +270,14 @@ class Join:
     margin: float
     alternative: Array | None = None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "place", finite_array("place", self.place, (3,)))
+        numbers = several("chains", self.chains, "whole numbers")
+        object.__setattr__(self, "chains", tuple(whole("chains", chain) for chain in numbers))
+        object.__setattr__(self, "margin", number("margin", self.margin))
+        if self.alternative is not None:
+            object.__setattr__(self, "alternative", finite_array("alternative", self.alternative, (3,)))
+
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
@@ -327,6 +343,22 @@ class Model:
     joins: tuple[Join, ...] = ()
     doubts: tuple[Doubt, ...] = ()
 
+    def __post_init__(self) -> None:
+        for name, kind in (("chains", Chain), ("warnings", str), ("joins", Join)):
+            held = several(name, getattr(self, name), kind.__name__)
+            for i, one in enumerate(held):
+                if not isinstance(one, kind):
+                    raise TypeError(f"{name}[{i}]: expected a {kind.__name__}, got {type(one).__name__}")
+            object.__setattr__(self, name, held)
+        for name in ("timings", "stages"):
+            if not isinstance(getattr(self, name), dict):
+                raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
+        object.__setattr__(self, "poses", float_array("poses", self.poses, (None, 4, 4)))
+        object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, (None, 6)))
+        known = not isinstance(self.confidence, float) or not np.isnan(self.confidence)
+        if known and not 0.0 <= number("confidence", self.confidence) <= 1.0:
+            raise ValueError(f"confidence: expected a number from 0 to 1, or NaN, got {self.confidence}")
+
     def next_view(self) -> Array:
         """Camera position from which one more view would tell most: it best sees the least certain place.
 
@@ -341,7 +373,7 @@ class Model:
         Raises
         ------
         ValueError
-            If there is no chain or no pose.
+            If there is no chain, or no pose whose camera is away from the place.
         """
         if not self.chains or not len(self.poses):
             raise ValueError("model: expected chains and poses, got none")

@@ -37,9 +37,19 @@ def best_camera(place: Array, strands: Sequence[Array], cameras: Array, radius: 
     -------
     (3,) ndarray
         World frame, metres; as far from the place as the cameras were, in the median.
+
+    Raises
+    ------
+    ValueError
+        If all cameras are at the place.
     """
     offsets = cameras - place
     distances = np.linalg.norm(offsets, axis=1)
+    # a camera at the place saw it from no side
+    somewhere = np.isfinite(distances) & (distances > 0)
+    offsets, distances = offsets[somewhere], distances[somewhere]
+    if not len(offsets):
+        raise ValueError("model: expected poses with cameras away from the strings")
     seen_from = offsets / distances[:, None]
     up = seen_from.mean(axis=0)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else seen_from[0]

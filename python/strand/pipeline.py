@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from strand import published, tubes
 from strand._core import NotEnoughDataError
+from strand.arguments import flag
 from strand.certainty import confidence
 from strand.config import Config
 from strand.known import Known, contradiction
@@ -86,6 +87,9 @@ def reconstruct(
         If no view has points in the extraction range, or they make no chain.
     """
     config = Config() if config is None else config
+    keep_stages = flag("keep_stages", keep_stages)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a callable or None, got {type(progress).__name__}")
     views, radii = _checked(views, radius, config, previous)
     box = None if bounds is None else extraction_range(bounds)
     known = Known.given(ropes, length, box)

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from strand.arguments import positive
 from strand.view import Array
 
 # Plans of the shapes: pieces of (length, turn in degrees, left is positive), walked one after another.
@@ -51,6 +52,9 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
 SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper")
 """Names that `shape` knows."""
 
+LONGEST = 1e3
+"""The longest string that is made, metres: nodes are 1 mm apart."""
+
 # Shortest lengths, in radii, at which strands keep clear and no bend is sharper than 2.5 radii.
 _SHORTEST = {
     "straight": 2.0,
@@ -69,23 +73,6 @@ _LIFT = 2.1  # radii, between the axes where strings cross: 2 would touch
 _RAMP = 7.0  # radii, half the width of the bump over a string
 _SPIRAL_START = 4.0  # radii, the coil's innermost
 _SPIRAL_PITCH = 2.6  # radii, between the coil's turns: a gap of 0.6 between surfaces
-
-
-def positive(name: str, value: float) -> float:
-    """Return `value` as a float above zero.
-
-    Raises
-    ------
-    TypeError
-        If it is not a real number.
-    ValueError
-        If it is zero, negative or not finite.
-    """
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name}: expected a number, got {type(value).__name__}")
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: expected a positive number, got {value}")
-    return float(value)
 
 
 def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
@@ -164,9 +151,9 @@ def lay(name: str, radius: float, length: float, plane: Array) -> Array:
     TypeError, ValueError
         As `shape`.
     """
-    if name not in SHAPES:
+    if not isinstance(name, str) or name not in SHAPES:
         raise ValueError(f"name: expected one of {', '.join(SHAPES)}, got {name!r}")
-    radius, length = positive("radius", radius), positive("length", length)
+    radius, length = positive("radius", radius), positive("length", length, LONGEST)
     shortest = _SHORTEST[name] * radius
     if length < shortest * (1.0 - 1e-9):
         raise ValueError(

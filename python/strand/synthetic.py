@@ -7,7 +7,6 @@ the same arguments give the same scene, bit for bit.
 from __future__ import annotations
 
 import math
-import operator
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import io
-from strand.shapes import SHAPES, lay, positive, shape
+from strand.arguments import not_negative, number, positive, several, whole
+from strand.shapes import LONGEST, SHAPES, lay, shape
 from strand.tangles import tangle
 from strand.view import Array, View, finite_array, rigid_motion
 
@@ -31,6 +31,7 @@ _NEAREST = 76.0  # radii, from the camera to the middle: 0.32 m for a string 8.4
 _BORDER = 0.02  # of the image's width and height: free of strings
 _SQUEEZE = 0.03  # largest stretch of a shape's plan along one axis, with as much squeeze across
 _SHIFT = 3.0  # radii, largest shift of a shape from the middle in x and in y
+_VIEWS = 10_000  # most images of a scene
 _LOT = 1 << 18  # pairs of a piece of tube and a pixel at a time: bounds the memory
 
 _Indices = NDArray[np.int64]
@@ -83,7 +84,7 @@ def render_depth(
         intrinsics are not a pinhole's, `pose` is not a rigid motion, `size` is not two positive
         numbers, or `table` is negative or not finite.
     """
-    tubes = [_nodes(f"chains[{i}]", chain) for i, chain in enumerate(chains)]
+    tubes = [_nodes(f"chains[{i}]", chain) for i, chain in enumerate(several("chains", chains, "arrays"))]
     radii = _radii(radius, len(tubes))
     camera = finite_array("intrinsics", intrinsics, (3, 3))
     fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
@@ -94,7 +95,7 @@ def render_depth(
         )
     motion = rigid_motion("pose", pose)
     width, height = _image_size(size)
-    side = _TABLE if table is True else _not_negative("table", table)
+    side = float(table) * _TABLE if isinstance(table, bool) else not_negative("table", table)
 
     rotation, centre = motion[:3, :3], motion[:3, 3]
     # rays reach z = 1 in the camera frame, so that the parameter along one is the depth
@@ -213,12 +214,11 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     Raises
     ------
     TypeError
-        If `distance` is not a number.
+        If an argument is not a number.
     ValueError
         If an angle is not finite or `distance` is not positive.
     """
-    if not (math.isfinite(azimuth) and math.isfinite(elevation)):
-        raise ValueError(f"azimuth, elevation: expected finite numbers, got {azimuth} and {elevation}")
+    azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
     outward = np.array(
         [
             math.cos(elevation) * math.cos(azimuth),
@@ -268,16 +268,18 @@ def sense(
     Raises
     ------
     TypeError
-        If `depth` does not hold floating point numbers, or `step` or `depth_scale` is not a number.
+        If `depth` does not hold floating point numbers, a number is none, or `rng` is no generator.
     ValueError
         If `depth` is not two-dimensional and finite, `noise` is negative or not finite, `flying` is
         not from 0 to 1, or `step` or `depth_scale` is not positive.
     """
     exact = finite_array("depth", depth, (None, None))
-    noise, flying = _not_negative("noise", noise), _not_negative("flying", flying)
+    noise, flying = not_negative("noise", noise), not_negative("flying", flying)
     if flying > 1:
         raise ValueError(f"flying: expected a part from 0 to 1, got {flying}")
     step, depth_scale = positive("step", step), positive("depth_scale", depth_scale)
+    if not isinstance(rng, np.random.Generator):
+        raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
     returned = exact > 0
     height, width = exact.shape
     around = np.pad(exact, 1)
@@ -441,15 +443,17 @@ def scene(
         there are no chains or one is not as `render_depth` wants it, `views` is not positive, or a
         number is out of its range.
     """
-    radius = positive("radius", radius)
-    noise = _not_negative("noise", noise)
+    if name is not None and not isinstance(name, str):
+        raise TypeError(f"name: expected text, got {type(name).__name__}")
+    radius = positive("radius", radius, LONGEST)
+    noise = not_negative("noise", noise)
     turn_error, shift_error = (
-        _not_negative("turn_error", turn_error),
-        _not_negative("shift_error", shift_error),
+        not_negative("turn_error", turn_error),
+        not_negative("shift_error", shift_error),
     )
-    count, (width, height) = _integer("views", views, 1), _image_size(size)
+    count, (width, height) = whole("views", views, 1, _VIEWS), _image_size(size)
     placing, stage, sensor = (
-        np.random.default_rng(child) for child in np.random.SeedSequence(_integer("seed", seed, 0)).spawn(3)
+        np.random.default_rng(child) for child in np.random.SeedSequence(whole("seed", seed, 0)).spawn(3)
     )
     if chains is None:
         name = "paper" if name is None else name
@@ -458,7 +462,8 @@ def scene(
         if length is not None:
             raise ValueError("length: expected none along with chains, which have their own")
         name = "chains" if name is None else name
-        truth = tuple(_nodes(f"chains[{i}]", chain) for i, chain in enumerate(chains))
+        shown = several("chains", chains, "arrays")
+        truth = tuple(_nodes(f"chains[{i}]", chain) for i, chain in enumerate(shown))
         if not truth:
             raise ValueError("chains: expected at least one string, got none")
 
@@ -549,10 +554,10 @@ def _nodes(name: str, value: ArrayLike) -> Array:
 
 
 def _radii(radius: float | Sequence[float], count: int) -> list[float]:
-    if isinstance(radius, (Sequence, np.ndarray)):
-        radii = [positive(f"radius[{i}]", value) for i, value in enumerate(radius)]
+    if isinstance(radius, (Sequence, np.ndarray)) and np.ndim(radius) > 0:
+        radii = [positive(f"radius[{i}]", value, LONGEST) for i, value in enumerate(radius)]
     else:
-        radii = [positive("radius", radius)] * count
+        radii = [positive("radius", radius, LONGEST)] * count
     if len(radii) != count:
         raise ValueError(f"radius: expected one number or one for each of {count} chains, got {len(radii)}")
     return radii
@@ -563,23 +568,4 @@ def _image_size(size: tuple[int, int]) -> tuple[int, int]:
         width, height = size
     except (TypeError, ValueError):
         raise ValueError("size: expected a pair (width, height) of pixels") from None
-    return _integer("size[0]", width, 1), _integer("size[1]", height, 1)
-
-
-def _integer(name: str, value: int, least: int) -> int:
-    try:
-        number = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name}: expected an integer, got {type(value).__name__}") from None
-    if number < least:
-        raise ValueError(f"{name}: expected at least {least}, got {number}")
-    return number
-
-
-def _not_negative(name: str, value: float) -> float:
-    if value == 0:
-        return 0.0
-    try:
-        return positive(name, value)
-    except ValueError:
-        raise ValueError(f"{name}: expected a number >= 0, got {value}") from None
+    return whole("size[0]", width, 1), whole("size[1]", height, 1)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from strand.shapes import arc_lengths, positive
+from strand.arguments import positive, whole
+from strand.shapes import arc_lengths
 from strand.view import Array
 
 # all in radii: least and greatest length of a string, steps of a plan, rise of a strand over another,
@@ -16,6 +17,8 @@ _SHORTEST, _LONGEST = 45.0, 110.0
 _STEP, _RISE, _RAMP, _SLOW, _CLEAR, _APART, _BEND = 0.5, 2.15, 2.5, 3.5, 2.0, 2.2, 2.5
 # the shallowest crossing, degrees; how often a plan is drawn, and laid
 _SHALLOWEST, _DRAWS, _LAYINGS = 35.0, 40, 12
+# what there is room and time for: crossings, strings, and metres of radius
+_CROSSINGS, _ROPES, _THICKEST = 20, 8, 1.0
 # strands this near along a string do not touch, in radii of arc length
 _OWN = 4.5
 
@@ -31,11 +34,11 @@ def tangle(crossings: int = 3, ropes: int = 1, radius: float = 0.0042, seed: int
     Parameters
     ----------
     crossings : int
-        As seen from above.
+        As seen from above; at most 20.
     ropes : int
-        How many strings.
+        How many strings; at most 8.
     radius : float
-        Their radius, metres.
+        Their radius, metres; at most 1.
     seed : int
         The source of chance, not negative.
 
@@ -47,17 +50,13 @@ def tangle(crossings: int = 3, ropes: int = 1, radius: float = 0.0042, seed: int
     Raises
     ------
     TypeError
-        If `radius` is not a number.
+        If `radius` is not a number, or another argument not a whole one.
     ValueError
-        If `crossings` is negative, `ropes` or `radius` is not positive, or no draw crosses as often as
-        wanted.
+        If an argument is out of range, or no draw crosses as often as wanted.
     """
-    radius = positive("radius", radius)
-    if crossings < 0:
-        raise ValueError(f"crossings: expected at least 0, got {crossings}")
-    if ropes < 1:
-        raise ValueError(f"ropes: expected at least 1, got {ropes}")
-    rng = np.random.default_rng(seed)
+    radius = positive("radius", radius, _THICKEST)
+    crossings, ropes = whole("crossings", crossings, 0, _CROSSINGS), whole("ropes", ropes, 1, _ROPES)
+    rng = np.random.default_rng(whole("seed", seed))
     chains: list[Array] | None = None
     for _ in range(_DRAWS):
         drawn = _plans(ropes, crossings, rng)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import _core
-from strand.view import Array, extraction_range
+from strand.arguments import as_array, flag, positive, positive_array, several, whole
+from strand.view import Array, extraction_range, finite_array, float_array, rigid_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,13 @@ class EndSighting:
         Unit vector along the string, out of it. Across it the place says nothing.
     sd : float
         Standard deviation of the place in that direction, metres.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If a number is negative, `outward` is not of unit length, or `sd` is not positive.
     """
 
     view: int
@@ -34,6 +42,16 @@ class EndSighting:
     place: Array
     outward: Array
     sd: float
+
+    def __post_init__(self) -> None:
+        for name in ("view", "end"):
+            object.__setattr__(self, name, whole(name, getattr(self, name)))
+        for name in ("place", "outward"):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), (3,)))
+        length = float(np.linalg.norm(self.outward))
+        if abs(length - 1.0) > 1e-6:
+            raise ValueError(f"outward: expected a vector of unit length, got one of length {length}")
+        object.__setattr__(self, "sd", positive("sd", self.sd))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,48 +211,74 @@ def fit_tubes(
 
     Raises
     ------
+    TypeError
+        If an argument is of the wrong kind.
     ValueError
         If an array has a wrong shape or is not finite, or a number is out of range.
     strand.NotEnoughDataError
         If the points do not fix the tubes.
     """
-    if reference is not None and not 0 <= reference < len(points):
-        raise ValueError(f"reference: expected the number of one of {len(points)} views, got {reference}")
-    if iterations < 0:
-        raise ValueError(f"iterations: expected at least 0, got {iterations}")
-    for name, pair in (("pose_sd", pose_sd), ("band", band)):
-        if len(pair) != 2:
-            raise ValueError(f"{name}: expected two numbers, got {len(pair)}")
-    radii = np.atleast_1d(np.asarray(radius, dtype=np.float64))
-    numbers = np.zeros(len(curves), dtype=np.int64) if ropes is None else np.asarray(ropes)
-    if numbers.shape != (len(curves),) or numbers.dtype.kind not in "iu":
-        raise ValueError(f"ropes: expected one whole number for each of {len(curves)} curves, got {ropes!r}")
+    clouds = [
+        float_array(f"points[{i}]", cloud, (None, 3))
+        for i, cloud in enumerate(several("points", points, "arrays"))
+    ]
+    centres = float_array("viewpoints", viewpoints, (len(clouds), 3))
+    started = [
+        float_array(f"curves[{i}]", control, (None, 3))
+        for i, control in enumerate(several("curves", curves, "arrays"))
+    ]
+    corrections = [
+        rigid_motion(f"motions[{i}]", motion)
+        for i, motion in enumerate(several("motions", motions, "rigid motions"))
+    ]
+    if reference is not None:
+        reference = whole("reference", reference)
+        if reference >= len(clouds):
+            raise ValueError(f"reference: expected the number of one of {len(clouds)} views, got {reference}")
+    pairs = {"pose_sd": positive_array("pose_sd", pose_sd), "band": positive_array("band", band)}
+    for name, pair in pairs.items():
+        if pair.shape != (2,):
+            raise ValueError(f"{name}: expected two numbers, got shape {pair.shape}")
+    radii = np.atleast_1d(positive_array("radius", radius))
+    if radii.ndim != 1 or not len(radii):
+        raise ValueError(f"radius: expected one number or one for each rope, got {radius!r}")
+    numbers = np.zeros(len(started), dtype=np.int64) if ropes is None else as_array("ropes", ropes)
+    if numbers.shape != (len(started),) or numbers.dtype.kind not in "iu":
+        raise ValueError(f"ropes: expected one whole number for each of {len(started)} curves, got {ropes!r}")
     if ((numbers < 0) | (numbers >= len(radii))).any():
         raise ValueError(f"ropes: expected numbers of {len(radii)} ropes, got {ropes!r}")
     prior = None
     if radius_prior is not None:
-        prior = np.atleast_2d(np.asarray(radius_prior, dtype=np.float64))
+        prior = np.atleast_2d(positive_array("radius_prior", radius_prior))
         if prior.shape != (len(radii), 2):
             raise ValueError(f"radius_prior: expected shape ({len(radii)}, 2), got {prior.shape}")
+    sightings = several("ends", ends, "EndSighting")
+    for i, seen in enumerate(sightings):
+        if not isinstance(seen, EndSighting):
+            raise TypeError(f"ends[{i}]: expected an EndSighting, got {type(seen).__name__}")
+        if seen.view >= len(clouds):
+            raise ValueError(f"ends[{i}]: expected the number of one of {len(clouds)} views, got {seen.view}")
     box = None if bounds is None else extraction_range(bounds)
     found = _core.fit_tubes(
-        list(points),
-        viewpoints,
-        list(curves),
+        clouds,
+        centres,
+        started,
         numbers.tolist(),
-        list(motions),
+        corrections,
         radii.tolist(),
-        fit_curves=fit_curves,
+        fit_curves=flag("fit_curves", fit_curves),
         radius_prior=None if prior is None else prior.tolist(),
         reference=reference,
-        pose_sd=list(pose_sd),
-        along_ray=along_ray,
-        band=list(band),
-        iterations=iterations,
-        min_bend=min_bend,
-        noise=noise,
+        pose_sd=pairs["pose_sd"].tolist(),
+        along_ray=flag("along_ray", along_ray),
+        band=pairs["band"].tolist(),
+        iterations=whole("iterations", iterations, 0, 2**63 - 1),
+        min_bend=positive("min_bend", min_bend),
+        noise=None if noise is None else positive("noise", noise),
         bounds=None if box is None else [corner.tolist() for corner in box],
-        ends=[(seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in ends],
-        uncertainty=uncertainty,
+        ends=[
+            (seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in sightings
+        ],
+        uncertainty=flag("uncertainty", uncertainty),
     )
     return TubeFit(ropes=numbers.astype(np.int64), **found)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import _core
+from strand.arguments import as_array, number, several, whole
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def float_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> A
     ValueError
         If the shape differs.
     """
-    array = np.asarray(value)
+    array = as_array(name, value)
     if array.dtype.kind != "f":
         raise TypeError(f"{name}: expected floating point numbers, got dtype {array.dtype}")
     if array.ndim != len(shape) or any(
@@ -106,7 +107,7 @@ def extraction_range(value: tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
     Raises
     ------
     TypeError
-        If the corners are not floating point numbers.
+        If the corners are not numbers.
     ValueError
         If there are not two corners of three numbers, or a low one is not below its high one.
     """
@@ -114,6 +115,10 @@ def extraction_range(value: tuple[ArrayLike, ArrayLike]) -> tuple[Array, Array]:
         low, high = value
     except (TypeError, ValueError):
         raise ValueError("bounds: expected a pair (low, high) of corners") from None
+    low, high = (
+        corner.astype(np.float64) if corner.dtype.kind in "iu" else corner
+        for corner in (as_array("bounds", low), as_array("bounds", high))
+    )
     low, high = float_array("bounds[0]", low, (3,)), float_array("bounds[1]", high, (3,))
     if not (low < high).all():
         raise ValueError(f"bounds: expected low < high in x, y and z, got {low} and {high}")
@@ -135,10 +140,14 @@ def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
 
     Raises
     ------
+    TypeError
+        If an angle is not a number.
     ValueError
         If an angle is not finite.
     """
-    angles = finite_array("angles", np.asarray([rx, ry, rz], dtype=np.float64), (3,))
+    angles = np.array(
+        [number(f"angles, {name}", angle) for name, angle in (("rx", rx), ("ry", ry), ("rz", rz))]
+    )
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
     about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
@@ -165,7 +174,7 @@ def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Arra
     Raises
     ------
     TypeError
-        If `origin` does not hold floating point numbers.
+        If an angle is not a number, or `origin` does not hold floating point numbers.
     ValueError
         If a number is not finite or `origin` is not of shape (3,).
     """
@@ -213,8 +222,7 @@ def turntable_pose(
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise ValueError("axis: expected a direction, got the zero vector")
-    if not np.isfinite(angle):
-        raise ValueError(f"angle: expected a finite number, got {angle}")
+    angle = number("angle", angle)
     x, y, z = axis / length
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     # Rodrigues' formula for the angle -angle
@@ -267,6 +275,7 @@ class View:
         if self.colors is not None:
             colors = color_array("colors", self.colors, (len(points), 3))
             object.__setattr__(self, "colors", colors.copy() if colors is self.colors else colors)
+        object.__setattr__(self, "dropped", whole("dropped", self.dropped))
 
     @classmethod
     def from_depth(
@@ -318,9 +327,8 @@ class View:
         z = image[v, u]
         points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
         seen = None if colors is None else color_array("colors", colors, (*image.shape, 3))[v, u]
-        return cls(
-            points, np.eye(4) if pose is None else np.asarray(pose), int(image.size - finite.sum()), seen
-        )
+        placed = np.eye(4) if pose is None else as_array("pose", pose)
+        return cls(points, placed, int(image.size - finite.sum()), seen)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
@@ -404,7 +412,7 @@ def checked_views(views: Sequence[View]) -> tuple[View, ...]:
     """
     if isinstance(views, View):
         raise TypeError("views: expected a sequence of View, got a single View")
-    views = tuple(views)
+    views = several("views", views, "View")
     for i, view in enumerate(views):
         if not isinstance(view, View):
             raise TypeError(f"views[{i}]: expected a View, got {type(view).__name__}")
@@ -425,6 +433,10 @@ def checked_radius(radius: float) -> float:
     """
     if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating, np.integer)):
         raise TypeError(f"radius: expected a number of metres, got {radius!r}")
-    if not (np.isfinite(radius) and radius > 0):
+    try:
+        found = number("radius", radius)
+    except ValueError:
+        found = 0.0
+    if found <= 0:
         raise ValueError(f"radius: expected a positive number of metres, got {radius}")
-    return float(radius)
+    return found

@@ -6,6 +6,8 @@ use pyo3::prelude::*;
 use super::arguments::{FloatArray, motion, point, points_array, require_same_length};
 use crate::{Point, Seen, SightView};
 
+type Rows<'py> = Bound<'py, PyArray2<f64>>;
+
 /// Keep the points in an extraction range; see `strand.View.crop`.
 #[pyfunction]
 #[pyo3(signature = (points, pose, low, high, colors=None))]
@@ -16,7 +18,7 @@ pub(super) fn crop<'py>(
     low: Point,
     high: Point,
     colors: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>)> {
+) -> PyResult<(Rows<'py>, Option<Rows<'py>>)> {
     let points = FloatArray::new("points", points)?;
     let (points, pose) = (points.rows("points", "(N, 3)")?, motion("pose", pose)?);
     let kept = py.detach(|| crate::crop(points, &pose, [low, high]));

@@ -1,0 +1,74 @@
+"""Reconstruct a real branched wire harness and draw its chains: an answer for what is no rope.
+
+python benches/harness.py FILE [--out DIR]
+
+FILE holds one point a line, metres; where the camera was is not known, so it is taken to be far above. The
+picture shows the points from above and from the side, each chain in a colour of its own, and where a chain is
+said to end on another's side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import strand
+from strand.certainty import branches
+
+RADIUS = 0.006  # metres
+HEIGHT = 40.0  # metres above the middle
+
+
+def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        1, 2, figsize=(8, 7.5), layout="constrained", gridspec_kw={"width_ratios": [4, 1]}
+    )
+    for axis, (across, up) in zip(axes, ((0, 1), (2, 1)), strict=True):
+        axis.scatter(points[:, across], points[:, up], s=2.0, color="0.75")
+        for number, chain in enumerate(model.chains):
+            nodes = chain.points
+            label = f"{number}: {chain.length * 1e3:.0f} mm"
+            axis.plot(nodes[:, across], nodes[:, up], color=f"C{number}", linewidth=2.0, label=label)
+            axis.plot(nodes[[0, -1], across], nodes[[0, -1], up], "o", color=f"C{number}", markersize=5.0)
+        for _, _, place in branches(model.chains):
+            axis.plot(place[across], place[up], "o", color="black", fillstyle="none", markersize=16.0)
+        axis.set_title("from the side" if across == 2 else "from above")
+        axis.set_aspect("equal")
+        axis.set_xlabel(f"{'xyz'[across]}, m")
+        axis.set_ylabel("y, m")
+    axes[0].legend(loc="upper left", fontsize=8, title="rings: a branch?")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--out", type=Path, help="write harness.png here")
+    arguments = parser.parse_args()
+    points = np.loadtxt(arguments.file)
+    camera = points.mean(axis=0) + np.array([0.0, 0.0, HEIGHT])
+    model = strand.reconstruct([strand.View.from_world(points, camera)], RADIUS)
+    print("| points | chains | lengths mm | confidence | ends on another's side | places in doubt |")
+    print("|---|---|---|---|---|---|")
+    lengths = ", ".join(f"{chain.length * 1e3:.0f}" for chain in model.chains)
+    meeting = sum("a branch?" in warning for warning in model.warnings)
+    unsure = sum(warning.startswith("unsure") for warning in model.warnings)
+    count = f"{len(points)} | {len(model.chains)}"
+    print(f"| {count} | {lengths} | {model.confidence:.5f} | {meeting} | {unsure} |\n")
+    print(*model.warnings, sep="\n")
+    if arguments.out:
+        draw(points, model, arguments.out / "harness.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,143 @@
+"""What every public function does with arguments that cannot be: an error that names them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import strand
+from strand import synthetic
+from strand._core import spline_through
+from strand.tubefit import EndSighting
+
+R = 0.0042
+LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
+SCENE = synthetic.scene(chains=[LINE], views=3, size=(160, 120), seed=5)
+CLOUDS = [view.crop(SCENE.bounds) for view in SCENE.views]
+CHAIN = strand.Chain(LINE, R)
+WRONG = ["a", None, float("nan"), float("inf"), -1.5, [], np.zeros((2, 5)), np.zeros((2, 2, 2)), object(), 1j]
+FIT = {
+    "points": [view.world_points for view in CLOUDS],
+    "viewpoints": np.array([view.viewpoint for view in CLOUDS]),
+    "curves": [spline_through(LINE, 1.5 * R, 0.0)],
+    "motions": np.tile(np.eye(4), (3, 1, 1)),
+    "radius": R,
+    "pose_sd": (0.01, 0.002),
+    "reference": 1,
+    "radius_prior": (R, 1e-4),
+    "band": (0.6, 0.4),
+    "iterations": 3,
+    "min_bend": 1.5,
+    "noise": 7e-4,
+    "ends": (EndSighting(0, 0, LINE[0], np.array([-1.0, 0.0, 0.0]), 1e-3),),
+    "fit_curves": True,
+    "along_ray": False,
+    "uncertainty": True,
+}
+FUNCTIONS = {
+    "fit_tubes": (strand.fit_tubes, FIT),
+    "EndSighting": (
+        EndSighting,
+        {"view": 0, "end": 0, "place": LINE[0], "outward": np.eye(3)[0], "sd": 1e-3},
+    ),
+    "Chain": (strand.Chain, {"points": LINE, "radius": R, "closed": False, "radius_sd": 1e-5}),
+    "Join": (strand.Join, {"place": LINE[0], "chains": (0,), "margin": 1.0}),
+    "Model": (strand.Model, {"chains": (CHAIN,), "poses": SCENE.poses, "timings": {}, "joins": ()}),
+    "Curve": (strand.curve.Curve, {"control": LINE[::10].copy(), "start": 0.0, "stop": 3.0}),
+    "estimate_radius": (strand.estimate_radius, {"views": CLOUDS}),
+    "register_views": (strand.register_views, {"views": CLOUDS, "radius": R}),
+    "reconstruct": (strand.reconstruct, {"views": CLOUDS, "keep_stages": False}),
+    "turntable_pose": (strand.turntable_pose, {"camera": np.eye(4), "angle": 0.1}),
+    "rotation_xyz": (strand.rotation_xyz, {"rx": 0.1, "ry": 0.1, "rz": 0.1}),
+    "tangle": (synthetic.tangle, {"crossings": 1, "ropes": 1, "radius": R, "seed": 0}),
+    "camera_pose": (synthetic.camera_pose, {"azimuth": 0.1, "distance": 0.5, "elevation": 0.7}),
+    "render_depth": (
+        synthetic.render_depth,
+        {"chains": [LINE], "radius": R, "intrinsics": SCENE.intrinsics, "pose": np.eye(4), "size": (16, 12)},
+    ),
+    "scene": (synthetic.scene, {"name": "straight", "views": 1, "size": (32, 24), "noise": 0.0, "radius": R}),
+    "sense": (
+        partial(synthetic.sense, SCENE.depth[0] * 1e-4, step=R, depth_scale=1e-4),
+        {"noise": 1e-3, "flying": 0.05, "rng": np.random.default_rng(0)},
+    ),
+}
+SIGNED = (
+    ("Join", "margin"),
+    ("turntable_pose", "angle"),
+    *(("rotation_xyz", angle) for angle in ("rx", "ry", "rz")),
+    ("camera_pose", "azimuth"),
+    ("camera_pose", "elevation"),
+)
+# what these mean is not the others' business
+ACCEPTED = {
+    ("fit_tubes", "reference", "None"),
+    ("fit_tubes", "radius_prior", "None"),
+    ("fit_tubes", "noise", "None"),
+    ("fit_tubes", "ends", "[]"),
+    ("Join", "chains", "[]"),
+    ("Model", "chains", "[]"),
+    ("Model", "joins", "[]"),
+    ("render_depth", "chains", "[]"),
+    ("scene", "name", "None"),
+    *((name, argument, "-1.5") for name, argument in SIGNED),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_errors_name_the_argument(name):
+    function, usual = FUNCTIONS[name]
+    for argument in usual:
+        for wrong in WRONG:
+            if (name, argument, repr(wrong)) in ACCEPTED:
+                continue
+            with pytest.raises((TypeError, ValueError)) as caught:
+                function(**{**usual, argument: wrong})
+            # what pyo3 refuses has the name in a note
+            said = str(caught.value) + " ".join(getattr(caught.value, "__notes__", ()))
+            assert argument in said, f"{argument} = {wrong!r}: {said}"
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "match"),
+    [
+        ("outward", np.array([2.0, 0.0, 0.0]), "outward.*unit length"),
+        ("view", -1, "view.*at least 0"),
+        ("end", -1, "end.*at least 0"),
+        ("sd", 0.0, "sd.*positive"),
+    ],
+)
+def test_sightings_of_ends_are_checked(argument, value, match):
+    with pytest.raises(ValueError, match=match):
+        replace(FIT["ends"][0], **{argument: value})
+
+
+def test_a_sighting_of_a_view_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match=r"ends\[0\].*3 views"):
+        strand.fit_tubes(**{**FIT, "ends": [replace(FIT["ends"][0], view=3)]})
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [("crossings", 10**9), ("ropes", 10**9), ("radius", 1e9), ("radius", 10**400), ("seed", -1)],
+)
+def test_absurd_tangles_are_refused_at_once(argument, value):
+    with pytest.raises(ValueError, match=argument):
+        synthetic.tangle(**{argument: value})
+
+
+def test_extraction_ranges_may_be_whole_numbers():
+    radii, _ = strand.estimate_radius(CLOUDS, ([-1, -1, -1], [1, 1, 1]))
+    assert radii.tolist() == strand.estimate_radius(CLOUDS)[0].tolist()
+
+
+def test_the_next_view_leaves_out_a_camera_at_the_place():
+    place = LINE[80]
+    poses = SCENE.poses.copy()
+    poses[0, :3, 3] = place
+    model = strand.Model((CHAIN,), poses, joins=(strand.Join(place, (0,), 1.0),))
+    assert np.isfinite(model.next_view()).all()
+    with pytest.raises(ValueError, match="poses"):
+        replace(model, poses=poses[:1]).next_view()
