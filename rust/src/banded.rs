@@ -75,7 +75,7 @@ impl Bordered {
 
 wide! {
     /// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
-    fn eliminate(band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
+    fn eliminate<V>(band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
         let m = border.len() / band.len().max(1);
         for i in 0..band.len() {
             let low = i.saturating_sub(WIDTH - 1);

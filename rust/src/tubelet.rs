@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, normalized, sub};
-use crate::lanes::{self, LANES, Lanes, wide};
+use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 
 /// Standard deviation of the points' distances that weighs them against the priors, in radii.
 const NOISE: f64 = 0.25;
@@ -66,47 +66,51 @@ impl Patch {
 
     /// How many points lie on the surface of a tubelet and face their cameras, within a radius ahead of its centre.
     pub fn support_ahead(&self, tubelet: &Tubelet) -> f64 {
-        let axis = self.axis(tubelet);
-        let zero = Lanes::all(0.0);
+        support_ahead(self, tubelet)
+    }
+}
+
+wide! {
+    fn support_ahead<V>(patch: &Patch, tubelet: &Tubelet) -> f64 {
+        let axis = Axis::<V>::of(tubelet, patch);
+        let (zero, one) = (V::all(0.0), V::all(1.0));
         let mut count = zero;
-        for block in &self.blocks {
+        for block in &patch.blocks {
             let (along, distance, outward) = axis.offset(block);
-            let ahead = zero.below(along) * along.below(Lanes::all(1.0));
-            let on_surface = (distance - Lanes::all(1.0)).abs().below(Lanes::all(0.4));
-            count += ahead * on_surface * zero.below(lanes::dot(outward, block.to_camera));
+            let ahead = zero.below(along) * along.below(one);
+            let on_surface = (distance - one).abs().below(V::all(0.4));
+            let facing = zero.below(outward.dot(Three::load(&block.to_camera)));
+            count = count + ahead * on_surface * facing;
         }
         count.sum()
     }
+}
 
-    /// A tubelet's axis in the patch's coordinates.
-    fn axis(&self, tubelet: &Tubelet) -> Axis {
-        Axis {
-            center: sub(tubelet.center, self.origin).map(|x| Lanes::all((x / self.radius) as f32)),
-            tangent: tubelet.tangent.map(|x| Lanes::all(x as f32)),
-            curvature: tubelet.curvature.map(|x| Lanes::all((x * self.radius) as f32)),
+/// A tubelet in a patch's coordinates, in radii and in single precision.
+struct Axis<V> {
+    center: Three<V>,
+    tangent: Three<V>,
+    curvature: Three<V>,
+}
+
+impl<V: Eight> Axis<V> {
+    #[inline(always)]
+    fn of(tubelet: &Tubelet, patch: &Patch) -> Self {
+        Self {
+            center: Three::all(sub(tubelet.center, patch.origin).map(|x| (x / patch.radius) as f32)),
+            tangent: Three::all(tubelet.tangent.map(|x| x as f32)),
+            curvature: Three::all(tubelet.curvature.map(|x| (x * patch.radius) as f32)),
         }
     }
-}
 
-/// A tubelet in radii and in single precision.
-struct Axis {
-    center: [Lanes; 3],
-    tangent: [Lanes; 3],
-    curvature: [Lanes; 3],
-}
-
-impl Axis {
     /// [`Tubelet::offset`] of the points of a block.
     #[inline(always)]
-    fn offset(&self, block: &Block) -> (Lanes, Lanes, [Lanes; 3]) {
-        let x: [Lanes; 3] = std::array::from_fn(|k| block.position[k] - self.center[k]);
-        let along = lanes::dot(x, self.tangent);
-        let half = Lanes::all(0.5) * along * along;
-        let q: [Lanes; 3] =
-            std::array::from_fn(|k| x[k] - along * self.tangent[k] - half * self.curvature[k]);
-        let distance = lanes::dot(q, q).sqrt().max(Lanes::all(f32::MIN_POSITIVE));
-        let inverse = distance.recip();
-        (along, distance, q.map(|v| v * inverse))
+    fn offset(&self, block: &Block) -> (V, V, Three<V>) {
+        let x = Three::load(&block.position) - self.center;
+        let along = x.dot(self.tangent);
+        let q = x - self.tangent * along - self.curvature * (V::all(0.5) * along * along);
+        let distance = q.dot(q).sqrt().max(V::all(f32::MIN_POSITIVE));
+        (along, distance, q * (V::all(1.0) / distance))
     }
 }
 
@@ -194,67 +198,68 @@ struct Sums {
 
 wide! {
     /// The sums at a tubelet, where f₁ and f₂ are `across`.
-    fn gather(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<5>(patch, tubelet, across, freedom)
+    fn gather<V>(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<V, 5>(patch, tubelet, across, freedom)
     }
 }
 
 wide! {
     /// The sums at a tubelet that is not to bend: moments up to the second.
-    fn gather_straight(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<3>(patch, tubelet, across, freedom)
+    fn gather_straight<V>(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<V, 3>(patch, tubelet, across, freedom)
     }
 }
 
 wide! {
     /// How well a tubelet explains a patch.
-    fn support(patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
-        sums::<0>(patch, tubelet, [[0.0; 3]; 2], freedom).support
+    fn support<V>(patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
+        sums::<V, 0>(patch, tubelet, [[0.0; 3]; 2], freedom).support
     }
 }
 
 /// The sums, with the first `MOMENTS` moments.
 #[inline(always)]
-fn sums<const MOMENTS: usize>(
+fn sums<V: Eight, const MOMENTS: usize>(
     patch: &Patch,
     tubelet: &Tubelet,
     across: [Point; 2],
     freedom: &Freedom,
 ) -> Sums {
-    let axis = patch.axis(tubelet);
-    let [g1, g2] = across.map(|f| f.map(|x| Lanes::all(x as f32)));
-    let [zero, one, reach, band] =
-        [0.0, 1.0, freedom.half_length as f32, freedom.band as f32].map(Lanes::all);
-    let narrow = band.recip();
+    let axis = Axis::<V>::of(tubelet, patch);
+    let g1 = Three::<V>::all(across[0].map(|x| x as f32));
+    let g2 = Three::<V>::all(across[1].map(|x| x as f32));
+    let (zero, one) = (V::all(0.0), V::all(1.0));
+    let (reach, band) = (V::all(freedom.half_length as f32), V::all(freedom.band as f32));
+    let narrow = one / band;
     let mut moments = [[zero; 3]; 5];
     let mut right = [[zero; 2]; 3];
     let (mut score, mut inliers, mut inside) = (zero, zero, zero);
     for block in &patch.blocks {
         let (along, distance, outward) = axis.offset(block);
-        let facing = lanes::dot(outward, block.to_camera);
+        let facing = outward.dot(Three::load(&block.to_camera));
         let residual = distance - one;
         let near = along.abs().below(reach);
-        let turned = distance.below(Lanes::all(0.8)) * facing.below(Lanes::all(-0.2));
-        inside += near * distance.below(Lanes::all(0.45)).max(turned);
-        let inlier = near * Lanes::all(-0.05).below(facing) * residual.abs().below(band);
-        inliers += inlier;
+        let turned = distance.below(V::all(0.8)) * facing.below(V::all(-0.2));
+        inside = inside + near * distance.below(V::all(0.45)).max(turned);
+        let inlier = near * V::all(-0.05).below(facing) * residual.abs().below(band);
+        inliers = inliers + inlier;
         let relative = residual * narrow;
         let share = one - relative * relative;
         let mut power = inlier * share * share;
-        score += power;
+        score = score + power;
         if MOMENTS == 0 {
             continue;
         }
-        let (p1, p2) = (lanes::dot(outward, g1), lanes::dot(outward, g2));
+        let (p1, p2) = (outward.dot(g1), outward.dot(g2));
         let products = [p1 * p1, p1 * p2, p2 * p2];
         for n in 0..MOMENTS {
             for k in 0..3 {
-                moments[n][k] += power * products[k];
+                moments[n][k] = moments[n][k] + power * products[k];
             }
             // those that make the right-hand side go with 1, a and ½a²; the last only where the tube bends
             if n < MOMENTS.div_ceil(2) {
-                right[n][0] += power * residual * p1;
-                right[n][1] += power * residual * p2;
+                right[n][0] = right[n][0] + power * residual * p1;
+                right[n][1] = right[n][1] + power * residual * p2;
             }
             power = power * along;
         }
@@ -262,7 +267,18 @@ fn sums<const MOMENTS: usize>(
     let inside = inside.sum();
     let support =
         Support { score: score.sum() - inside, inliers: inliers.sum() as usize, inside: inside as usize };
-    Sums { moments: moments.map(|m| m.map(Lanes::sum)), right: right.map(|r| r.map(Lanes::sum)), support }
+    let mut sums = Sums { moments: [[0.0; 3]; 5], right: [[0.0; 2]; 3], support };
+    for n in 0..MOMENTS {
+        for k in 0..3 {
+            sums.moments[n][k] = moments[n][k].sum();
+        }
+    }
+    for n in 0..MOMENTS.div_ceil(2) {
+        for k in 0..2 {
+            sums.right[n][k] = right[n][k].sum();
+        }
+    }
+    sums
 }
 
 /// Fits a tubelet of a known radius to the points of a patch that face their cameras.

@@ -12,7 +12,7 @@ use super::sums::{Features, SpanSums};
 use super::{Foot, OnCurve, Residual, State, TubeFitOptions};
 use crate::Point;
 use crate::geometry::{normalized, sub};
-use crate::lanes::{self, LANES, Lanes, wide};
+use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 use crate::spline::{Pieces, Spline};
 
 /// Points searched for, and points on one span that are worked on, by one task; fixed, so that results do not depend on
@@ -234,16 +234,18 @@ impl Eye<'_> {
 
     /// Eight points about a span's origin, in radii; a last block repeats its last point.
     #[inline(always)]
-    fn block(&self, span: &Span, numbers: &[u32]) -> [Lanes; 3] {
+    fn block<V: Eight>(&self, span: &Span, numbers: &[u32]) -> Three<V> {
         let mut block = [Lanes::all(0.0); 3];
         let scale = 1.0 / span.radius;
         for l in 0..LANES {
-            let p = self.moved(self.points[numbers[l.min(numbers.len() - 1)] as usize]);
+            let p = self.points[numbers[l.min(numbers.len() - 1)] as usize];
             for k in 0..3 {
-                block[k].0[l] = ((p[k] - span.origin[k]) * scale) as f32;
+                let row = self.rotation[k];
+                let moved = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.translation[k];
+                block[k].0[l] = ((moved - span.origin[k]) * scale) as f32;
             }
         }
-        block
+        Three::load(&block)
     }
 }
 
@@ -340,15 +342,14 @@ impl Spans {
 }
 
 impl Span {
+    /// Positions and derivatives.
     #[inline(always)]
-    fn at(&self, t: Lanes) -> [[Lanes; 3]; 3] {
-        let [c1, c2, c3] = self.cubic.map(|c| c.map(Lanes::all));
-        let [two, three, six] = [2.0, 3.0, 6.0].map(Lanes::all);
-        [
-            std::array::from_fn(|k| t * (c1[k] + t * (c2[k] + t * c3[k]))),
-            std::array::from_fn(|k| c1[k] + t * (two * c2[k] + t * (three * c3[k]))),
-            std::array::from_fn(|k| two * c2[k] + six * t * c3[k]),
-        ]
+    fn at<V: Eight>(&self, t: V) -> [Three<V>; 3] {
+        let c1 = Three::all(self.cubic[0]);
+        let c2 = Three::all(self.cubic[1]);
+        let c3 = Three::all(self.cubic[2]);
+        let (two, three, six) = (V::all(2.0), V::all(3.0), V::all(6.0));
+        [(c1 + (c2 + c3 * t) * t) * t, c1 + (c2 * two + c3 * (three * t)) * t, c2 * two + c3 * (six * t)]
     }
 }
 
@@ -367,24 +368,25 @@ fn directions(pieces: &Pieces) -> Vec<Point> {
 
 wide! {
     /// Moves places on a span to the feet of their points, which may lie on another span of the curve.
-    fn newton(span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
-        let least = Lanes::all(-(span.number as f32));
-        let most = Lanes::all((span.count - span.number) as f32);
+    fn newton<V>(span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
+        let least = V::all(-(span.number as f32));
+        let most = V::all((span.count - span.number) as f32);
         for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
-            let p = eye.block(span, numbers);
-            let mut t = Lanes::all(0.0);
-            for (t, place) in t.0.iter_mut().zip(places.iter()) {
-                *t = place.t;
+            let p = eye.block::<V>(span, numbers);
+            let mut starts = Lanes::all(0.0);
+            for (start, place) in starts.0.iter_mut().zip(places.iter()) {
+                *start = place.t;
             }
+            let mut t = V::load(&starts);
             for _ in 0..2 {
                 let [position, first, second] = span.at(t);
-                let x: [Lanes; 3] = std::array::from_fn(|k| p[k] - position[k]);
-                let square = lanes::dot(first, first);
-                let slope = (square - lanes::dot(x, second)).max(Lanes::all(0.3) * square);
-                t = (t + lanes::dot(x, first) / slope).max(least).min(most);
+                let x = p - position;
+                let square = first.dot(first);
+                let slope = (square - x.dot(second)).max(V::all(0.3) * square);
+                t = (t + x.dot(first) / slope).max(least).min(most);
             }
-            let steps = t.floor().min(most - Lanes::all(1.0));
-            let rest = t - steps;
+            let steps = t.floor().min(most - V::all(1.0));
+            let (rest, steps) = ((t - steps).store(), steps.store());
             for (l, place) in places.iter_mut().enumerate() {
                 place.span = place.span.wrapping_add_signed(steps.0[l] as i32);
                 place.t = rest.0[l];
@@ -395,7 +397,7 @@ wide! {
 
 wide! {
     /// The feet of points at their places on a span, and their part in the normal equations.
-    fn feet(
+    fn feet<V>(
         span: &Span,
         eye: &Eye,
         numbers: &[u32],
@@ -403,77 +405,79 @@ wide! {
         near: &mut [Near],
         sums: &mut SpanSums
     ) {
-        let [zero, one] = [0.0, 1.0].map(Lanes::all);
-        let camera: [Lanes; 3] =
-            std::array::from_fn(|k| Lanes::all(((eye.camera[k] - span.origin[k]) / span.radius) as f32));
-        let arm: [Lanes; 3] = std::array::from_fn(|k| Lanes::all((span.origin[k] - eye.center[k]) as f32));
-        let radius = Lanes::all(span.radius as f32);
-        let [low, high] = span.bounds.map(|corner| corner.map(Lanes::all));
+        let one = V::all(1.0);
+        let camera = Three::all([
+            ((eye.camera[0] - span.origin[0]) / span.radius) as f32,
+            ((eye.camera[1] - span.origin[1]) / span.radius) as f32,
+            ((eye.camera[2] - span.origin[2]) / span.radius) as f32,
+        ]);
+        let arm = Three::all([
+            (span.origin[0] - eye.center[0]) as f32,
+            (span.origin[1] - eye.center[1]) as f32,
+            (span.origin[2] - eye.center[2]) as f32,
+        ]);
+        let (radius, band) = (V::all(span.radius as f32), V::all(span.band));
+        let (low, high) = (Three::<V>::all(span.bounds[0]), Three::<V>::all(span.bounds[1]));
         let blocks = numbers.chunks(LANES).zip(places.chunks(LANES)).zip(near.chunks_mut(LANES));
         for ((numbers, places), near) in blocks {
-            let p = eye.block(span, numbers);
-            let mut t = zero;
-            let mut here = zero;
-            let mut direction = [zero; 3];
+            let p = eye.block::<V>(span, numbers);
+            let mut parameters = Lanes::all(0.0);
+            let mut here = Lanes::all(0.0);
+            let mut direction = [Lanes::all(0.0); 3];
             for (l, place) in places.iter().enumerate() {
-                t.0[l] = place.t;
+                parameters.0[l] = place.t;
                 here.0[l] = 1.0;
                 let along = span.directions[(place.t * DIRECTIONS as f32 + 0.5) as usize];
                 for k in 0..3 {
                     direction[k].0[l] = along[k];
                 }
             }
+            let t = V::load(&parameters);
             let [axis, first, _] = span.at(t);
-            let tangent = unit(first);
-            let to_camera = unit(std::array::from_fn(|k| camera[k] - p[k]));
-            let x: [Lanes; 3] = std::array::from_fn(|k| p[k] - axis[k]);
-            let beyond = lanes::dot(x, tangent);
-            let q: [Lanes; 3] = std::array::from_fn(|k| x[k] - beyond * tangent[k]);
-            let d = lanes::dot(q, q).sqrt().max(Lanes::all(f32::MIN_POSITIVE));
-            let on = Lanes::all(0.02).below(beyond.abs());
-            let on = one - on;
-            let band = Lanes::all(span.band);
+            let tangent = first.unit();
+            let to_camera = (camera - p).unit();
+            let x = p - axis;
+            let beyond = x.dot(tangent);
+            let q = x - tangent * beyond;
+            let d = q.dot(q).sqrt().max(V::all(f32::MIN_POSITIVE));
             let mut foot = match eye.residual {
-                Residual::Distance => {
-                    let outward = q.map(|x| x / d);
-                    let facing = lanes::dot(outward, to_camera);
-                    let residual = d - one;
-                    let explained = Lanes::all(0.1).below(facing);
-                    let weight = explained * tukey(residual, band);
-                    let inlier = explained * residual.abs().below(band);
-                    LanesFoot { residual, outward, facing, weight, explained, inlier }
-                }
+                Residual::Distance => across(q, d, to_camera, band),
                 Residual::Ray => along_ray(q, to_camera, tangent, band),
             };
+            // beyond the end of a curve there is no surface
+            let on = beyond.abs().not_above(V::all(0.02));
             foot.residual = on.choose(foot.residual, d - one);
-            foot.outward = foot.outward.map(|x| x * on);
-            foot.facing = foot.facing * on;
-            let surface: [Lanes; 3] = std::array::from_fn(|k| axis[k] + foot.outward[k]);
-            let cut = (0..3).fold(zero, |cut, k| {
-                cut.max(surface[k].below(low[k])).max(high[k].below(surface[k]))
-            });
-            foot.weight = foot.weight * on * here * (one - cut);
-            foot.explained = foot.explained * on;
-            foot.inlier = foot.inlier * on;
+            foot.outward = foot.outward * on;
+            let surface = axis + foot.outward;
+            let mut part = on * V::load(&here);
+            for k in 0..3 {
+                part = part * low.0[k].not_above(surface.0[k]) * surface.0[k].not_above(high.0[k]);
+            }
+            foot.weight = foot.weight * part;
+            let (residual, facing) = (foot.residual.store(), (foot.facing * on).store());
+            let (weight, explained) = (foot.weight.store(), (foot.explained * on).store());
+            let (inlier, [x, y, z]) = ((foot.inlier * on).store(), foot.outward.0);
+            let outward = [x.store(), y.store(), z.store()];
             for (l, near) in near.iter_mut().enumerate() {
-                near.t = t.0[l];
-                near.residual = foot.residual.0[l];
-                near.facing = foot.facing.0[l];
-                near.weight = foot.weight.0[l];
-                near.outward = foot.outward.map(|x| x.0[l]);
-                near.explained = foot.explained.0[l] > 0.0;
-                near.inlier = foot.inlier.0[l] > 0.0;
+                *near = Near {
+                    t: parameters.0[l],
+                    residual: residual.0[l],
+                    facing: facing.0[l],
+                    weight: weight.0[l],
+                    outward: [outward[0].0[l], outward[1].0[l], outward[2].0[l]],
+                    explained: explained.0[l] > 0.0,
+                    inlier: inlier.0[l] > 0.0,
+                };
             }
             // the outward normal as far as poses are concerned: at a right angle to the curve's direction over a
             // longer stretch, see `directions`
-            let aside = lanes::dot(foot.outward, direction);
-            let settled = unit(std::array::from_fn(|k| foot.outward[k] - aside * direction[k]));
-            let arm: [Lanes; 3] = std::array::from_fn(|k| arm[k] + radius * p[k]);
+            let direction = Three::load(&direction);
+            let settled = (foot.outward - direction * foot.outward.dot(direction)).unit();
             sums.add(&Features {
                 t,
                 weight: foot.weight,
                 outward: foot.outward,
-                turn: lanes::cross(arm, settled),
+                turn: (arm + p * radius).cross(settled),
                 settled,
                 residual: radius * foot.residual,
             });
@@ -482,56 +486,67 @@ wide! {
 }
 
 /// Eight feet.
-struct LanesFoot {
-    residual: Lanes,
-    outward: [Lanes; 3],
-    facing: Lanes,
-    weight: Lanes,
-    explained: Lanes,
-    inlier: Lanes,
+struct Feet<V> {
+    residual: V,
+    outward: Three<V>,
+    facing: V,
+    weight: V,
+    explained: V,
+    inlier: V,
+}
+
+/// The distance from the surface, of points at `q` from the axis, `d` away from it.
+#[inline(always)]
+fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> Feet<V> {
+    let one = V::all(1.0);
+    let outward = q * (one / d);
+    let facing = outward.dot(to_camera);
+    let residual = d - one;
+    let explained = V::all(0.1).below(facing);
+    Feet {
+        residual,
+        outward,
+        facing,
+        weight: explained * tukey(residual, band),
+        explained,
+        inlier: explained * residual.abs().below(band),
+    }
 }
 
 /// The residual along the viewing ray, with the tube's straight cylinder at the foot.
 #[inline(always)]
-fn along_ray(q: [Lanes; 3], to_camera: [Lanes; 3], tangent: [Lanes; 3], band: Lanes) -> LanesFoot {
-    let [zero, one] = [0.0, 1.0].map(Lanes::all);
+fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band: V) -> Feet<V> {
+    let (zero, one) = (V::all(0.0), V::all(1.0));
     // across the axis: the ray is q + λ w, nearest to the axis at λ₀
-    let along = lanes::dot(to_camera, tangent);
-    let w: [Lanes; 3] = std::array::from_fn(|k| to_camera[k] - along * tangent[k]);
-    let square = lanes::dot(w, w) + Lanes::all(1e-12);
-    let nearest = zero - lanes::dot(q, w) / square;
-    let miss: [Lanes; 3] = std::array::from_fn(|k| q[k] + nearest * w[k]);
-    let gap = lanes::dot(miss, miss);
+    let w = to_camera - tangent * to_camera.dot(tangent);
+    let square = w.dot(w) + V::all(1e-12);
+    let nearest = zero - q.dot(w) / square;
+    let miss = q + w * nearest;
+    let gap = miss.dot(miss);
     let hit = gap.below(one);
     let missed_by = gap.sqrt() - one;
     let length = nearest + ((one - gap).max(zero) / square).sqrt();
-    let outward = unit(std::array::from_fn(|k| q[k] + length * w[k]));
-    let facing = lanes::dot(outward, to_camera);
+    let outward = (q + w * length).unit() * hit;
+    let facing = outward.dot(to_camera);
     let residual = hit.choose(zero - length * facing, missed_by);
-    let cosine = facing.max(Lanes::all(0.4));
-    let near = length.abs().below(Lanes::all(1.2));
-    let weight = tukey(residual, band * cosine.max(Lanes::all(0.5))) / (cosine * cosine);
-    let explained = hit.max(missed_by.below(Lanes::all(0.25)));
-    LanesFoot {
+    let cosine = facing.max(V::all(0.4));
+    let near = length.abs().below(V::all(1.2));
+    let weight = tukey(residual, band * cosine.max(V::all(0.5))) / (cosine * cosine);
+    let explained = hit.max(missed_by.below(V::all(0.25)));
+    Feet {
         residual,
-        outward: outward.map(|x| x * hit),
-        facing: facing * hit,
+        outward,
+        facing,
         weight: weight * near * hit,
         explained,
         inlier: explained * residual.abs().below(band),
     }
 }
 
-#[inline(always)]
-fn unit(a: [Lanes; 3]) -> [Lanes; 3] {
-    let scale = lanes::dot(a, a).sqrt().max(Lanes::all(f32::MIN_POSITIVE)).recip();
-    a.map(|x| x * scale)
-}
-
 /// Tukey's biweight.
 #[inline(always)]
-fn tukey(residual: Lanes, band: Lanes) -> Lanes {
+fn tukey<V: Eight>(residual: V, band: V) -> V {
     let x = residual / band;
-    let share = (Lanes::all(1.0) - x * x).max(Lanes::all(0.0));
+    let share = (V::all(1.0) - x * x).max(V::all(0.0));
     share * share
 }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::{OnCurve, Residual, State};
 use crate::Point;
 use crate::geometry::{dot, normalized, sub};
-use crate::lanes::{self, LANES, Lanes, wide};
+use crate::lanes::{LANES, Lanes, Three, wide};
 
 /// Distance between the places of a curve that points are compared with, in radii.
 const SAMPLING: f64 = 0.5;
@@ -115,29 +115,32 @@ fn cell_of(p: Point, cell: f64) -> [i64; 3] {
 
 wide! {
     /// The least cost in each lane of some blocks, and the number of its block.
-    fn cheapest(
+    fn cheapest<V>(
         blocks: &[Block],
         p: [f32; 3],
         to_camera: [f32; 3],
         reach: f32,
         least_facing: f32
     ) -> [Lanes; 2] {
-        let (p, to_camera) = (p.map(Lanes::all), to_camera.map(Lanes::all));
-        let [zero, most, reach, facing] = [0.0, f32::MAX, reach, least_facing].map(Lanes::all);
-        let (mut best, mut number) = (most, zero);
-        for (i, block) in blocks.iter().enumerate() {
-            let r = block.radius;
-            let x: [Lanes; 3] = std::array::from_fn(|k| p[k] - block.position[k]);
-            let along = lanes::dot(x, block.tangent);
-            let q: [Lanes; 3] = std::array::from_fn(|k| x[k] - along * block.tangent[k]);
-            let d = lanes::dot(q, q).sqrt();
-            let away = lanes::dot(q, to_camera).below(facing * d) * Lanes::all(2.0) * r;
-            let cost = (d - r).abs() + away + (along.abs() - Lanes::all(0.3) * r).max(zero);
-            let out = reach.below(lanes::dot(x, x)).max((Lanes::all(1.2) * r).not_above(cost));
-            let cheaper = cost.below(best) * (Lanes::all(1.0) - out);
+        let (p, to_camera) = (Three::<V>::all(p), Three::<V>::all(to_camera));
+        let (zero, one) = (V::all(0.0), V::all(1.0));
+        let (reach, facing) = (V::all(reach), V::all(least_facing));
+        let (mut best, mut number) = (V::all(f32::MAX), zero);
+        let mut i = 0.0;
+        for block in blocks {
+            let (r, tangent) = (V::load(&block.radius), Three::load(&block.tangent));
+            let x = p - Three::load(&block.position);
+            let along = x.dot(tangent);
+            let q = x - tangent * along;
+            let d = q.dot(q).sqrt();
+            let away = q.dot(to_camera).below(facing * d) * V::all(2.0) * r;
+            let cost = (d - r).abs() + away + (along.abs() - V::all(0.3) * r).max(zero);
+            let out = reach.below(x.dot(x)).max((V::all(1.2) * r).not_above(cost));
+            let cheaper = cost.below(best) * (one - out);
             best = cheaper.choose(cost, best);
-            number = cheaper.choose(Lanes::all(i as f32), number);
+            number = cheaper.choose(V::all(i), number);
+            i += 1.0;
         }
-        [best, number]
+        [best.store(), number.store()]
     }
 }

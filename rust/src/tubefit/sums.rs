@@ -4,7 +4,7 @@
 //! translation and by the radius −1 times the features' first seven, so all sums are products of a few numbers of each
 //! point. They are added up in single precision, over few points, and in double precision from there on.
 
-use crate::lanes::{LANES, Lanes};
+use crate::lanes::{Eight, LANES, Lanes, Three};
 
 /// Features of a point: rotation, translation and radius, then the residual.
 pub(super) const RESIDUAL: usize = 7;
@@ -14,16 +14,16 @@ const PAIRS: [(usize, usize); 10] =
 const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 /// Eight points on a span.
-pub(super) struct Features {
+pub(super) struct Features<V> {
     /// Parameter within the span.
-    pub(super) t: Lanes,
-    pub(super) weight: Lanes,
-    pub(super) outward: [Lanes; 3],
+    pub(super) t: V,
+    pub(super) weight: V,
+    pub(super) outward: Three<V>,
     /// Derivatives by the pose.
-    pub(super) turn: [Lanes; 3],
-    pub(super) settled: [Lanes; 3],
+    pub(super) turn: Three<V>,
+    pub(super) settled: Three<V>,
     /// Metres.
-    pub(super) residual: Lanes,
+    pub(super) residual: V,
 }
 
 /// Sums over points of one view on one span.
@@ -56,60 +56,92 @@ impl SpanSums {
 
     /// Adds eight points; those without weight add nothing.
     #[inline(always)]
-    pub(super) fn add(&mut self, points: &Features) {
-        let [zero, one, sixth] = [0.0, 1.0, 1.0 / 6.0].map(Lanes::all);
+    pub(super) fn add<V: Eight>(&mut self, points: &Features<V>) {
+        let (zero, one, sixth) = (V::all(0.0), V::all(1.0), V::all(1.0 / 6.0));
+        let (three, four, six) = (V::all(3.0), V::all(4.0), V::all(6.0));
         let t = points.t;
         let s = one - t;
-        let [three, four, six] = [3.0, 4.0, 6.0].map(Lanes::all);
         let basis = [
             s * s * s * sixth,
             (three * t * t * t - six * t * t + four) * sixth,
             (three * s * s * s - six * s * s + four) * sixth,
             t * t * t * sixth,
         ];
-        let n = points.outward;
-        let features = [
-            points.turn[0],
-            points.turn[1],
-            points.turn[2],
-            points.settled[0],
-            points.settled[1],
-            points.settled[2],
-            zero - one,
-            points.residual,
-        ];
-        let weighted = basis.map(|b| b * points.weight);
-        let pairs = PAIRS.map(|(a, b)| weighted[a] * basis[b]);
-        let normals = AXES.map(|(k, l)| n[k] * n[l]);
-        let by_point = turned(features);
-        let normals_by_point =
-            turned(std::array::from_fn(|i| if i < AXES.len() { normals[i] } else { zero }));
+        let n = points.outward.0;
+        let weight = points.weight.store();
+        let mut weighted = [zero; 4];
+        let mut stored = [weight; 4];
+        for a in 0..4 {
+            weighted[a] = basis[a] * points.weight;
+            stored[a] = weighted[a].store();
+        }
+        let mut pairs = [weight; PAIRS.len()];
+        for (pair, (a, b)) in pairs.iter_mut().zip(PAIRS) {
+            *pair = (weighted[a] * basis[b]).store();
+        }
+        let mut features = [Lanes::all(-1.0); LANES];
+        for k in 0..3 {
+            features[k] = points.turn.0[k].store();
+            features[k + 3] = points.settled.0[k].store();
+        }
+        features[RESIDUAL] = points.residual.store();
+        let mut normals = [Lanes::all(0.0); LANES];
+        for (normal, (k, l)) in normals.iter_mut().zip(AXES) {
+            *normal = (n[k] * n[l]).store();
+        }
+        let outward = [n[0].store(), n[1].store(), n[2].store()];
+        let by_point = turned(&features);
+        let normals_by_point = turned(&normals);
         // few sums at a time, so that they stay in registers
-        let mut band = self.band;
+        let mut band = [zero; PAIRS.len()];
+        for (sum, stored) in band.iter_mut().zip(&self.band) {
+            *sum = V::load(stored);
+        }
         for l in 0..LANES {
+            let normals = V::load(&normals_by_point[l]);
             for (sum, pair) in band.iter_mut().zip(&pairs) {
-                *sum += Lanes::all(pair.0[l]) * normals_by_point[l];
+                *sum = *sum + V::all(pair.0[l]) * normals;
             }
         }
-        self.band = band;
-        let mut border = self.border;
+        for (sum, stored) in band.iter().zip(&mut self.band) {
+            *stored = sum.store();
+        }
+        let mut border = [[zero; 3]; 4];
+        for a in 0..4 {
+            for k in 0..3 {
+                border[a][k] = V::load(&self.border[a][k]);
+            }
+        }
         for l in 0..LANES {
-            let along = n.map(|n| Lanes::all(n.0[l]) * by_point[l]);
-            for (sums, b) in border.iter_mut().zip(&weighted) {
-                for (sum, along) in sums.iter_mut().zip(along) {
-                    *sum += Lanes::all(b.0[l]) * along;
+            let features = V::load(&by_point[l]);
+            for k in 0..3 {
+                let along = V::all(outward[k].0[l]) * features;
+                for a in 0..4 {
+                    border[a][k] = border[a][k] + V::all(stored[a].0[l]) * along;
                 }
             }
         }
-        self.border = border;
-        let mut corner = self.corner;
-        for l in 0..LANES {
-            for (sum, feature) in corner.iter_mut().zip(&features) {
-                *sum += Lanes::all(points.weight.0[l] * feature.0[l]) * by_point[l];
+        for a in 0..4 {
+            for k in 0..3 {
+                self.border[a][k] = border[a][k].store();
             }
         }
-        self.corner = corner;
-        self.used += points.weight.0.iter().filter(|&&weight| weight > 0.0).count();
+        let mut corner = [zero; RESIDUAL];
+        for (sum, stored) in corner.iter_mut().zip(&self.corner) {
+            *sum = V::load(stored);
+        }
+        for l in 0..LANES {
+            let by_point = V::load(&by_point[l]);
+            for (sum, feature) in corner.iter_mut().zip(&features) {
+                *sum = *sum + V::all(weight.0[l] * feature.0[l]) * by_point;
+            }
+        }
+        for (sum, stored) in corner.iter().zip(&mut self.corner) {
+            *stored = sum.store();
+        }
+        for weight in weight.0 {
+            self.used += usize::from(weight > 0.0);
+        }
     }
 
     /// Calls `add` with each entry of the 12 x 12 sums of the control points' coordinates, on and below the diagonal.
@@ -140,8 +172,8 @@ impl SpanSums {
 
 /// Row i of eight rows becomes the i-th entry of each.
 #[inline(always)]
-fn turned(rows: [Lanes; LANES]) -> [Lanes; LANES] {
-    let mut columns = rows;
+fn turned(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
+    let mut columns = *rows;
     for i in 0..LANES {
         for l in 0..LANES {
             columns[l].0[i] = rows[i].0[l];
