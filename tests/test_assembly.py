@@ -188,6 +188,55 @@ def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):
     for a, b in zip(loaded.joins, paper_model.joins, strict=True):
         np.testing.assert_array_equal(a.place, b.place)
         assert (a.chains, a.margin) == (b.chains, b.margin)
+    assert [str(doubt) for doubt in loaded.doubts] == [str(doubt) for doubt in paper_model.doubts]
+    assert [doubt.amount for doubt in loaded.doubts] == [doubt.amount for doubt in paper_model.doubts]
+
+
+@pytest.fixture(scope="module")
+def tucked_under():
+    """A string whose end lies under another one, one radius beyond its axis, seen from one place."""
+    over = [np.linspace(-0.1, 0.1, 201), np.zeros(201), R + 2.2 * R * np.exp(-((np.arange(-100, 101) / 20) ** 2))]
+    under = [np.zeros(111), np.linspace(-0.11 + R, R, 111), np.full(111, R)]
+    return strand.synthetic.scene(chains=[np.stack(over, axis=1), np.stack(under, axis=1)], views=1, seed=5)
+
+
+def test_an_end_that_no_camera_saw_is_put_where_it_may_be_and_named(tucked_under):
+    scene = tucked_under
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 2
+    end = scene.truth[1][-1]
+    off = min(np.linalg.norm(chain.points[k] - end) for chain in model.chains for k in (0, -1))
+    assert off < 1.5 * R
+    hidden = [doubt for doubt in model.doubts if "where no camera saw" in doubt.reason]
+    assert len(hidden) == 1
+    assert np.linalg.norm(hidden[0].place - end) < 4.0 * R
+    assert model.confidence < 0.8
+    assert any("where the string ends" in warning for warning in model.warnings)
+
+
+def test_doubts_make_the_confidence(paper_model, tucked_under):
+    scene = tucked_under
+    for model in (paper_model, strand.reconstruct(scene.views, scene.radius, scene.bounds)):
+        total = sum(doubt.amount for doubt in model.doubts)
+        assert model.confidence == pytest.approx(np.exp(-total), rel=0.03)
+        assert [doubt.amount for doubt in model.doubts] == sorted(
+            (doubt.amount for doubt in model.doubts), reverse=True
+        )
+
+
+def test_points_that_lie_on_no_string_make_unsure(paper):
+    rng = np.random.default_rng(0)
+    low, high = paper.bounds
+    ball = rng.normal(size=(6000, 3))
+    ball = np.array([0.0, 0.0, high[2] - 3.0 * R]) + 3.0 * R * ball / np.linalg.norm(ball, axis=1)[:, None]
+    views = []
+    for view in paper.views:
+        facing = (ball - ball.mean(axis=0)) @ (view.viewpoint - ball.mean(axis=0)) > 0
+        back = (ball[facing] - view.viewpoint) @ view.pose[:3, :3]
+        views.append(dataclasses.replace(view, points=np.concatenate([view.points, back])))
+    model = strand.reconstruct(views, paper.radius, paper.bounds)
+    assert model.confidence < 0.8
+    assert any("of the points lie on the strings" in doubt.reason for doubt in model.doubts)
 
 
 def test_noise_as_wide_as_the_string_is_not_sure():

@@ -10,7 +10,7 @@ import numpy as np
 from strand import _core
 from strand.curve import Curve
 from strand.tubefit import TubeFit
-from strand.visibility import EMPTY, Sight
+from strand.visibility import Sight
 
 # how far inside an end the density of its points is taken, in radii
 _INSIDE = 5.0
@@ -77,7 +77,8 @@ def unseen_beyond(part: Curve, late: bool, sight: Sight, radius: float) -> float
         Metres; infinite if it is farther than four radii.
     """
     end, inner = part.at([part.length, part.length - radius] if late else [0.0, radius])[0]
-    through = (sight.states(end + _AHEAD[:, None] * (end - inner), radius) == EMPTY).any(axis=0)
+    outward = (end - inner) / max(float(np.linalg.norm(end - inner)), np.finfo(float).tiny)
+    through = sight.seen_through(end + radius * _AHEAD[:, None] * outward, outward, radius)
     return float(_AHEAD[through.argmax()] * radius) if through.any() else float("inf")
 
 

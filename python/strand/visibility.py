@@ -67,6 +67,10 @@ class Sight:
         """(N,) Whether the views say that there is no string: some saw past the place, and fewer saw one."""
         return self._views.empty(places, radius)
 
+    def seen_through(self, places: Array, direction: Array, radius: float) -> np.ndarray:
+        """(N,) Whether some view saw through the side that it faces of a tube along a unit vector."""
+        return self._views.seen_through(places, direction, radius)
+
     def hidden(self, places: Array, radius: float) -> np.ndarray:
         """(N,) Whether no view could have seen a string there."""
         return self._views.hidden(places, radius)

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Result, check_finite, check_positive};
-use crate::geometry::{RigidMotion, cross, dot, normalized, sub};
+use crate::geometry::{RigidMotion, advance, cross, dot, normalized, sub};
 use crate::{Point, parallel};
 
 /// Views are gridded by direction; a cell is as wide as this many points lie apart.
@@ -129,6 +129,26 @@ impl Sight {
             }
         }
         Ok(hidden)
+    }
+
+    /// Whether some view saw through the side that it faces of a tube in a direction, a unit vector, about places.
+    ///
+    /// # Errors
+    /// As [`Sight::seen`].
+    pub fn seen_through(&self, places: &[Point], direction: Point, radius: f64) -> Result<Vec<bool>> {
+        check_positive("radius", radius)?;
+        let through = |&place: &Point| {
+            self.views.iter().any(|(camera, buffer)| {
+                let Some(buffer) = buffer else { return false };
+                let to_camera = sub(*camera, place);
+                let across = normalized(advance(to_camera, -dot(to_camera, direction), direction));
+                let surface = sub(advance(place, radius, across), *camera);
+                // a place whose near side that place of the surface is
+                let within = advance(surface, radius, normalized(surface));
+                buffer.seen(within, radius) == Seen::Empty
+            })
+        };
+        Ok(places.iter().map(through).collect())
     }
 }
 
@@ -305,6 +325,8 @@ mod tests {
         let sight = Sight::new(&[SightView { points: &points, about: &points, pose }]).unwrap();
         let places = [[0.0, 0.1, 0.51], [0.0, 0.1, 0.8], [0.1, 0.1, 0.5], [0.0, 0.0, -1.0], [0.9, 0.0, 1.0]];
         let seen = sight.seen(0, &places, 0.01).unwrap();
+        let around = sight.seen_through(&places, [0.0, 1.0, 0.0], 0.01).unwrap();
+        assert_eq!(around, [false, false, true, false, false]);
         assert_eq!(seen, [Seen::Supported, Seen::Hidden, Seen::Empty, Seen::Unknown, Seen::Unknown]);
         assert_eq!(sight.empty(&places, 0.01).unwrap(), [false, false, true, false, false]);
         assert_eq!(sight.hidden(&places, 0.01).unwrap(), [false, true, false, true, true]);

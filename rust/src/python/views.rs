@@ -108,6 +108,19 @@ impl Sight {
         Ok(PyArray1::from_vec(py, self.0.empty(places.rows("places", "(N, 3)")?, radius)?))
     }
 
+    /// (N,) Whether some view saw through the facing side of a tube.
+    fn seen_through<'py>(
+        &self,
+        py: Python<'py>,
+        places: &Bound<'py, PyAny>,
+        direction: Point,
+        radius: f64,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let places = FloatArray::new("places", places)?;
+        let through = self.0.seen_through(places.rows("places", "(N, 3)")?, direction, radius)?;
+        Ok(PyArray1::from_vec(py, through))
+    }
+
     /// (N,) Whether no view could have seen a string there.
     fn hidden<'py>(
         &self,
