@@ -109,8 +109,14 @@ impl Search {
     }
 }
 
+/// The cell of a place. Cells on faces below 0 begin one early, which does not matter; rounding down is a call.
+#[inline]
 fn cell_of(p: Point, cell: f64) -> [i64; 3] {
-    p.map(|x| (x / cell).floor() as i64)
+    let inverse = 1.0 / cell;
+    p.map(|x| {
+        let cells = x * inverse;
+        cells as i64 - i64::from(cells < 0.0)
+    })
 }
 
 wide! {
