@@ -35,6 +35,7 @@ __all__ = [
     "strip_radii",
     "trace_chains",
     "trace_tubes",
+    "usual_neighbors",
 ]
 
 __version__: str
@@ -195,3 +196,4 @@ def hides(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: fl
 def crowded(
     places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
 ) -> NDArray[np.bool_]: ...
+def usual_neighbors(points: ArrayLike, radius: float) -> int: ...

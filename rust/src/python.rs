@@ -477,6 +477,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<views::Sight>()?;
     module.add_function(wrap_pyfunction!(views::crop, module)?)?;
     module.add_function(wrap_pyfunction!(views::hides, module)?)?;
+    module.add_function(wrap_pyfunction!(views::usual_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;

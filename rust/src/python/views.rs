@@ -1,4 +1,4 @@
-//! Bindings of what concerns views alone: the extraction range, and what cameras saw of places.
+//! Bindings of what concerns views: the extraction range, how densely points lie, what cameras saw of places.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -19,6 +19,14 @@ pub(super) fn crop<'py>(
     let (points, pose) = (points.rows("points", "(N, 3)")?, motion("pose", pose)?);
     let kept = py.detach(|| crate::crop(points, &pose, [low, high]));
     points_array(py, kept)
+}
+
+/// The usual number of other points within a radius of a point.
+#[pyfunction]
+pub(super) fn usual_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius: f64) -> PyResult<usize> {
+    let points = FloatArray::new("points", points)?;
+    let points = points.rows("points", "(N, 3)")?;
+    Ok(py.detach(|| crate::usual_neighbors(points, radius))?)
 }
 
 /// Whether places hide a stretch of string from a camera.
