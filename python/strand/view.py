@@ -275,13 +275,8 @@ class View:
                 "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
                 f"got {camera.tolist()}"
             )
-        finite = np.isfinite(image)
-        if (image[finite] < 0).any():
-            raise ValueError("depth: expected depths >= 0, got a negative one")
-        v, u = np.nonzero(finite & (image > 0))
-        z = image[v, u]
-        points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
-        return cls(points, np.eye(4) if pose is None else np.asarray(pose), int(image.size - finite.sum()))
+        points, dropped = _core.unproject(image, (fx, fy), (cx, cy))
+        return cls(points, np.eye(4) if pose is None else np.asarray(pose), dropped)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike) -> View:

@@ -1,10 +1,25 @@
-//! Bindings of what concerns views: the extraction range, how densely points lie, what cameras saw of places.
+//! Bindings of what concerns views: depth images, the extraction range, how densely points lie, what cameras saw of places.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motion, point, points_array, require_same_length};
+use super::arguments::{FloatArray, motion, point, points_array, require_same_length, wrong_shape};
 use crate::{Point, Seen, SightView};
+
+/// The points of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+#[pyfunction]
+pub(super) fn unproject<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    focal: [f64; 2],
+    center: [f64; 2],
+) -> PyResult<(Bound<'py, PyArray2<f64>>, usize)> {
+    let depth = FloatArray::new("depth", depth)?;
+    let &[_, width] = depth.0.shape() else { return Err(wrong_shape("depth", "(H, W)", depth.0.shape())) };
+    let image = depth.slice()?;
+    let (points, dropped) = py.detach(|| crate::unproject(image, width, crate::Pinhole { focal, center }))?;
+    Ok((points_array(py, points)?, dropped))
+}
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
 #[pyfunction]
