@@ -9,7 +9,6 @@ import numpy as np
 from strand import _core
 from strand.curve import Curve
 from strand.tubefit import TubeFit
-from strand.view import Array
 
 # how far inside an end the density of its points is taken, in radii
 _INSIDE = 5.0
