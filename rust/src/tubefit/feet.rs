@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::search::Search;
+use super::search::{Search, places};
 use super::sums::{Features, SpanSums};
 use super::{Foot, OnCurve, Residual, State, TubeFitOptions};
 use crate::Point;
@@ -224,7 +224,7 @@ impl Eye<'_> {
             .par_chunks(POINTS_PER_TASK)
             .map(|points| {
                 let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
-                search.places(&moved, self.camera)
+                places(search, &moved, self.camera)
             })
             .collect();
         let (order, starts) = (0u32..)
