@@ -31,10 +31,13 @@ __all__ = [
     "set_num_threads",
     "spline_places",
     "spline_through",
+    "straighten",
     "string_parts",
     "strip_radii",
     "trace_chains",
     "trace_tubes",
+    "unproject",
+    "usual_neighbors",
 ]
 
 __version__: str
@@ -208,3 +211,8 @@ def hides(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: fl
 def crowded(
     places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
 ) -> NDArray[np.bool_]: ...
+def usual_neighbors(points: ArrayLike, radius: float) -> int: ...
+def unproject(
+    depth: ArrayLike, focal: tuple[float, float], center: tuple[float, float]
+) -> tuple[NDArray[np.float64], int]: ...
+def straighten(nodes: ArrayLike, radius: float, span: float) -> NDArray[np.float64]: ...

@@ -18,6 +18,8 @@ _INSIDE = 5.0
 _AHEAD = np.arange(0.5, 4.01, 0.25)
 # stretches beyond an end that no camera saw, in radii: the end lies in the middle of them
 _UNSEEN = (2.0, 3.5)
+# of chords evenly across a circle of radius 1
+_HALF_WIDTHS = np.sqrt(1.0 - np.linspace(-1.0, 1.0, 402)[1:-1] ** 2)
 
 
 def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
@@ -137,9 +139,8 @@ def seen_excess(cosine: float, band: float) -> tuple[float, float]:
         Radii.
     """
     sine = math.sqrt(1.0 - cosine**2)
-    half_width = np.sqrt(1.0 - np.linspace(-1.0, 1.0, 402)[1:-1] ** 2)
     # a point of the cut h under the rim, on a chord of the half width w, is h w from the surface
-    area = 2.0 * float(np.minimum(2.0 * half_width, band / half_width).mean())
+    area = 2.0 * float(np.minimum(2.0 * _HALF_WIDTHS, band / _HALF_WIDTHS).mean())
     flat = area * max(cosine, 0.0) / (2.0 * sine)
     round_cap = math.pi / 4.0 * (1.0 / sine - 1.0)
     return 0.5 * (flat + round_cap), 0.5 * abs(flat - round_cap)
@@ -177,16 +178,17 @@ def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
     """
     radius = fit.radius(number)
     length = min(_INSIDE * radius, part.length)
-    place = part.arc_length(fit.parameter)
-    inwards = part.length - place if late else place
-    counted = fit.inlier & (fit.curve == number) & (inwards < length)
+    mine = np.flatnonzero(fit.inlier & (fit.curve == number))
+    place = part.arc_length(fit.parameter[mine])
+    near = mine[(part.length - place if late else place) < length]
+    views, to_camera = fit.view[near], fit.to_camera[near]
     tangent = part.at([part.length if late else 0.0])[1][0]
     outward = tangent if late else -tangent
     total, variance, doubts = 0, 0.0, 0.0
-    for view in np.unique(fit.view[counted]):
-        mine = counted & (fit.view == view)
-        count = int(np.count_nonzero(mine))
-        cosine = float(np.clip(fit.to_camera[mine].mean(axis=0) @ outward, -0.99, 0.99))
+    for view in np.unique(views):
+        seen = to_camera[views == view]
+        count = len(seen)
+        cosine = float(np.clip(seen.mean(axis=0) @ outward, -0.99, 0.99))
         width = pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
         total += count
         variance += count**2 * width**2 / 12.0

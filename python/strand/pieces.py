@@ -54,7 +54,7 @@ def left_over(fit: TubeFit, rope: int = 0) -> list[Array]:
     lost = unexplained(fit)
     if lost.sum() < 20:
         return []
-    usual = float(np.median(_core.count_neighbors(fit.points, r)))
+    usual = _core.usual_neighbors(fit.points, r)
     points, to_camera = fit.points[lost], fit.to_camera[lost]
     company = _core.count_neighbors(points, r) >= _NEIGHBOURS * usual
     points, to_camera = points[company], to_camera[company]

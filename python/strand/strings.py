@@ -108,14 +108,7 @@ def straighten(nodes: Array, radius: float, span: float) -> Array:
     (M, 3) ndarray
         The nodes, moved outwards in bends.
     """
-    s = path_length(nodes)
-    moved = nodes.copy()
-    for i, here in enumerate(s):
-        near = np.abs(s - here) <= span
-        if near.sum() >= 4:
-            parabola = np.polynomial.polynomial.polyfit(s[near] - here, nodes[near] - nodes[i], 2)
-            moved[i] -= 4.0 / 9.0 * radius**2 * 2.0 * parabola[2]
-    return moved
+    return _core.straighten(nodes, radius, span)
 
 
 def assemble(

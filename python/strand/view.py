@@ -320,15 +320,12 @@ class View:
                 "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
                 f"got {camera.tolist()}"
             )
-        finite = np.isfinite(image)
-        if (image[finite] < 0).any():
-            raise ValueError("depth: expected depths >= 0, got a negative one")
-        v, u = np.nonzero(finite & (image > 0))
-        z = image[v, u]
-        points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1)
-        seen = None if colors is None else color_array("colors", colors, (*image.shape, 3))[v, u]
+        points, dropped = _core.unproject(image, (fx, fy), (cx, cy))
+        seen = None
+        if colors is not None:
+            seen = color_array("colors", colors, (*image.shape, 3))[np.isfinite(image) & (image > 0)]
         placed = np.eye(4) if pose is None else as_array("pose", pose)
-        return cls(points, placed, int(image.size - finite.sum()), seen)
+        return cls(points, placed, dropped, seen)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:

@@ -43,11 +43,13 @@ impl Bordered {
         self.band[row][column + WIDTH - 1 - row] += value;
     }
 
-    /// Adds to an entry of C.
+    /// Adds to neighbouring entries of a row of C, from a column on.
     #[inline]
-    pub fn add_border(&mut self, row: usize, column: usize, value: f64) {
-        let m = self.corner.nrows();
-        self.border[row * m + column] += value;
+    pub fn add_border(&mut self, row: usize, column: usize, values: &[f64]) {
+        let start = row * self.corner.nrows() + column;
+        for (entry, value) in self.border[start..start + values.len()].iter_mut().zip(values) {
+            *entry += value;
+        }
     }
 
     /// Adds to an entry of D on or below its diagonal.
@@ -243,7 +245,7 @@ mod tests {
                     if i >= n && j >= n {
                         matrix.add_corner(i - n, j - n, value);
                     } else if i >= n {
-                        matrix.add_border(j, i - n, value);
+                        matrix.add_border(j, i - n, &[value]);
                     } else if i - j < WIDTH {
                         matrix.add_band(i, j, value);
                     } else {

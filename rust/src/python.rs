@@ -512,8 +512,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("NotEnoughDataError", py.get_type::<NotEnoughDataError>())?;
     module.add_class::<IcpResult>()?;
     module.add_class::<views::Sight>()?;
+    module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::straighten, module)?)?;
     module.add_function(wrap_pyfunction!(views::hides, module)?)?;
+    module.add_function(wrap_pyfunction!(views::usual_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;

@@ -336,7 +336,7 @@ impl State<'_> {
                 .collect();
             let done = iteration == options.iterations;
             let known = (step < SETTLED).then_some(terms);
-            terms = self.terms(options, &bands, known.as_deref());
+            terms = self.terms(options, &bands, known);
             self.measure(&terms, options);
             if done {
                 return self.result(terms, &bands, iteration, options);
@@ -344,7 +344,7 @@ impl State<'_> {
             step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > 4 && step < TOLERANCE {
-                let terms = self.terms(options, &bands, Some(&terms));
+                let terms = self.terms(options, &bands, Some(terms));
                 return self.result(terms, &bands, iteration, options);
             }
         }
@@ -389,7 +389,7 @@ impl State<'_> {
         if uncertainty.as_ref().is_some_and(|uncertainty| self.hold(uncertainty, options)) {
             for _ in 0..STEPS_HELD {
                 let step = self.step(&terms, options)?;
-                terms = self.terms(options, bands, Some(&terms));
+                terms = self.terms(options, bands, Some(terms));
                 iterations += 1;
                 if step < TOLERANCE {
                     break;

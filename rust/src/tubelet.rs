@@ -103,7 +103,7 @@ impl<V: Eight> Axis<V> {
         }
     }
 
-    /// [`Tubelet::offset`] of the points of a block.
+    /// How far along the axis the points of a block are, how far from it, and the unit vectors from there to them.
     #[inline(always)]
     fn offset(&self, block: &Block) -> (V, V, Three<V>) {
         let x = Three::load(&block.position) - self.center;
@@ -146,28 +146,7 @@ pub fn frame(t: Point) -> (Point, Point) {
     (f, cross(t, f))
 }
 
-/// Where a point lies relative to a tubelet.
-pub struct Offset {
-    /// Distance along the tangent, metres.
-    pub along: f64,
-    /// Distance from the axis, metres.
-    pub distance: f64,
-    /// Unit vector from the axis to the point.
-    pub outward: Point,
-}
-
 impl Tubelet {
-    /// Where a point lies.
-    #[inline]
-    pub fn offset(&self, p: Point) -> Offset {
-        let x = sub(p, self.center);
-        let along = dot(x, self.tangent);
-        let half = 0.5 * along * along;
-        let q: Point = std::array::from_fn(|k| x[k] - along * self.tangent[k] - half * self.curvature[k]);
-        let distance = dot(q, q).sqrt().max(f64::MIN_POSITIVE);
-        Offset { along, distance, outward: q.map(|v| v / distance) }
-    }
-
     /// The tubelet a step further along.
     pub fn ahead(&self, step: f64) -> Self {
         let half = 0.5 * step * step;

@@ -245,13 +245,17 @@ impl Tracer {
     fn claim(&mut self, steps: &[(Tubelet, f64)]) {
         let r = self.radius;
         for (tubelet, _) in steps {
-            let straight = Tubelet { curvature: [0.0; 3], ..*tubelet };
             let Self { grid, to_camera, free, .. } = self;
             grid.visit_near(tubelet.center, |i, p, _| {
-                let offset = straight.offset(p);
-                if offset.along.abs() <= 0.6 * r
-                    && offset.distance < 1.45 * r
-                    && (offset.distance < 0.5 * r || dot(offset.outward, to_camera[i]) > -0.2)
+                let x = sub(p, tubelet.center);
+                let along = dot(x, tubelet.tangent);
+                // most are beside the step or claimed by the last one
+                if !free[i] || along.abs() > 0.6 * r {
+                    return true;
+                }
+                let outward = advance(x, -along, tubelet.tangent);
+                let distance = dot(outward, outward).sqrt();
+                if distance < 1.45 * r && (distance < 0.5 * r || dot(outward, to_camera[i]) > -0.2 * distance)
                 {
                     free[i] = false;
                 }

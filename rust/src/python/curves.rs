@@ -179,6 +179,18 @@ pub(super) fn bridge<'py>(
     points_array(py, crate::bridge(before, after, span, spacing, reach))
 }
 
+/// Undo what an average does to bends; see `strand.strings.straighten`.
+#[pyfunction]
+pub(super) fn straighten<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    radius: f64,
+    span: f64,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let nodes = FloatArray::new("nodes", nodes)?;
+    points_array(py, crate::straighten(nodes.rows("nodes", "(M, 3)")?, radius, span))
+}
+
 /// Bending energy of a polyline, 1/m.
 #[pyfunction]
 pub(super) fn bending(nodes: &Bound<'_, PyAny>) -> PyResult<f64> {

@@ -1,12 +1,27 @@
-//! Bindings of what concerns views alone: the extraction range, and what cameras saw of places.
+//! Bindings of what concerns views: depth images, the extraction range, how densely points lie, what cameras saw of places.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motion, point, points_array, require_same_length};
+use super::arguments::{FloatArray, motion, point, points_array, require_same_length, wrong_shape};
 use crate::{Point, Seen, SightView};
 
 type Rows<'py> = Bound<'py, PyArray2<f64>>;
+
+/// The points of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+#[pyfunction]
+pub(super) fn unproject<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    focal: [f64; 2],
+    center: [f64; 2],
+) -> PyResult<(Bound<'py, PyArray2<f64>>, usize)> {
+    let depth = FloatArray::new("depth", depth)?;
+    let &[_, width] = depth.0.shape() else { return Err(wrong_shape("depth", "(H, W)", depth.0.shape())) };
+    let image = depth.slice()?;
+    let (points, dropped) = py.detach(|| crate::unproject(image, width, crate::Pinhole { focal, center }))?;
+    Ok((points_array(py, points)?, dropped))
+}
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
 #[pyfunction]
@@ -30,6 +45,14 @@ pub(super) fn crop<'py>(
         only(colors)
     });
     Ok((only(points)?, colors.transpose()?))
+}
+
+/// The usual number of other points within a radius of a point.
+#[pyfunction]
+pub(super) fn usual_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius: f64) -> PyResult<usize> {
+    let points = FloatArray::new("points", points)?;
+    let points = points.rows("points", "(N, 3)")?;
+    Ok(py.detach(|| crate::usual_neighbors(points, radius))?)
 }
 
 /// Whether places hide a stretch of string from a camera.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::feet::ViewTerms;
-use super::sums::RESIDUAL;
+use super::sums::{Band, RESIDUAL};
 use super::{EndSighting, State, TubeFitOptions, Uncertainty};
 use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result};
@@ -69,31 +69,46 @@ impl State<'_> {
         let mut right_border = vec![0.0; layout.border()];
         let scale = 1.0 / (self.noise * self.noise);
         let mut used = 0;
+        let mut bands: Vec<Vec<Band>> = self
+            .curves
+            .iter()
+            .filter(|_| options.fit_curves)
+            .map(|curve| vec![Band::default(); curve.control.len() - 3])
+            .collect();
         for (view, terms) in terms.iter().enumerate() {
+            let column = layout.column(view);
             for sums in &terms.sums {
                 used += sums.used;
-                let pose =
-                    layout.column(view).into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
-                let radius = (layout.radii > 0).then_some((6, layout.poses + self.ropes[sums.curve]));
-                let edges = pose.chain(radius);
+                let radius = (layout.radii > 0).then_some(layout.poses + self.ropes[sums.curve]);
                 if options.fit_curves {
+                    sums.add_band_to(&mut bands[sums.curve][sums.first]);
                     let start = layout.offsets[sums.curve] + 3 * sums.first;
-                    sums.visit_band(|i, j, value| matrix.add_band(start + i, start + j, scale * value));
                     for i in 0..WIDTH {
-                        let border = sums.border(i);
-                        right_band[start + i] += scale * border[RESIDUAL];
-                        for (from, to) in edges.clone() {
-                            matrix.add_border(start + i, to, -scale * border[from]);
+                        let border = sums.border(i).map(|sum| -scale * sum);
+                        right_band[start + i] -= border[RESIDUAL];
+                        if let Some(column) = column {
+                            matrix.add_border(start + i, column, &border[..6]);
+                        }
+                        if let Some(column) = radius {
+                            matrix.add_border(start + i, column, &border[6..7]);
                         }
                     }
                 }
+                let pose = column.into_iter().flat_map(|column| (0..6).map(move |k| (k, column + k)));
+                let edges = pose.chain(radius.map(|column| (6, column)));
                 for (from, to) in edges.clone() {
                     let corner = sums.corner(from);
                     right_border[to] -= scale * corner[RESIDUAL];
-                    for (other, column) in edges.clone().filter(|edge| edge.1 <= to) {
+                    for (other, column) in edges.clone().take_while(|edge| edge.1 <= to) {
                         matrix.add_corner(to, column, scale * corner[other]);
                     }
                 }
+            }
+        }
+        for (spans, offset) in bands.iter().zip(&layout.offsets) {
+            for (first, band) in spans.iter().enumerate() {
+                let start = offset + 3 * first;
+                band.visit(|i, j, sum| matrix.add_band(start + i, start + j, scale * sum));
             }
         }
         if used < 10 {

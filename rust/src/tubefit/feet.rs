@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::search::Search;
+use super::search::{Search, places};
 use super::sums::{Features, SpanSums};
 use super::{Foot, OnCurve, Residual, State, TubeFitOptions};
 use crate::Point;
@@ -119,11 +119,11 @@ impl State<'_> {
         &self,
         options: &TubeFitOptions,
         bands: &[f64],
-        known: Option<&[ViewTerms]>,
+        known: Option<Vec<ViewTerms>>,
     ) -> Vec<ViewTerms> {
         let search = known.is_none().then(|| Search::new(self, options.residual));
         let spans = Spans::new(self, options, bands);
-        let in_view = |view: usize| {
+        let in_view = |(view, known): (usize, Option<ViewTerms>)| {
             let motion = &self.motions[view];
             let eye = Eye {
                 points: self.views[view].points,
@@ -133,10 +133,16 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
             };
-            let (order, mut places) = match (&search, known) {
-                (None, Some(known)) => known[view].places(),
-                (Some(search), _) => eye.searched(search, &spans),
-                (None, None) => (Vec::new(), Vec::new()),
+            let (order, mut places, mut near) = match (&search, known) {
+                (None, Some(known)) => {
+                    let places = known.places();
+                    (known.order, places, known.near)
+                }
+                (Some(search), _) => {
+                    let (order, places) = eye.searched(search, &spans);
+                    (order, places, Vec::new())
+                }
+                (None, None) => Default::default(),
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
                 newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
@@ -145,7 +151,7 @@ impl State<'_> {
             of_runs(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
             let (order, places) = sorted(order, places, spans.spans.len());
             let runs = self::runs(&places);
-            let mut near = vec![Near::default(); places.len()];
+            near.resize(places.len(), Near::default());
             let look = |(run, near): (&Run, &mut [Near])| {
                 let span = &spans.spans[run.span];
                 let mut sums = SpanSums::new(span.curve, span.number);
@@ -157,7 +163,11 @@ impl State<'_> {
             let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
             ViewTerms { order, runs, near, curves, sums }
         };
-        (0..self.views.len()).into_par_iter().map(in_view).collect()
+        let known: Vec<Option<ViewTerms>> = match known {
+            Some(known) => known.into_iter().map(Some).collect(),
+            None => self.views.iter().map(|_| None).collect(),
+        };
+        known.into_par_iter().enumerate().map(in_view).collect()
     }
 
     /// Where points ended, in their order.
@@ -188,13 +198,13 @@ impl State<'_> {
 }
 
 impl ViewTerms {
-    /// The points that belong somewhere, and where.
-    fn places(&self) -> (Vec<u32>, Vec<OnSpan>) {
+    /// Where the points belong that belong somewhere.
+    fn places(&self) -> Vec<OnSpan> {
         let on_span = |run: &Run| {
             let span = run.span as u32;
             self.near[run.points.clone()].iter().map(move |near| OnSpan { span, t: near.t })
         };
-        (self.order.clone(), self.runs.iter().flat_map(on_span).collect())
+        self.runs.iter().flat_map(on_span).collect()
     }
 
     /// The curves, and the feet on them, of the points that belong somewhere.
@@ -214,7 +224,7 @@ impl Eye<'_> {
             .par_chunks(POINTS_PER_TASK)
             .map(|points| {
                 let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
-                search.places(&moved, self.camera)
+                places(search, &moved, self.camera)
             })
             .collect();
         let (order, starts) = (0u32..)
@@ -235,14 +245,21 @@ impl Eye<'_> {
     /// Eight points about a span's origin, in radii; a last block repeats its last point.
     #[inline(always)]
     fn block<V: Eight>(&self, span: &Span, numbers: &[u32]) -> Three<V> {
-        let mut block = [Lanes::all(0.0); 3];
-        let scale = 1.0 / span.radius;
+        let mut points = [[0.0; LANES]; 3];
         for l in 0..LANES {
             let p = self.points[numbers[l.min(numbers.len() - 1)] as usize];
             for k in 0..3 {
-                let row = self.rotation[k];
-                let moved = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.translation[k];
-                block[k].0[l] = ((moved - span.origin[k]) * scale) as f32;
+                points[k][l] = p[k];
+            }
+        }
+        let scale = 1.0 / span.radius;
+        let mut block = [Lanes::all(0.0); 3];
+        for k in 0..3 {
+            let row = self.rotation[k];
+            let shift = self.translation[k] - span.origin[k];
+            for l in 0..LANES {
+                let moved = row[0] * points[0][l] + row[1] * points[1][l] + row[2] * points[2][l];
+                block[k].0[l] = ((moved + shift) * scale) as f32;
             }
         }
         Three::load(&block)

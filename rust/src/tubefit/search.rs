@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::{OnCurve, Residual, State};
 use crate::Point;
 use crate::geometry::{dot, normalized, sub};
-use crate::lanes::{LANES, Lanes, Three, wide};
+use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 
 /// Distance between the places of a curve that points are compared with, in radii.
 const SAMPLING: f64 = 0.5;
@@ -84,63 +84,78 @@ impl Search {
         Self { cell, cells, blocks, reach: (reach * reach) as f32, least_facing }
     }
 
-    /// The places that explain points seen by one camera best; none for points that no tube is near to.
-    pub(super) fn places(&self, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
-        let mut last = ([i64::MAX; 3], 0..0);
-        let place = |&p: &Point| {
-            let cell = cell_of(p, self.cell);
-            if cell != last.0 {
-                last = (cell, self.cells.get(&cell).cloned().unwrap_or(0..0));
-            }
-            let blocks = &self.blocks[last.1.clone()];
-            if blocks.is_empty() {
-                return None;
-            }
-            let middle = cell.map(|x| (x as f64 + 0.5) * self.cell);
-            let to_camera = sub(camera, p);
-            let distance = dot(to_camera, to_camera).sqrt();
-            let (x, to_camera) = (sub(p, middle), to_camera.map(|x| (x / distance) as f32));
-            let [costs, numbers] =
-                cheapest(blocks, x.map(|x| x as f32), to_camera, self.reach, self.least_facing);
-            let best = (0..LANES).fold(0, |best, l| if costs.0[l] < costs.0[best] { l } else { best });
-            (costs.0[best] < f32::MAX).then(|| blocks[numbers.0[best] as usize].places[best])
-        };
-        points.iter().map(place).collect()
+    /// The blocks of a cell.
+    fn listed(&self, cell: [i64; 3]) -> &[Block] {
+        self.cells.get(&cell).map_or(&[], |range| &self.blocks[range.clone()])
     }
-}
-
-fn cell_of(p: Point, cell: f64) -> [i64; 3] {
-    p.map(|x| (x / cell).floor() as i64)
 }
 
 wide! {
-    /// The least cost in each lane of some blocks, and the number of its block.
-    fn cheapest<V>(
-        blocks: &[Block],
-        p: [f32; 3],
-        to_camera: [f32; 3],
-        reach: f32,
-        least_facing: f32
-    ) -> [Lanes; 2] {
-        let (p, to_camera) = (Three::<V>::all(p), Three::<V>::all(to_camera));
-        let (zero, one) = (V::all(0.0), V::all(1.0));
-        let (reach, facing) = (V::all(reach), V::all(least_facing));
-        let (mut best, mut number) = (V::all(f32::MAX), zero);
-        let mut i = 0.0;
-        for block in blocks {
-            let (r, tangent) = (V::load(&block.radius), Three::load(&block.tangent));
-            let x = p - Three::load(&block.position);
-            let along = x.dot(tangent);
-            let q = x - tangent * along;
-            let d = q.dot(q).sqrt();
-            let away = q.dot(to_camera).below(facing * d) * V::all(2.0) * r;
-            let cost = (d - r).abs() + away + (along.abs() - V::all(0.3) * r).max(zero);
-            let out = reach.below(x.dot(x)).max((V::all(1.2) * r).not_above(cost));
-            let cheaper = cost.below(best) * (one - out);
-            best = cheaper.choose(cost, best);
-            number = cheaper.choose(V::all(i), number);
-            i += 1.0;
+    /// The places that explain points seen by one camera best; none for points that no tube is near to.
+    pub(super) fn places<V>(search: &Search, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
+        let mut found = vec![None; points.len()];
+        let (mut last, mut blocks) = ([i64::MAX; 3], &search.blocks[..0]);
+        for (found, &p) in found.iter_mut().zip(points) {
+            let cell = cell_of(p, search.cell);
+            if cell != last {
+                (last, blocks) = (cell, search.listed(cell));
+            }
+            if blocks.is_empty() {
+                continue;
+            }
+            let to_camera = sub(camera, p);
+            let scale = 1.0 / dot(to_camera, to_camera).sqrt();
+            let (mut x, mut direction) = ([0.0; 3], [0.0; 3]);
+            for k in 0..3 {
+                x[k] = (p[k] - (cell[k] as f64 + 0.5) * search.cell) as f32;
+                direction[k] = (to_camera[k] * scale) as f32;
+            }
+            let (costs, numbers) = cheapest::<V>(search, blocks, x, direction);
+            let mut best = 0;
+            for l in 1..LANES {
+                if costs.0[l] < costs.0[best] {
+                    best = l;
+                }
+            }
+            if costs.0[best] < f32::MAX {
+                *found = Some(blocks[numbers.0[best] as usize].places[best]);
+            }
         }
-        [best.store(), number.store()]
+        found
     }
+}
+
+/// The least cost in each lane of some blocks, and the number of its block.
+#[inline(always)]
+fn cheapest<V: Eight>(search: &Search, blocks: &[Block], p: [f32; 3], to_camera: [f32; 3]) -> (Lanes, Lanes) {
+    let (p, to_camera) = (Three::<V>::all(p), Three::<V>::all(to_camera));
+    let (zero, one) = (V::all(0.0), V::all(1.0));
+    let (reach, facing) = (V::all(search.reach), V::all(search.least_facing));
+    let (mut best, mut number) = (V::all(f32::MAX), zero);
+    let mut i = 0.0;
+    for block in blocks {
+        let (r, tangent) = (V::load(&block.radius), Three::load(&block.tangent));
+        let x = p - Three::load(&block.position);
+        let along = x.dot(tangent);
+        let q = x - tangent * along;
+        let d = q.dot(q).sqrt();
+        let away = q.dot(to_camera).below(facing * d) * V::all(2.0) * r;
+        let cost = (d - r).abs() + away + (along.abs() - V::all(0.3) * r).max(zero);
+        let out = reach.below(x.dot(x)).max((V::all(1.2) * r).not_above(cost));
+        let cheaper = cost.below(best) * (one - out);
+        best = cheaper.choose(cost, best);
+        number = cheaper.choose(V::all(i), number);
+        i += 1.0;
+    }
+    (best.store(), number.store())
+}
+
+/// The cell of a place. Cells on faces below 0 begin one early, which does not matter; rounding down is a call.
+#[inline]
+fn cell_of(p: Point, cell: f64) -> [i64; 3] {
+    let inverse = 1.0 / cell;
+    p.map(|x| {
+        let cells = x * inverse;
+        cells as i64 - i64::from(cells < 0.0)
+    })
 }

@@ -144,15 +144,12 @@ impl SpanSums {
         }
     }
 
-    /// Calls `add` with each entry of the 12 x 12 sums of the control points' coordinates, on and below the diagonal.
-    #[inline(always)]
-    pub(super) fn visit_band(&self, mut add: impl FnMut(usize, usize, f64)) {
-        for (sum, (a, b)) in self.band.iter().zip(PAIRS) {
-            for (x, (k, l)) in sum.0.iter().zip(AXES) {
-                add(3 * b + l, 3 * a + k, f64::from(*x));
-                if k != l && a != b {
-                    add(3 * b + k, 3 * a + l, f64::from(*x));
-                }
+    /// Adds the sums of the control points to those of other views on the span.
+    #[inline]
+    pub(super) fn add_band_to(&self, band: &mut Band) {
+        for (totals, sums) in band.0.iter_mut().zip(&self.band) {
+            for (total, sum) in totals.iter_mut().zip(sums.0) {
+                *total += f64::from(sum);
             }
         }
     }
@@ -167,6 +164,25 @@ impl SpanSums {
     #[inline(always)]
     pub(super) fn corner(&self, feature: usize) -> [f64; LANES] {
         self.corner[feature].0.map(f64::from)
+    }
+}
+
+/// Sums of the control points of a span over all views.
+#[derive(Clone, Default)]
+pub(super) struct Band([[f64; LANES]; PAIRS.len()]);
+
+impl Band {
+    /// Calls `add` with each entry of the 12 x 12 sums of the control points' coordinates, on and below the diagonal.
+    #[inline(always)]
+    pub(super) fn visit(&self, mut add: impl FnMut(usize, usize, f64)) {
+        for (sums, (a, b)) in self.0.iter().zip(PAIRS) {
+            for (&sum, (k, l)) in sums.iter().zip(AXES) {
+                add(3 * b + l, 3 * a + k, sum);
+                if k != l && a != b {
+                    add(3 * b + k, 3 * a + l, sum);
+                }
+            }
+        }
     }
 }
 

@@ -1,0 +1,44 @@
+//! How densely points lie.
+
+use crate::error::{Result, check_finite, check_positive};
+use crate::index::Grid;
+use crate::{Point, parallel};
+
+/// So many points, evenly among all, tell as much as all of them.
+const SAMPLE: usize = 1000;
+
+/// The usual number of other points within `radius` of a point: the median over a thousand of them, 0 for no points.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
+pub fn usual_neighbors(points: &[Point], radius: f64) -> Result<usize> {
+    check_finite("points", points)?;
+    check_positive("radius", radius)?;
+    let step = points.len().div_ceil(SAMPLE).max(1);
+    let grid = parallel::run(|| Grid::new(points, radius));
+    let others = |position: usize| {
+        let mut count = 0;
+        grid.visit_around(position, |_, _, _| {
+            count += 1;
+            true
+        });
+        count - 1
+    };
+    let mut counts: Vec<usize> = (0..points.len()).step_by(step).map(others).collect();
+    let middle = counts.len() / 2;
+    Ok(if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_of_points_has_as_many_neighbors_to_both_sides() {
+        let points: Vec<Point> = (0..5000).map(|i| [f64::from(i) * 0.1, 0.0, 0.0]).collect();
+        assert_eq!(usual_neighbors(&points, 1.05).unwrap(), 20);
+        assert_eq!(usual_neighbors(&points[..1], 1.05).unwrap(), 0);
+        assert_eq!(usual_neighbors(&[], 1.05).unwrap(), 0);
+        assert!(usual_neighbors(&points, 0.0).is_err());
+    }
+}
