@@ -61,14 +61,14 @@ struct Buffer {
     cell: f64,
     low: [f64; 2],
     shape: [usize; 2],
-    nearest: Vec<f64>,
+    nearest: Vec<f32>,
 }
 
-/// A point as its camera sees it: a direction, and the square of the distance.
+/// A point as its camera sees it: a direction, and the square of the distance; single precision is finer than any pixel.
 #[derive(Clone, Copy)]
 struct Ray {
-    flat: [f64; 2],
-    squared: f64,
+    flat: [f32; 2],
+    squared: f32,
 }
 
 impl Sight {
@@ -170,7 +170,7 @@ impl Buffer {
     fn new(view: &SightView) -> Option<Self> {
         let axes = axes_towards(view.about)?;
         let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
-        let (low, high) = (asked.0.map(|x| x - MARGIN), asked.1.map(|x| x + MARGIN));
+        let (low, high) = (asked.0.map(|x| (x - MARGIN) as f32), asked.1.map(|x| (x + MARGIN) as f32));
         let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
         let project = |points: &[Point]| -> Vec<Ray> {
             points.iter().filter_map(|&p| Ray::to(p, &axes)).filter(near).collect()
@@ -183,13 +183,13 @@ impl Buffer {
         let all = || rays.iter().flatten().copied();
         let (low, high) = bounds(all())?;
         let cell = CELL * spacing(all, count, low, high);
-        let grid = Cells { low, cell };
-        let last = grid.of(high);
+        let grid = Cells::new(low, cell);
+        let last = grid.of(high.map(|x| x as f32));
         if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MOST_CELLS {
             return None;
         }
         let shape = last.map(|x| x + 1);
-        let mut nearest = vec![f64::INFINITY; shape[0] * shape[1]];
+        let mut nearest = vec![f32::INFINITY; shape[0] * shape[1]];
         for ray in all() {
             let [i, j] = grid.of(ray.flat);
             let least = &mut nearest[i * shape[1] + j];
@@ -213,7 +213,7 @@ impl Buffer {
         if (0..2).any(|k| place[k] < 0.0 || place[k] >= self.shape[k] as f64) {
             return Seen::Unknown;
         }
-        let nearest = self.nearest[place[0] as usize * self.shape[1] + place[1] as usize];
+        let nearest = f64::from(self.nearest[place[0] as usize * self.shape[1] + place[1] as usize]);
         if nearest == f64::INFINITY {
             Seen::Unknown
         } else if nearest < reach - APART * radius {
@@ -233,21 +233,25 @@ impl Ray {
         let depth = dot(point, axes[2]);
         let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
         (depth > 0.0 && flat[0].abs() < WIDEST && flat[1].abs() < WIDEST)
-            .then(|| Self { flat, squared: dot(point, point) })
+            .then(|| Self { flat: flat.map(|x| x as f32), squared: dot(point, point) as f32 })
     }
 }
 
 /// A square grid of directions.
 #[derive(Clone, Copy)]
 struct Cells {
-    low: [f64; 2],
-    cell: f64,
+    low: [f32; 2],
+    inverse: f32,
 }
 
 impl Cells {
+    fn new(low: [f64; 2], cell: f64) -> Self {
+        Self { low: low.map(|x| x as f32), inverse: (1.0 / cell) as f32 }
+    }
+
     #[inline]
-    fn of(&self, flat: [f64; 2]) -> [usize; 2] {
-        std::array::from_fn(|k| ((flat[k] - self.low[k]) / self.cell) as usize)
+    fn of(&self, flat: [f32; 2]) -> [usize; 2] {
+        std::array::from_fn(|k| ((flat[k] - self.low[k]) * self.inverse) as usize)
     }
 }
 
@@ -271,7 +275,10 @@ fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
 fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
     let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     let (low, high) = rays.fold(start, |(low, high), ray| {
-        (std::array::from_fn(|k| low[k].min(ray.flat[k])), std::array::from_fn(|k| high[k].max(ray.flat[k])))
+        (
+            std::array::from_fn(|k| low[k].min(f64::from(ray.flat[k]))),
+            std::array::from_fn(|k| high[k].max(f64::from(ray.flat[k]))),
+        )
     });
     (low[0] <= high[0]).then_some((low, high))
 }
@@ -289,8 +296,8 @@ fn spacing<I: Iterator<Item = Ray>>(
     // from the area of the box to that of the cells, a few points wide, that hold points
     for _ in 0..2 {
         let cell = 3.0 * (area / count as f64).sqrt();
-        let grid = Cells { low, cell };
-        let last = grid.of(high);
+        let grid = Cells::new(low, cell);
+        let last = grid.of(high.map(|x| x as f32));
         let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
         for ray in rays() {
             let [i, j] = grid.of(ray.flat);
