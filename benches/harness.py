@@ -17,12 +17,13 @@ import numpy as np
 
 import strand
 from strand.certainty import branches
+from strand.visibility import Sight
 
 RADIUS = 0.006  # metres
 HEIGHT = 40.0  # metres above the middle
 
 
-def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
+def draw(points: np.ndarray, view: strand.View, model: strand.Model, path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -38,7 +39,7 @@ def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
             label = f"{number}: {chain.length * 1e3:.0f} mm"
             axis.plot(nodes[:, across], nodes[:, up], color=f"C{number}", linewidth=2.0, label=label)
             axis.plot(nodes[[0, -1], across], nodes[[0, -1], up], "o", color=f"C{number}", markersize=5.0)
-        for _, _, place in branches(model.chains):
+        for _, _, place in branches(model.chains, Sight.of([view], [view.pose])):
             axis.plot(place[across], place[up], "o", color="black", fillstyle="none", markersize=16.0)
         axis.set_title("from the side" if across == 2 else "from above")
         axis.set_aspect("equal")
@@ -56,7 +57,8 @@ def main() -> int:
     arguments = parser.parse_args()
     points = np.loadtxt(arguments.file)
     camera = points.mean(axis=0) + np.array([0.0, 0.0, HEIGHT])
-    model = strand.reconstruct([strand.View.from_world(points, camera)], RADIUS)
+    view = strand.View.from_world(points, camera)
+    model = strand.reconstruct([view], RADIUS)
     print("| points | chains | lengths mm | confidence | ends on another's side | places in doubt |")
     print("|---|---|---|---|---|---|")
     lengths = ", ".join(f"{chain.length * 1e3:.0f}" for chain in model.chains)
@@ -66,7 +68,7 @@ def main() -> int:
     print(f"| {count} | {lengths} | {model.confidence:.5f} | {meeting} | {unsure} |\n")
     print(*model.warnings, sep="\n")
     if arguments.out:
-        draw(points, model, arguments.out / "harness.png")
+        draw(points, view, model, arguments.out / "harness.png")
     return 0
 
 

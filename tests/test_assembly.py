@@ -195,7 +195,11 @@ def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):
 @pytest.fixture(scope="module")
 def tucked_under():
     """A string whose end lies under another one, one radius beyond its axis, seen from one place."""
-    over = [np.linspace(-0.1, 0.1, 201), np.zeros(201), R + 2.2 * R * np.exp(-((np.arange(-100, 101) / 20) ** 2))]
+    over = [
+        np.linspace(-0.1, 0.1, 201),
+        np.zeros(201),
+        R + 2.2 * R * np.exp(-((np.arange(-100, 101) / 20) ** 2)),
+    ]
     under = [np.zeros(111), np.linspace(-0.11 + R, R, 111), np.full(111, R)]
     return strand.synthetic.scene(chains=[np.stack(over, axis=1), np.stack(under, axis=1)], views=1, seed=5)
 
@@ -214,6 +218,70 @@ def test_an_end_that_no_camera_saw_is_put_where_it_may_be_and_named(tucked_under
     assert any("where the string ends" in warning for warning in model.warnings)
 
 
+def two_in_line(gap):
+    x = np.linspace(0.0, 0.1, 101)
+    return [np.stack([side * (x + 0.5 * gap * R), 0.0 * x, np.full(101, R)], axis=1) for side in (-1.0, 1.0)]
+
+
+@pytest.mark.parametrize("gap", [2.0, 3.0, 4.0])
+def test_a_gap_that_cameras_see_through_is_not_bridged(gap):
+    scene = strand.synthetic.scene(chains=two_in_line(gap), seed=int(gap))
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 2
+    assert model.confidence > 0.9
+
+
+def test_a_t_is_named_a_branch_and_a_gap_is_none():
+    trunk = np.stack([np.linspace(-0.1, 0.1, 201), np.zeros(201), np.full(201, R)], axis=1)
+    for start, branched in ((0.0, True), (4.5 * R, False)):
+        arm = np.stack([np.zeros(101), start + np.linspace(0.0, 0.1, 101), np.full(101, R)], axis=1)
+        scene = strand.synthetic.scene(chains=[trunk, arm], seed=1)
+        model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+        assert any("a branch?" in warning for warning in model.warnings) == branched
+
+
+def test_rings_start_at_the_same_place_however_the_data_waver():
+    angle = np.linspace(0.0, 2.0 * np.pi, 315)
+    ring = 0.05 * np.stack([np.cos(angle), np.sin(angle), np.zeros(315)], axis=1) + [0.0, 0.0, R]
+    starts = []
+    for seed in range(3):
+        scene = strand.synthetic.scene(chains=[ring], seed=seed)
+        chain = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains[0]
+        assert chain.closed
+        starts.append(chain.points[0])
+    assert np.ptp(starts, axis=0).max() < 3.0 * R
+
+
+def test_other_ways_are_given_with_what_they_cost_more(tmp_path):
+    shared = strand.load_scene(SCENES / "paper_high.npz")
+    model = strand.reconstruct(shared.views, shared.radius, shared.bounds)
+    assert model.alternatives
+    costs = [other.cost for other in model.alternatives]
+    assert costs == sorted(costs)
+    assert costs[0] >= 0.0
+    model.save(tmp_path / "model.json")
+    loaded = strand.load(tmp_path / "model.json").alternatives
+    assert [other.cost for other in loaded] == costs
+    for a, b in zip(loaded, model.alternatives, strict=True):
+        for some, others in zip(a.chains, b.chains, strict=True):
+            np.testing.assert_array_equal(some, others)
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
+def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
+    assert not any(warning.startswith("radius") for warning in paper_model.warnings)
+    model = strand.reconstruct(paper.views, factor * paper.radius, paper.bounds)
+    looks = "thicker" if factor < 1.0 else "thinner"
+    assert any(f"the string looks {looks}" in warning for warning in model.warnings)
+
+
+def test_the_next_view_is_never_from_under_the_table():
+    for name in ("arc_low", "arc_mid"):
+        shared = strand.load_scene(SCENES / f"{name}.npz")
+        model = strand.reconstruct(shared.views, shared.radius, shared.bounds)
+        assert model.next_view()[2] > 0.0
+
+
 def test_doubts_make_the_confidence(paper_model, tucked_under):
     scene = tucked_under
     for model in (paper_model, strand.reconstruct(scene.views, scene.radius, scene.bounds)):
@@ -226,7 +294,7 @@ def test_doubts_make_the_confidence(paper_model, tucked_under):
 
 def test_points_that_lie_on_no_string_make_unsure(paper):
     rng = np.random.default_rng(0)
-    low, high = paper.bounds
+    _, high = paper.bounds
     ball = rng.normal(size=(6000, 3))
     ball = np.array([0.0, 0.0, high[2] - 3.0 * R]) + 3.0 * R * ball / np.linalg.norm(ball, axis=1)[:, None]
     views = []

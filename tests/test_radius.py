@@ -30,18 +30,22 @@ def strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
     return points + rng.normal(scale=depth_noise, size=(4000, 1)) * ray
 
 
-def crossing(thin: float, thick: float, seed: int = 0):
+def crossing(thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (640, 480), count: int = 5):
     """Two ropes, the second over the first: views, extraction range and true axes."""
     t = np.linspace(-0.5, 0.5, 400)
     under = np.stack([0.3 * t, 0.03 * np.sin(5 * t), thin + 0 * t], axis=1)
     over = np.stack([0.03 * np.sin(4 * t), 0.24 * t, 0 * t], axis=1)
     over[:, 2] = thick + (2 * thin + 5e-4) * np.exp(-((over[:, 1] / 0.04) ** 2))
-    intrinsics = np.array([[430.0, 0.0, 319.5], [0.0, 430.0, 239.5], [0.0, 0.0, 1.0]])
+    width, height = size
+    focal = 430.0 / 640.0 * width
+    intrinsics = np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
     rng = np.random.default_rng(seed)
     views = []
-    for azimuth in np.linspace(-0.5 * np.pi, 0.5 * np.pi, 5):
+    for azimuth in np.linspace(-0.5 * np.pi, 0.5 * np.pi, count):
         pose = camera_pose(azimuth, 0.38)
-        depth = render_depth([under, over], [thin, thick], intrinsics, pose, (640, 480))
+        depth = render_depth([under, over], [thin, thick], intrinsics, pose, size)
         image = sense(depth, noise=7e-4, flying=0.05, step=thin, depth_scale=1e-4, rng=rng)
         views.append(strand.View.from_depth(image * 1e-4, intrinsics, pose))
     nodes = np.concatenate([under, over])
@@ -237,3 +241,10 @@ def test_a_far_camera_sees_a_long_rope_whole():
     (chain,) = strand.reconstruct(scene.views, None, scene.bounds).chains
     assert chain.length == pytest.approx(0.6, rel=0.01)
     assert chain.radius == pytest.approx(0.0042, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_thin_rope_that_few_pixels_see_keeps_its_own_radius(seed):
+    views, bounds, _ = crossing(0.003, 0.005, seed, size=(320, 240), count=3)
+    model = strand.reconstruct(views, [0.003, 0.005], bounds)
+    assert sorted(chain.radius for chain in model.chains) == pytest.approx([0.003, 0.005], rel=0.01)

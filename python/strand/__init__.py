@@ -18,7 +18,7 @@ from strand._core import (
 )
 from strand.config import Config
 from strand.io import FileFormatError, load_scene
-from strand.model import Chain, Doubt, Join, Model, load
+from strand.model import Alternative, Chain, Doubt, Join, Model, load
 from strand.pipeline import reconstruct
 from strand.radius import estimate_radius
 from strand.tubefit import TubeFit, fit_tubes
@@ -26,6 +26,7 @@ from strand.tubes import register_views
 from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
 
 __all__ = [
+    "Alternative",
     "Chain",
     "Config",
     "Doubt",

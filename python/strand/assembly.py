@@ -27,8 +27,8 @@ Chains = list[tuple[Array, bool]]
 # radius) besides, each string, each radius of string that was seen through or that is in another strand's
 # place
 _BENDING, _SHARP, _KINK, _STRING, _EMPTY, _INSIDE = 1.5, 0.6, 4.0, 10.0, 2.0, 4.0
-# a stretch of string this long that cameras saw through, in radii, is none
-_PHANTOM = 3.0
+# a stretch of string this long that cameras saw through, in radii, is none; what a way costs that has one
+_PHANTOM, _GONE = 1.0, 20.0
 # each string more or less than there are; each radius that a known length is missed by, at most a string
 _COUNT, _LENGTH = 30.0, 2.0
 # two strands are 2 radii apart; nearer than this is no noise
@@ -290,9 +290,9 @@ def reopened(
         r = fit.radius(number)
         nodes = part.at(part.nodes(0.5 * r))[0]
         keep = np.ones(len(nodes), dtype=bool)
-        for start, stop in runs(sight.empty(nodes, r)):
-            if (stop - start) * 0.5 >= _PHANTOM:
-                keep[start:stop] = False
+        for stretch in runs(sight.empty(nodes, r)):
+            if _phantom(stretch, len(nodes), 0.5):
+                keep[slice(*stretch)] = False
         cut = cut or not keep.all()
         kept = [nodes[start:stop] for start, stop in runs(keep) if stop - start >= 3]
         pieces += kept
@@ -301,6 +301,12 @@ def reopened(
     if not extra and not cut:
         return None
     return pieces + [nodes for nodes, _ in extra], ropes + [rope for _, rope in extra]
+
+
+def _phantom(stretch: tuple[int, int], count: int, spacing: float) -> bool:
+    """Tell whether a run of nodes that was seen through, not at an end, is too long to be string."""
+    start, stop = stretch
+    return start > 0 and stop < count and (stop - start) * spacing >= _PHANTOM
 
 
 def alike(some: Chains, others: Chains, radius: float) -> bool:
@@ -360,10 +366,15 @@ def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
         bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, 1.5)
         cost += _BENDING * spacing * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
         if sight is not None:
-            cost += _EMPTY * spacing * float(sight.empty(position, r).sum())
+            empty = sight.empty(position, r)
+            cost += _EMPTY * spacing * float(empty.sum())
+            cost += _GONE * sum(_phantom(stretch, len(s), spacing) for stretch in runs(empty))
         centres.append(position[::2])
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))
     centre, place, which = np.concatenate(centres), np.concatenate(places), np.concatenate(number)
     near = _core.crowded(centre, which, place, _CONTACT * r, 5.0 * r)
+    if sight is not None:
+        # where nothing was seen, bridges know nothing of each other's height
+        near &= ~sight.hidden(centre, r)
     return cost + _INSIDE * 2.0 * spacing * float(near.sum())

@@ -247,7 +247,8 @@ def branches(chains: Sequence[Chain], sight: Sight | None = None) -> list[tuple[
                 inner = 2.0 * r < strand.arc_length[place] < strand.length - 2.0 * r or strand.closed
                 if not inner or apart[0].min() >= meets or apart.min() >= _STRAIGHT * r:
                     continue
-                between = ahead[apart.min(axis=1) > strand.radius]
+                nearest = apart.min(axis=1)
+                between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > strand.radius]
                 if sight is None or not sight.empty(between, r).any():
                     found.append((number, other, strand.points[place]))
     return found

@@ -26,6 +26,8 @@ _UNIT = 1e6
 _NEAR = 2.5
 # gaps that no camera could see into may be longer by this factor; the share that counts as none of it
 _UNSEEN, _MOSTLY = 1.7, 0.8
+# no gap is bridged that was seen through on such a stretch, in radii and as a share of the gap
+_THROUGH = 1.0, 0.3
 # arcs shorter than this may be shadows of others that they are nearer to than strands in contact, in radii
 _SHADOW, _BESIDE = 6.0, 1.75
 # arcs shorter than this are stubs, in radii; an arc points at one within this angle, radians
@@ -237,8 +239,12 @@ class Links:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
                 if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
                     continue
-                empty = float(sight.empty(nodes, radius).mean()) if len(nodes) else 0.0
-                cost += config.seen_through * empty * distance[i, j] / radius
+                empty = sight.empty(nodes, radius)
+                longest = max((stop - start for start, stop in runs(empty)), default=0) * 0.4
+                if longest >= max(_THROUGH[0], _THROUGH[1] * distance[i, j] / radius):
+                    continue
+                share = float(empty.mean()) if len(nodes) else 0.0
+                cost += config.seen_through * share * distance[i, j] / radius
             if cost < 2.0 * config.free_end:
                 costs[i, j] = cost
         return cls(tuple(arcs), costs, config.rings != "never", contrast)

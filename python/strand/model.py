@@ -306,6 +306,22 @@ class Doubt:
 
 
 @dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another way to make strings of the pieces that were seen.
+
+    Attributes
+    ----------
+    cost : float
+        How much dearer it is than the answer, in radii of string that it leaves unexplained more.
+    chains : tuple of (K, 3) ndarray
+        Nodes of each string in order, world frame, metres, before the last fit.
+    """
+
+    cost: float
+    chains: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Model:
     """A point chain model: the strings that the views show.
 
@@ -331,6 +347,9 @@ class Model:
         Where pieces were joined over gaps and crossings, the least certain first.
     doubts : tuple of Doubt
         What speaks against the answer and lowers `confidence`, the greatest first.
+    alternatives : tuple of Alternative
+        Other ways to make strings of the pieces that were fitted too, the best first; of each kind of rope,
+        if there are several.
     """
 
     chains: tuple[Chain, ...]
@@ -342,6 +361,7 @@ class Model:
     confidence: float = float("nan")
     joins: tuple[Join, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("chains", Chain), ("warnings", str), ("joins", Join)):
@@ -436,6 +456,10 @@ class Model:
                     }
                     for doubt in self.doubts
                 ],
+                "alternatives": [
+                    {"cost": other.cost, "chains": [nodes.tolist() for nodes in other.chains]}
+                    for other in self.alternatives
+                ],
             },
         )
 
@@ -494,6 +518,12 @@ def _doubt(data: dict[str, Any]) -> Doubt:
     return Doubt(float(data["amount"]), str(data["about"]), str(data["reason"]), place)
 
 
+def _alternative(data: dict[str, Any]) -> Alternative:
+    """Make an alternative of what `Model.save` wrote."""
+    chains = tuple(np.asarray(nodes, dtype=np.float64).reshape(-1, 3) for nodes in data["chains"])
+    return Alternative(float(data["cost"]), chains)
+
+
 def load(path: str | os.PathLike[str]) -> Model:
     """Read a model that `Model.save` wrote.
 
@@ -505,8 +535,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With the same chains, poses, deviations, timings, warnings, confidence, joins and doubts, bit for bit;
-        without stages.
+        With the same chains, poses, deviations, timings, warnings, confidence, joins, doubts and
+        alternatives, bit for bit; without stages.
 
     Raises
     ------
@@ -535,6 +565,7 @@ def load(path: str | os.PathLike[str]) -> Model:
             float("nan") if confidence is None else float(confidence),
             tuple(_join(join) for join in data.get("joins", [])),
             tuple(_doubt(doubt) for doubt in data.get("doubts", [])),
+            tuple(_alternative(other) for other in data.get("alternatives", [])),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise io.FileFormatError(f"{path}: not a strand model ({error})") from error

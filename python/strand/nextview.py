@@ -9,7 +9,7 @@ import numpy as np
 from strand.view import Array
 
 # directions that are tried, and how far they may turn from the mean of the views that there are, radians
-_DIRECTIONS, _WIDEST = 600, np.radians(65.0)
+_DIRECTIONS, _WIDEST = 600, np.radians(45.0)
 # the stretch of string to see, on each side of the place, and where strands are clear of each other, in radii
 _STRETCH, _CLEAR = 5.0, 3.0
 # what seeing strands from the side, and from where no camera was, is worth against a clear sight

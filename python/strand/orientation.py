@@ -7,10 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.model import Chain
+from strand.view import Array
 
 # the end that lies farther back along this direction is the start: askew to the axes, so that strings laid
 # along them are not a tie
 _FORWARD = np.array([0.83, 0.47, 0.31])
+# rings run anticlockwise seen from there: above, but not for upright ones
+_ABOVE = np.array([0.29, 0.17, 0.94])
+
+
+def started(ring: Array) -> Array:
+    """Return a ring's nodes, (K, 3) with the first again at the end, from where it lies farthest back."""
+    first = int((ring @ _FORWARD).argmin())
+    return np.concatenate([ring[first:-1], ring[: first + 1]])
 
 
 def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Chain]:
@@ -26,7 +35,8 @@ def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Ch
     -------
     list of Chain
         In the same order. Open ones start at the end that lies farther back along a fixed direction askew
-        to the world's axes; closed ones run anticlockwise seen from above.
+        to the world's axes; closed ones start about where they lie farthest back, and run anticlockwise
+        seen from above.
     """
     turned = []
     for chain in chains:
@@ -39,8 +49,8 @@ def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Ch
 def _starts_late(chain: Chain) -> bool:
     points = chain.points
     if chain.closed:
-        x, y = points[:, 0], points[:, 1]
-        return bool((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0)
+        about = points - points.mean(axis=0)
+        return bool(np.cross(about, np.roll(about, -1, axis=0)).sum(axis=0) @ _ABOVE < 0)
     return bool((points[0] - points[-1]) @ _FORWARD > 0)
 
 

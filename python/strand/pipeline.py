@@ -138,7 +138,18 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
-    return Model(chains, poses, run.timings, tuple(run.warnings), stages, pose_sd, sure, joins, tuple(doubts))
+    return Model(
+        chains,
+        poses,
+        run.timings,
+        tuple(run.warnings),
+        stages,
+        pose_sd,
+        sure,
+        joins,
+        tuple(doubts),
+        found.alternatives,
+    )
 
 
 def _checked(

@@ -67,7 +67,15 @@ class Radii:
         order = np.argsort(values)
         return replace(self, values=values[order], sd=np.concatenate([self.sd, self.sd, self.sd])[order])
 
-    def deviation(self, fitted: Array, sd: Array, sigma: float) -> Array:
+    def unsure(self) -> Radii:
+        """Return them as known so badly that each could be another of them."""
+        return replace(self, sd=np.full(len(self.values), float(np.ptp(self.values))))
+
+    def nearest(self, fitted: Array) -> list[int]:
+        """Return for each fitted radius the number of the one that it is nearest to."""
+        return [int(np.abs(np.log(self.values / value)).argmin()) for value in fitted]
+
+    def deviation(self, fitted: Array, sd: Array, sigma: float, capped: bool = True) -> Array:
         """Return the standard deviations of fitted radii, with what noise does to them beside its scatter.
 
         Points that scatter independently would give a radius better than the tube's outline is seen.
@@ -78,14 +86,16 @@ class Radii:
             Radii and what the fit says of their standard deviations, metres.
         sigma : float
             Standard deviation of the fit's residuals, metres.
+        capped : bool
+            Of radii that were given, return no more than what is not known of them.
 
         Returns
         -------
         (K,) ndarray
-            Metres; of radii that were given, no more than what is not known of them.
+            Metres.
         """
         found = np.hypot(sd, _PULL * sigma**2 / fitted)
-        return found if self.free else np.minimum(found, self.sd)
+        return np.minimum(found, self.sd) if capped and not self.free else found
 
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from strand.model import Chain, Doubt, Join
+from strand.model import Alternative, Chain, Doubt, Join
 from strand.view import Array
 
 
@@ -49,6 +49,8 @@ class Found:
         The least certain first.
     doubts : tuple of Doubt
         What speaks against the answer; empty where the method does not say.
+    alternatives : tuple of Alternative
+        Other answers, the best first.
     """
 
     chains: list[Chain]
@@ -57,3 +59,4 @@ class Found:
     stages: dict[str, Any]
     joins: tuple[Join, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()

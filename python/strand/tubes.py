@@ -19,7 +19,8 @@ from strand.curve import Curve
 from strand.ends import string_parts, with_hidden_ends
 from strand.hues import Hues, colors_of
 from strand.known import Known
-from strand.model import Chain, Join
+from strand.model import Alternative, Chain, Join
+from strand.orientation import started
 from strand.pieces import left_over
 from strand.radius import Radii, agreeing
 from strand.selection import best_explaining
@@ -37,6 +38,9 @@ _REFERENCE_NODES = 8
 _ENOUGH = 20
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
+
+# a radius that was given is in doubt if the fit is so many standard deviations from it
+_PULLED = 3.0
 
 # how often what the last fit leaves unexplained reopens the decision, and by how much that must pay
 _REOPENED, _BETTER = 1, 1.0
@@ -205,8 +209,8 @@ def fit_arcs(
     fit = None
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
         arcs = trace(few, motions, radii.values, 3, config)
-        present = sorted(set(arcs.ropes))
-        radii, arcs = radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
+        if radii.free:
+            radii, arcs = _present(radii, arcs)
         fit = _fit(
             clouds if last else few,
             _splines(arcs, radii.values, config, _ARC_MARGIN),
@@ -220,6 +224,8 @@ def fit_arcs(
         )
         motions = fit.motions
     assert fit is not None
+    if len(radii.values) > 1 and not radii.free:
+        return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
         return fit, radii
     fit = _fit(
@@ -244,6 +250,36 @@ def fit_arcs(
         few = clouds.thinned(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
     return fit, radii
+
+
+def _present(radii: Radii, arcs: Arcs) -> tuple[Radii, Arcs]:
+    """Leave out the radii that no arc has."""
+    present = sorted(set(arcs.ropes))
+    return radii.only(present), Arcs(arcs.nodes, [present.index(rope) for rope in arcs.ropes])
+
+
+def _kinds_from_points(
+    clouds: Clouds, arcs: Arcs, fit: TubeFit, radii: Radii, config: Config, uncertainty: bool
+) -> tuple[TubeFit, Radii]:
+    """Fit each arc a radius of its own, then again with that of the known radii which is nearest to it."""
+    own = radii.unsure().only(arcs.ropes)
+    alone = _fit(
+        clouds,
+        fit.curves,
+        list(range(len(arcs.nodes))),
+        fit.motions,
+        own.values,
+        config,
+        radius_prior=own.prior,
+        along_ray=True,
+        band=(0.8, 0.5),
+        iterations=30,
+        bounds=clouds.bounds,
+        uncertainty=False,
+    )
+    radii, arcs = _present(radii, Arcs(arcs.nodes, radii.nearest(alone.radii)))
+    how: dict[str, Any] = {"iterations": 12, "uncertainty": uncertainty}
+    return _fit(clouds, alone.curves, arcs.ropes, alone.motions, radii.values, config, **how), radii
 
 
 def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
@@ -278,9 +314,12 @@ def compared(
     strand.NotEnoughDataError
         If no string is long enough.
     """
-    ways = []
+    ways: list[list[Judged]] = []
     for rope, radius in enumerate(before.radii):
         mine = [nodes for nodes, number in zip(arcs.nodes, arcs.ropes, strict=True) if number == rope]
+        if not mine:
+            ways.append([])
+            continue
         fitted = _on_sample(clouds, before, rope, known, config)
         of_mine = known if len(before.radii) == 1 else known.of_a_kind()
         ways.append(decide(mine, float(radius), config.linking, sight, fitted, of_mine, hues))
@@ -359,8 +398,8 @@ def chosen(ways: Sequence[Sequence[Judged]]) -> tuple[Arcs, list[bool]]:
     chains = [
         (chain, rope) for rope, judged in enumerate(ways) if judged for chain in judged[0].assembly.chains
     ]
-    strings = Arcs([nodes for (nodes, _), _ in chains], [rope for _, rope in chains])
-    return strings, [ring for (_, ring), _ in chains]
+    nodes = [started(nodes) if ring else nodes for (nodes, ring), _ in chains]
+    return Arcs(nodes, [rope for _, rope in chains]), [ring for (_, ring), _ in chains]
 
 
 def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config: Config) -> tuple[Join, ...]:
@@ -371,6 +410,16 @@ def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config:
         for join in joins_of(judged, chains, judged[0].fit.radius(0), config.linking)
     ]
     return tuple(sorted(joins, key=lambda join: join.margin))
+
+
+def alternatives(ways: Sequence[Sequence[Judged]]) -> tuple[Alternative, ...]:
+    """Return the ways that are not the answer, the best first."""
+    others = [
+        Alternative(other.cost - judged[0].cost, tuple(nodes for nodes, _ in other.assembly.chains))
+        for judged in filter(None, ways)
+        for other in judged[1:]
+    ]
+    return tuple(sorted(others, key=lambda other: other.cost))
 
 
 def fit_strings(
@@ -520,6 +569,8 @@ def find_strings(
             f"noise: {config.tubes.noise * 1e3:.3g} mm was given, but residuals scatter by "
             f"{fit.sigma * 1e3:.3g} mm"
         )
+    if not radii.free and not radii.held:
+        _warn_of_pulled_radii(fit, radii, run)
     _warn_of_open_poses(fit, numbers, config.poses, run)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
@@ -532,7 +583,7 @@ def find_strings(
         )
     if bounds is not None:
         _warn_of_cut_ends(chains, bounds, run)
-    return Found(chains, poses, list(fit.pose_sd), stages, joins, uncertain)
+    return Found(chains, poses, list(fit.pose_sd), stages, joins, uncertain, alternatives(judged))
 
 
 def register_views(
@@ -608,6 +659,17 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
     return curve.part(margin, float(stop))
+
+
+def _warn_of_pulled_radii(fit: TubeFit, radii: Radii, run: Run) -> None:
+    """Name radii that were given and that the points pull away from farther than noise does."""
+    pull = fit.radii - radii.values
+    limit = _PULLED * np.hypot(radii.sd, radii.deviation(fit.radii, fit.radii_sd, fit.sigma, capped=False))
+    for k in np.flatnonzero(np.abs(pull) > limit):
+        run.warnings.append(
+            f"radius: {radii.values[k] * 1e3:.3g} mm was given, but the string looks "
+            f"{'thicker' if pull[k] > 0 else 'thinner'}"
+        )
 
 
 def _warn_of_cut_ends(chains: Sequence[Chain], bounds: tuple[Array, Array], run: Run) -> None:
