@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::Point;
 use crate::error::{Error, Result};
+use crate::wide::{LANES, Lanes};
 
 /// A symmetric 3x3 matrix as its upper triangle: xx, xy, xz, yy, yz, zz.
 pub type Symmetric3 = [f64; 6];
@@ -227,6 +228,85 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
         v[p][k] = c * vp - s * vq;
         v[q][k] = s * vp + c * vq;
     }
+}
+
+/// Unit eigenvectors of the smallest eigenvalues of eight positive semidefinite matrices, each one's share of the
+/// trace, and where both are known to rounding: where the two smallest eigenvalues are at least a thousandth of the
+/// largest apart.
+///
+/// Newton's iteration on the characteristic polynomial finds the eigenvalue from below, the adjugate of A − λ its
+/// vector, and a step of Rayleigh's iteration, again by the adjugate, makes both exact.
+#[inline(always)]
+pub fn least_eigenvectors(matrices: &[Lanes; 6]) -> ([Lanes; 3], Lanes, [bool; LANES]) {
+    let (mut vectors, mut shares, mut certain) = ([[0.0; LANES]; 3], [0.0; LANES], [false; LANES]);
+    for l in 0..LANES {
+        let entries: Symmetric3 = std::array::from_fn(|i| matrices[i][l]);
+        let trace = entries[0] + entries[3] + entries[5];
+        let unit = 1.0 / if trace > f64::MIN_POSITIVE { trace } else { f64::MIN_POSITIVE };
+        let a: Symmetric3 = std::array::from_fn(|i| entries[i] * unit);
+        let minors = adjugate(&a, 0.0);
+        let quadratic = minors[0] + minors[3] + minors[5];
+        let determinant = a[0] * minors[0] + a[1] * minors[1] + a[2] * minors[2];
+        let mut value = 0.0;
+        for _ in 0..5 {
+            let function = ((value - 1.0) * value + quadratic) * value - determinant;
+            let slope = (3.0 * value - 2.0) * value + quadratic;
+            value -= function / slope;
+        }
+        let m = adjugate(&a, value);
+        // the column with the largest entry on the diagonal
+        let first = m[0] > m[3] && m[0] > m[5];
+        let second = m[3] > m[5];
+        let choose = |x: f64, y: f64, z: f64| {
+            let other = if second { y } else { z };
+            if first { x } else { other }
+        };
+        let v = [choose(m[0], m[1], m[2]), choose(m[1], m[3], m[4]), choose(m[2], m[4], m[5])];
+        let squared = dot(v, v);
+        let v_a = times(&a, v);
+        let m = adjugate(&a, dot(v, v_a) / squared);
+        let v = times(&m, v);
+        let length = dot(v, v).sqrt();
+        let v = v.map(|x| x / length);
+        let v_a = times(&a, v);
+        let value = dot(v, v_a);
+        // the other two eigenvalues from their sum and product
+        let half = 0.5 * (1.0 - value);
+        let product = quadratic - 2.0 * value * half;
+        let apart = half * half - product;
+        let apart = if apart > 0.0 { apart.sqrt() } else { 0.0 };
+        let off: Point = std::array::from_fn(|k| v_a[k] - value * v[k]);
+        certain[l] = half - apart - value > 1e-3 * (half + apart) && dot(off, off) < 1e-29;
+        for k in 0..3 {
+            vectors[k][l] = v[k];
+        }
+        shares[l] = if value > 0.0 { value } else { 0.0 };
+    }
+    (vectors, shares, certain)
+}
+
+/// The adjugate of A − λ.
+#[inline(always)]
+fn adjugate(a: &Symmetric3, value: f64) -> Symmetric3 {
+    let [xx, xy, xz, yy, yz, zz] = [a[0] - value, a[1], a[2], a[3] - value, a[4], a[5] - value];
+    [
+        yy * zz - yz * yz,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xx * zz - xz * xz,
+        xy * xz - xx * yz,
+        xx * yy - xy * xy,
+    ]
+}
+
+/// A v.
+#[inline(always)]
+fn times(a: &Symmetric3, v: Point) -> Point {
+    [
+        a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
+        a[1] * v[0] + a[3] * v[1] + a[4] * v[2],
+        a[2] * v[0] + a[4] * v[1] + a[5] * v[2],
+    ]
 }
 
 #[cfg(test)]

@@ -42,6 +42,7 @@ mod strips;
 mod tubefit;
 mod tubelet;
 mod tubes;
+mod wide;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
