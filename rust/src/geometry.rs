@@ -235,7 +235,7 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
 /// largest apart.
 ///
 /// Newton's iteration on the characteristic polynomial finds the eigenvalue from below, the adjugate of A − λ its
-/// vector, and a step of Rayleigh's iteration, again by the adjugate, makes both exact.
+/// vector, and two steps of Rayleigh's iteration, again by the adjugate, make both exact.
 #[inline(always)]
 pub fn least_eigenvectors(matrices: &[Lanes; 6]) -> ([Lanes; 3], Lanes, [bool; LANES]) {
     let (mut vectors, mut shares, mut certain) = ([[0.0; LANES]; 3], [0.0; LANES], [false; LANES]);
@@ -262,12 +262,13 @@ pub fn least_eigenvectors(matrices: &[Lanes; 6]) -> ([Lanes; 3], Lanes, [bool; L
             if first { x } else { other }
         };
         let v = [choose(m[0], m[1], m[2]), choose(m[1], m[3], m[4]), choose(m[2], m[4], m[5])];
-        let squared = dot(v, v);
-        let v_a = times(&a, v);
-        let m = adjugate(&a, dot(v, v_a) / squared);
-        let v = times(&m, v);
+        let rayleigh = |v: Point| {
+            let v = times(&adjugate(&a, dot(v, times(&a, v))), v);
+            let length = dot(v, v).sqrt();
+            v.map(|x| x / length)
+        };
         let length = dot(v, v).sqrt();
-        let v = v.map(|x| x / length);
+        let v = rayleigh(rayleigh(v.map(|x| x / length)));
         let v_a = times(&a, v);
         let value = dot(v, v_a);
         // the other two eigenvalues from their sum and product
@@ -276,7 +277,7 @@ pub fn least_eigenvectors(matrices: &[Lanes; 6]) -> ([Lanes; 3], Lanes, [bool; L
         let apart = half * half - product;
         let apart = if apart > 0.0 { apart.sqrt() } else { 0.0 };
         let off: Point = std::array::from_fn(|k| v_a[k] - value * v[k]);
-        certain[l] = half - apart - value > 1e-3 * (half + apart) && dot(off, off) < 1e-29;
+        certain[l] = half - apart - value > 1e-3 * (half + apart) && dot(off, off) < 1e-27;
         for k in 0..3 {
             vectors[k][l] = v[k];
         }
@@ -342,6 +343,36 @@ mod tests {
             expected.as_mut_slice().sort_by(f64::total_cmp);
             for (got, want) in eigen.values.iter().zip(expected.iter()) {
                 prop_assert!((got - want).abs() <= 1e-14 * size);
+            }
+        }
+
+        #[test]
+        fn eight_least_eigenvectors_are_those_of_nalgebra(
+            roots in prop::array::uniform8(prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0))),
+            scale in -100i32..100, flat in 0.0f64..1.0,
+        ) {
+            // B Bᵀ, with one direction as short as noise on a surface is
+            let squares = roots.map(|root| {
+                let b = Matrix3::from_fn(|i, j| root[i][j] * if j == 2 { flat } else { 1.0 });
+                b * b.transpose() * 10f64.powi(scale)
+            });
+            let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+            let entries = places.map(|place| std::array::from_fn(|l| squares[l][place]));
+            let (vectors, shares, certain) = least_eigenvectors(&entries);
+            for (l, square) in squares.iter().enumerate() {
+                let eigen = SymmetricEigen::try_new(square / square.amax(), f64::EPSILON, 1000).unwrap();
+                let mut order = [0, 1, 2];
+                order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
+                let [low, middle, high] = order.map(|i| eigen.eigenvalues[i]);
+                let gap = (middle - low) / high;
+                if !certain[l] {
+                    continue;
+                }
+                let v = Vector3::from_fn(|k, _| vectors[k][l]);
+                let expected = eigen.eigenvectors.column(order[0]);
+                prop_assert!((v.norm() - 1.0).abs() < 1e-14);
+                prop_assert!(v.cross(&expected).norm() < 2e-13 / gap, "{} at {gap}", v.cross(&expected).norm());
+                prop_assert!((shares[l] - (low / (low + middle + high)).max(0.0)).abs() < 1e-13);
             }
         }
 

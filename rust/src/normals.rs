@@ -288,7 +288,7 @@ impl Sums {
         self.counts = self.count_below(simd, limits);
         self.add_half::<S, false>(simd, limits);
         self.add_half::<S, true>(simd, limits);
-        self.smallest = 0.01 * frame.extent * frame.extent;
+        self.smallest = 1e-3 * frame.extent * frame.extent;
     }
 
     #[inline(always)]

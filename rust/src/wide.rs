@@ -379,8 +379,57 @@ mod x86 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicU32;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use crate::{
+        IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, count_neighbors,
+        estimate_normals, icp,
+    };
 
     /// Registers that are wider than this many bits are not used.
     pub static WIDTH: AtomicU32 = AtomicU32::new(u32::MAX);
+
+    /// All numbers that the kernels give for one cloud, as bits.
+    fn answers(points: &[Point]) -> Vec<u64> {
+        let mut bits = Vec::new();
+        let mut numbers = |values: &[f64]| bits.extend(values.iter().map(|x| x.to_bits()));
+        let counts = count_neighbors(points, 0.2).unwrap();
+        numbers(&counts.iter().map(|&count| count as f64).collect::<Vec<_>>());
+        let above = Viewpoints::One([0.0, 0.0, 9.0]);
+        for neighbors in [Neighbors::Nearest(12), Neighbors::Within(0.2)] {
+            let found = estimate_normals(points, neighbors, above).unwrap();
+            numbers(found.normals.as_flattened());
+            numbers(&found.variation);
+            numbers(centerline(points, &found.normals, 0.2, 5).unwrap().points.as_flattened());
+        }
+        let source: Vec<Point> = points.iter().map(|p| [p[0] + 0.02, p[1] - 0.01, p[2] + 0.03]).collect();
+        let options = IcpOptions {
+            start: RigidMotion::identity(),
+            max_correspondence_distance: 0.1,
+            max_iterations: 5,
+            tolerance: 0.0,
+        };
+        let found = icp(&source, points, Objective::PointToPoint, &options).unwrap();
+        numbers(found.transformation.to_rows().as_flattened());
+        numbers(&[found.fitness, found.inlier_rmse]);
+        bits
+    }
+
+    #[test]
+    fn answers_are_the_same_bits_for_any_width() {
+        // low-discrepancy points on a wavy sheet, and some of them twice
+        let points: Vec<Point> = (0..4000)
+            .map(|i| {
+                let at = |step: f64| (f64::from(i % 3700) * step).fract();
+                let (x, y) = (4.0 * at(0.754_877_666), 4.0 * at(0.569_840_291));
+                [x, y, 0.3 * (2.0 * x).sin() * y.cos()]
+            })
+            .collect();
+        let expected = answers(&points);
+        for width in [256, 128] {
+            WIDTH.store(width, Ordering::Relaxed);
+            assert!(answers(&points) == expected, "{width} bits");
+        }
+        WIDTH.store(u32::MAX, Ordering::Relaxed);
+    }
 }
