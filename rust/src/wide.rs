@@ -40,6 +40,8 @@ pub trait Simd: Copy {
     fn narrow(self, x: &[f64; BATCH], origin: f64, unit: f64) -> Self::F;
     /// Puts the lanes of some bits one behind the other at the start of `to`, which has room for all lanes.
     fn compress(self, bits: u32, x: Self::F, to: &mut [f32]);
+    /// The smaller of each two.
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger of each two.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// The first or the second half.
@@ -141,6 +143,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn compress(self, bits: u32, x: Singles, to: &mut [f32]) {
         compress(bits, &x, to);
+    }
+    #[inline(always)]
+    fn min(self, a: Singles, b: Singles) -> Singles {
+        std::array::from_fn(|l| if a[l] < b[l] { a[l] } else { b[l] })
     }
     #[inline(always)]
     fn max(self, a: Singles, b: Singles) -> Singles {
@@ -253,6 +259,10 @@ mod x86 {
             unsafe { _mm512_storeu_ps(to.as_mut_ptr(), _mm512_maskz_compress_ps(bits as __mmask16, x)) }
         }
         #[inline(always)]
+        fn min(self, a: __m512, b: __m512) -> __m512 {
+            unsafe { _mm512_min_ps(a, b) }
+        }
+        #[inline(always)]
         fn max(self, a: __m512, b: __m512) -> __m512 {
             unsafe { _mm512_max_ps(a, b) }
         }
@@ -335,6 +345,10 @@ mod x86 {
         #[inline(always)]
         fn compress(self, bits: u32, x: [__m256; 2], to: &mut [f32]) {
             super::compress(bits, &self.store(x), to);
+        }
+        #[inline(always)]
+        fn min(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            unsafe { [_mm256_min_ps(a[0], b[0]), _mm256_min_ps(a[1], b[1])] }
         }
         #[inline(always)]
         fn max(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {

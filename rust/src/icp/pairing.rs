@@ -33,8 +33,6 @@ struct Batch {
     count: usize,
     /// In the source's frame; lanes without a point repeat the first.
     points: [[f64; BATCH]; 3],
-    /// Where the current pose puts them.
-    moved: [[f64; BATCH]; 3],
     /// Positions of the nearest target points in the order of the cells; none where they are out of reach.
     partners: [u32; BATCH],
     /// All other target points are farther than this.
@@ -50,6 +48,8 @@ pub struct Pairing {
     batches: Vec<Batch>,
     source_points: usize,
     reach: f64,
+    /// Where the pairs were found.
+    pose: RigidMotion,
     /// The source's middle, in its frame.
     center: Point,
     /// What rounding may move a point by.
@@ -120,13 +120,7 @@ impl Pairing {
                         points[k][l] = x[k];
                     }
                 }
-                Batch {
-                    count: positions.len(),
-                    points,
-                    moved: points,
-                    partners: [NONE; BATCH],
-                    others: [-1.0; BATCH],
-                }
+                Batch { count: positions.len(), points, partners: [NONE; BATCH], others: [-1.0; BATCH] }
             })
             .collect();
         let reach = options.max_correspondence_distance;
@@ -138,6 +132,7 @@ impl Pairing {
             batches,
             source_points: source.len(),
             reach,
+            pose: options.start,
             center,
             blur,
         }
@@ -152,6 +147,7 @@ impl Pairing {
             .map(|batches| wide::run(Pair { pairing: self, batches, pose, origin }))
             .collect();
         self.batches = batches;
+        self.pose = *pose;
         let mut sums = [0.0; TERMS];
         for part in parts {
             for (sum, part) in sums.iter_mut().zip(part) {
@@ -172,8 +168,9 @@ impl Pairing {
             .map(|batches| {
                 let mut sum = SMatrix::zeros();
                 for batch in batches {
+                    let moved = moved_to(&batch.points, &self.pose);
                     for l in 0..batch.count {
-                        let moved = batch.moved.map(|values| values[l]);
+                        let moved = moved.map(|values| values[l]);
                         if let Some(&target) = self.sorted.get(batch.partners[l] as usize)
                             && squared_distance(target, moved) <= self.reach * self.reach
                         {
@@ -215,19 +212,21 @@ impl Wide for Pair<'_> {
         let mut around = Around::default();
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
-            let steps = batch.moved_to(pose);
+            let moved = moved_to(&batch.points, pose);
+            let steps = distances(&moved, &moved_to(&batch.points, &pairing.pose));
             let mut targets = [[0.0; BATCH]; 3];
             let mut left = [0; BATCH];
             let mut count = 0;
             for l in 0..batch.count {
                 batch.others[l] -= steps[l] + pairing.blur;
-                let moved: Point = [batch.moved[0][l], batch.moved[1][l], batch.moved[2][l]];
+                let p: Point = [moved[0][l], moved[1][l], moved[2][l]];
                 let same = match pairing.sorted.get(batch.partners[l] as usize) {
                     Some(&partner) => {
                         for k in 0..3 {
                             targets[k][l] = partner[k];
                         }
-                        squared_distance(partner, moved).sqrt() < batch.others[l]
+                        let others = batch.others[l].max(0.0);
+                        squared_distance(partner, p) < others * others
                     }
                     None => pairing.reach < batch.others[l],
                 };
@@ -235,7 +234,7 @@ impl Wide for Pair<'_> {
                 count += usize::from(!same);
             }
             if count > 0 {
-                search(simd, pairing, batch, &left[..count], &mut around);
+                search(simd, pairing, batch, &moved, &left[..count], &mut around);
                 for &l in &left[..count] {
                     if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
                         for k in 0..3 {
@@ -246,32 +245,39 @@ impl Wide for Pair<'_> {
             }
             let paired: [bool; BATCH] = std::array::from_fn(|l| batch.partners[l] != NONE && l < batch.count);
             for half in 0..BATCH / LANES {
-                add_pairs(&mut sums, half, &batch.moved, &targets, &paired, origin, limit);
+                add_pairs(&mut sums, half, &moved, &targets, &paired, origin, limit);
             }
         }
         sums.map(|sum| sum.iter().sum())
     }
 }
 
-impl Batch {
-    /// Moves the points to a pose. Gives the lengths of their ways.
-    #[inline(always)]
-    fn moved_to(&mut self, pose: &RigidMotion) -> [f64; BATCH] {
-        let (r, t) = (&pose.rotation, &pose.translation);
-        let mut squares = [0.0; BATCH];
-        for k in 0..3 {
-            let (r0, r1, r2, t) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]);
-            let [x, y, z] = self.points;
-            let before = self.moved[k];
-            let mut after = [0.0; BATCH];
-            for l in 0..BATCH {
-                after[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
-                squares[l] += (after[l] - before[l]) * (after[l] - before[l]);
-            }
-            self.moved[k] = after;
+/// Where a pose puts the points of a batch.
+#[inline(always)]
+fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3] {
+    let (r, t) = (&pose.rotation, &pose.translation);
+    let mut moved = [[0.0; BATCH]; 3];
+    for k in 0..3 {
+        let (r0, r1, r2, t) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]);
+        let [x, y, z] = points;
+        let mut values = [0.0; BATCH];
+        for l in 0..BATCH {
+            values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
         }
-        squares.map(f64::sqrt)
+        moved[k] = values;
     }
+    moved
+}
+
+/// Distances between the points of the lanes.
+#[inline(always)]
+fn distances(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
+    let mut distances = [0.0; BATCH];
+    for l in 0..BATCH {
+        let d = [a[0][l] - b[0][l], a[1][l] - b[1][l], a[2][l] - b[2][l]];
+        distances[l] = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+    }
+    distances
 }
 
 /// Adds the pairs of half a batch.
@@ -315,9 +321,16 @@ fn add_pairs(
 
 /// Finds the partners of some lanes of a batch.
 #[inline(always)]
-fn search<S: Simd>(simd: S, pairing: &Pairing, batch: &mut Batch, lanes: &[usize], around: &mut Around) {
+fn search<S: Simd>(
+    simd: S,
+    pairing: &Pairing,
+    batch: &mut Batch,
+    moved: &[[f64; BATCH]; 3],
+    lanes: &[usize],
+    around: &mut Around,
+) {
     let Pairing { cells, sorted, reach, .. } = pairing;
-    let moved = |batch: &Batch, l: usize| batch.moved.map(|values| values[l]);
+    let moved = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
     let mut left = [0; BATCH];
     left[..lanes.len()].copy_from_slice(lanes);
     let mut count = lanes.len();
@@ -325,7 +338,7 @@ fn search<S: Simd>(simd: S, pairing: &Pairing, batch: &mut Batch, lanes: &[usize
     for &l in lanes {
         // what was the nearest is not farther than the nearest
         let known = match sorted.get(batch.partners[l] as usize) {
-            Some(&partner) => squared_distance(partner, moved(batch, l)).sqrt() + MORE * cells.size(),
+            Some(&partner) => squared_distance(partner, moved(l)).sqrt() + MORE * cells.size(),
             None => cells.size(),
         };
         search_reach = f64::max(search_reach, known);
@@ -334,16 +347,16 @@ fn search<S: Simd>(simd: S, pairing: &Pairing, batch: &mut Batch, lanes: &[usize
     while count > 0 {
         let mut bounds = Bounds::NONE;
         for &l in &left[..count] {
-            bounds.add(moved(batch, l));
+            bounds.add(moved(l));
         }
         let frame = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
         if search_reach > FARTHEST * cells.size() || around.count() > MOST {
             for &l in &left[..count] {
-                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(batch, l));
+                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
             }
             return;
         }
-        let points = frame.lanes(left[..count].iter().map(|&l| moved(batch, l)));
+        let points = frame.lanes(left[..count].iter().map(|&l| moved(l)));
         let (best, second, number) = nearest_two(simd, around, &points);
         let (low, high) = frame.limits(search_reach);
         let last = search_reach >= *reach;
@@ -358,7 +371,7 @@ fn search<S: Simd>(simd: S, pairing: &Pairing, batch: &mut Batch, lanes: &[usize
                 batch.partners[l] = NONE;
                 batch.others[l] = search_reach;
             } else if best[i] <= high {
-                let (square, position, next) = exact_two(cells, around, moved(batch, l));
+                let (square, position, next) = exact_two(cells, around, moved(l));
                 if square <= search_reach * search_reach || last {
                     let found = square <= search_reach * search_reach;
                     batch.partners[l] = if found { position } else { NONE };
@@ -390,10 +403,10 @@ fn nearest_two<S: Simd>(
     let [x, y, z] = around.axes();
     for (((&x, &y), &z), &this) in x.iter().zip(y).zip(z).zip(around.numbers()) {
         let squares = squared_distances(simd, x, y, z, lanes);
+        // two chains of one operation each: what is nearer waits for neither
         let nearer = simd.le(squares, best);
-        let next = simd.select(simd.le(squares, second), squares, second);
-        second = simd.select(nearer, best, next);
-        best = simd.select(nearer, squares, best);
+        second = simd.min(second, simd.max(best, squares));
+        best = simd.min(best, squares);
         number = simd.select(nearer, simd.splat(this), number);
     }
     (simd.store(best), simd.store(second), simd.store(number))
