@@ -1,6 +1,6 @@
-//! One kernel on one cloud, for instruction counts and profiles: `once KERNEL POINTS [TIMES]`.
+//! One kernel on one cloud, for profiles and instruction counts: `once KERNEL POINTS TIMES [THREADS]`.
 //!
-//! With TIMES it runs as often and prints the least milliseconds.
+//! Prints the least milliseconds of all times; none for no times, which is what the cloud alone takes.
 
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
@@ -46,13 +46,17 @@ fn generator(seed: u64) -> impl FnMut() -> f64 {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
-    let [_, kernel, count, times @ ..] = arguments.as_slice() else { panic!("once KERNEL POINTS [TIMES]") };
+    let [_, kernel, count, times, threads @ ..] = arguments.as_slice() else {
+        panic!("once KERNEL POINTS TIMES [THREADS]")
+    };
     let count = count.parse().expect("a number of points");
+    if let [threads] = threads {
+        strand::set_num_threads(threads.parse().expect("a number of threads"));
+    }
     let points = rope(count, generator(1));
     let above = Viewpoints::One([0.0, 0.0, 1.0]);
     let near = Neighbors::Within(RADIUS / 2.0);
     let run: Box<dyn Fn()> = match kernel.as_str() {
-        "nothing" => Box::new(|| ()),
         "filter" => Box::new(|| drop(black_box(radius_outlier_mask(&points, RADIUS / 2.0, 45)))),
         "nearest" => Box::new(|| drop(black_box(estimate_normals(&points, Neighbors::Nearest(16), above)))),
         "within" => Box::new(|| drop(black_box(estimate_normals(&points, near, above)))),
@@ -76,17 +80,15 @@ fn main() {
             let points = &points;
             Box::new(move || drop(black_box(centerline(points, &normals, RADIUS, 20))))
         }
-        other => panic!("{other} is none of nothing, filter, nearest, within, icp, centerline"),
+        other => panic!("{other} is none of filter, nearest, within, icp, centerline"),
     };
-    if let [times] = times {
-        let timed = |_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64() * 1e3
-        };
-        let least = (0..times.parse::<usize>().expect("a number")).map(timed).fold(f64::INFINITY, f64::min);
-        println!("{kernel} {count}: {least:.2} ms");
-    } else {
+    let timed = |_| {
+        let start = Instant::now();
         run();
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    let times = (0..times.parse::<usize>().expect("a number of times")).map(timed);
+    if let Some(least) = times.reduce(f64::min) {
+        println!("{kernel} {count}: {least:.2} ms");
     }
 }

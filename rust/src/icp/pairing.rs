@@ -17,7 +17,7 @@ use crate::index::cells::{Bounds, Cells, reach_of};
 use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
 
 /// Target points that are within the width of a cell from one.
-const NEAR: usize = 24;
+const NEAR: usize = 40;
 /// How much farther than the last partner is looked, in cells, so that the next search is not soon.
 const MORE: f64 = 0.25;
 /// Farther than this many cells, and where more points than this are met, the tree is quicker.
