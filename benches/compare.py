@@ -19,6 +19,7 @@ import ctypes
 import math
 import os
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -58,6 +59,7 @@ NEAR, FAR = RADIUS, 2.5 * RADIUS  # of the tracing
 SCIPY_POINTS = 12_000  # above this SciPy's centreline takes long: 13 s for 100000
 PEER_POINTS = 1_000_000  # above this the peers take minutes and gigabytes
 SCIPY_LOT = 1000  # queries at a time: SciPy's neighbours are Python integers
+M_MMAP_THRESHOLD = -3  # of mallopt
 PAUSE = 0.02  # seconds before each run: the threads of OpenMP and BLAS spin for a while after their work
 
 
@@ -218,6 +220,7 @@ class Stage:
     run: Callable[[], Timed]
     peers: list[Peer] = field(default_factory=list)
     repeats: int | None = None  # fewer turns than asked for, where one takes long
+    clouds: int = 1  # of as many points each
 
 
 def stages(count: int, slow: bool) -> list[Stage]:
@@ -256,6 +259,7 @@ def stages(count: int, slow: bool) -> list[Stage]:
                 # linearised steps instead of a closed form: on its way to the same optimum it is elsewhere
                 Peer("small_gicp", lambda: small_gicp_icp(source, points), same_motion(source, SPACING / 10)),
             ],
+            clouds=2,
         ),
         Stage(
             "centreline",
@@ -306,9 +310,19 @@ def status(name: str) -> int:
     raise RuntimeError(f"/proc/self/status has no {name}")
 
 
-def peak_bytes(run: Callable[[], Timed]) -> int:
-    """Memory at the peak of a run above what was there before."""
-    ctypes.CDLL(None).malloc_trim(0)
+def peak_bytes(name: str, count: int) -> int:
+    """Memory at the peak of a stage above what was there before, in a process of its own."""
+    command = [sys.executable, __file__, "--points", str(count), "--peak", name]
+    return int(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+
+
+def own_peak_bytes(name: str, count: int) -> int:
+    """The same, of this process."""
+    libc = ctypes.CDLL(None)
+    # blocks go back to the system when they are freed, so that none of them is there before
+    libc.mallopt(M_MMAP_THRESHOLD, 1 << 16)
+    run = next(stage.run for stage in stages(count, slow=False) if stage.name == name)
+    libc.malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
     before = status("VmRSS")
     run()
@@ -334,7 +348,7 @@ def measured(stage: Stage, count: int, repeats: int) -> tuple[bool, list[str], L
         count,
         {"strand": ours.median, **{p.name: t.median for p, t in zip(peers, theirs, strict=True)}},
         two.ratio(one),
-        peak_bytes(stage.run) / count,
+        peak_bytes(stage.name, count) / (count * stage.clouds),
     )
     start = f"| {count} | {stage.name} | {ours.median * 1e3:.1f} |"
     if not peers:
@@ -404,9 +418,13 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
     parser.add_argument("--markdown", type=Path, help="write the table to this file too")
     parser.add_argument("--plot", type=Path, help="write a plot of the times to this file")
+    parser.add_argument("--peak", help="print the peak memory of this stage in bytes, and nothing else")
     parser.add_argument("--slow", action="store_true", help="SciPy's centreline for large clouds too, once")
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
+    if arguments.peak:
+        print(own_peak_bytes(arguments.peak, arguments.points[0]))
+        return 0
     lines = [
         f"{THREADS} threads each: strand {strand.__version__} (set_num_threads), Open3D {o3d.__version__} "
         f"(processors it may use), small_gicp {version('small_gicp')} (num_threads), "

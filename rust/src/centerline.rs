@@ -1,7 +1,9 @@
 //! Axis points from surface points and normals (section IV-D, eq. 16–18).
 
+use std::borrow::Cow;
+
 use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
-use crate::geometry::squared_distance;
+use crate::geometry::{advance, squared_distance, sub};
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::Cells;
 use crate::parallel::Slots;
@@ -40,19 +42,21 @@ pub fn centerline(
     check_normals("normals", normals)?;
     check_positive("radius", radius)?;
     let indices: Vec<usize> = (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).collect();
-    let surface: Vec<Point> = indices.iter().map(|&i| points[i]).collect();
-    let offsets: Vec<Point> = indices.iter().map(|&i| normals[i].map(|x| -radius * x)).collect();
+    let surface = match indices.len() == points.len() {
+        true => Cow::Borrowed(points),
+        false => Cow::Owned(indices.iter().map(|&i| points[i]).collect()),
+    };
     let mut means = vec![None; surface.len()];
     let slots = Slots::new(&mut means);
     parallel::run(|| {
         let cells = Cells::new(&surface, 2.0 * radius / CELLS);
-        let offsets: [Vec<f64>; 3] = std::array::from_fn(|k| cells.gather(|i| offsets[i][k]));
+        let axis = cells.gather(|i| advance(surface[i], -radius, normals[indices[i]]));
         cells.batches().for_each_task(|batches| {
             let (mut around, mut near) = (Around::default(), Vec::new());
             for batch in batches {
                 let (near, around) = (&mut near, &mut around);
                 let averages =
-                    Averages { cells: &cells, offsets: &offsets, reach: 2.0 * radius, batch, around, near };
+                    Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around, near };
                 let (counts, means) = wide::run(averages);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
@@ -63,16 +67,22 @@ pub fn centerline(
             }
         });
     });
-    let kept = means.iter().zip(&indices).filter_map(|(mean, &i)| mean.map(|mean| (mean, i)));
-    let (points, indices) = kept.unzip();
-    Ok(Centerline { points, indices })
+    let count = means.iter().flatten().count();
+    let mut found = Centerline { points: Vec::with_capacity(count), indices: Vec::with_capacity(count) };
+    for (mean, i) in means.into_iter().zip(indices) {
+        if let Some(mean) = mean {
+            found.points.push(mean);
+            found.indices.push(i);
+        }
+    }
+    Ok(found)
 }
 
 /// Numbers of the points within a reach of each point of a batch, and the means of their axis points.
 struct Averages<'a> {
     cells: &'a Cells,
-    /// −r n of each point in the cells' order.
-    offsets: &'a [Vec<f64>; 3],
+    /// The axis point c of each point, in the cells' order.
+    axis: &'a [Point],
     reach: f64,
     batch: &'a [u32],
     around: &'a mut Around,
@@ -85,18 +95,33 @@ impl Wide for Averages<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> ([usize; BATCH], [Point; BATCH]) {
-        let Self { cells, offsets, reach, batch, around, near } = self;
-        let frame = around.find(simd, cells, &cells.bounds(batch), reach);
+        let Self { cells, axis, reach, batch, around, near } = self;
+        let frame = around.find_apart::<S, true>(simd, cells, &cells.bounds(batch), reach);
         let origin = frame.origin;
         near.clear();
-        near.extend(around.positions().map(|i| {
-            let p = cells.point(i);
-            [
-                (p[0] - origin[0]) + offsets[0][i],
-                (p[1] - origin[1]) + offsets[1][i],
-                (p[2] - origin[2]) + offsets[2][i],
-            ]
-        }));
+        near.extend(around.positions().map(|i| sub(axis[i], origin)));
+        // what is in reach of all points of the batch, in several sums, so that one need not wait for the other
+        let mut parts = [[0.0; 3]; 4];
+        let (fours, rest) = around.inside().as_chunks::<4>();
+        for four in fours {
+            for (part, number) in parts.iter_mut().zip(four) {
+                let c = axis[number.to_bits() as usize];
+                for k in 0..3 {
+                    part[k] += c[k] - origin[k];
+                }
+            }
+        }
+        for number in rest {
+            let c = axis[number.to_bits() as usize];
+            for k in 0..3 {
+                parts[0][k] += c[k] - origin[k];
+            }
+        }
+        let inside = around.inside().len();
+        let mut inside_sum = [0.0; 3];
+        for k in 0..3 {
+            inside_sum[k] = (parts[0][k] + parts[1][k]) + (parts[2][k] + parts[3][k]);
+        }
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
@@ -127,6 +152,10 @@ impl Wide for Averages<'_> {
             if surely[l] != maybe[l] {
                 (counts[l], sums[l]) = exactly(cells, position as usize, reach, around, near);
             }
+            counts[l] += inside;
+            for k in 0..3 {
+                sums[l][k] += inside_sum[k];
+            }
         }
         // the sums are relative to the batch
         let means =
@@ -135,7 +164,8 @@ impl Wide for Averages<'_> {
     }
 }
 
-/// The number of points within a reach and the sum of their axis points, in double precision.
+/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, in double
+/// precision.
 #[cold]
 fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around, near: &[Point]) -> (usize, Point) {
     let center = cells.point(position);

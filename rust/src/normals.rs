@@ -286,24 +286,39 @@ impl Sums {
         self.near.clear();
         self.near.extend(around.positions().map(|position| sub(cells.point(position), frame.origin)));
         self.counts = self.count_below(simd, limits);
-        self.add_half::<S, false>(simd, limits);
-        self.add_half::<S, true>(simd, limits);
+        if S::MANY_REGISTERS {
+            self.add_halves::<S, true, true>(simd, limits);
+        } else {
+            self.add_halves::<S, true, false>(simd, limits);
+            self.add_halves::<S, false, true>(simd, limits);
+        }
         self.smallest = 1e-3 * frame.extent * frame.extent;
     }
 
+    /// Sums in the lanes of the first half, of the second, or of both.
     #[inline(always)]
-    fn add_half<S: Simd, const SECOND: bool>(&mut self, simd: S, limits: &Singles) {
+    fn add_halves<S: Simd, const FIRST: bool, const SECOND: bool>(&mut self, simd: S, limits: &Singles) {
         let limits = simd.load(limits);
-        let mut sums = [simd.zero(); 9];
-        let squares = &self.squares[..self.count];
-        for (&[x, y, z], squares) in self.near.iter().zip(squares) {
-            let mask = simd.half::<SECOND>(simd.le(simd.load(squares), limits));
-            for (sum, term) in sums.iter_mut().zip([x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]) {
-                *sum = simd.add_if(mask, *sum, term);
+        let (mut first, mut second) = ([simd.zero(); 9], [simd.zero(); 9]);
+        for (&[x, y, z], squares) in self.near.iter().zip(&self.squares[..self.count]) {
+            let mask = simd.le(simd.load(squares), limits);
+            let terms = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+            for (i, term) in terms.into_iter().enumerate() {
+                if FIRST {
+                    first[i] = simd.add_if(simd.half::<false>(mask), first[i], term);
+                }
+                if SECOND {
+                    second[i] = simd.add_if(simd.half::<true>(mask), second[i], term);
+                }
             }
         }
-        for (all, sum) in self.sums.iter_mut().zip(sums) {
-            all[if SECOND { LANES } else { 0 }..][..LANES].copy_from_slice(&simd.store_half(sum));
+        for i in 0..9 {
+            if FIRST {
+                self.sums[i][..LANES].copy_from_slice(&simd.store_half(first[i]));
+            }
+            if SECOND {
+                self.sums[i][LANES..].copy_from_slice(&simd.store_half(second[i]));
+            }
         }
     }
 

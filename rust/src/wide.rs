@@ -24,6 +24,9 @@ pub trait Simd: Copy {
     type M: Copy;
     type H: Copy;
 
+    /// Whether sums over all lanes of many terms have registers enough.
+    const MANY_REGISTERS: bool;
+
     fn load(self, x: &Singles) -> Self::F;
     fn store(self, x: Self::F) -> Singles;
     fn splat(self, x: f32) -> Self::F;
@@ -99,6 +102,8 @@ impl Simd for Portable {
     type D = Lanes;
     type M = [bool; BATCH];
     type H = [bool; LANES];
+
+    const MANY_REGISTERS: bool = false;
 
     #[inline(always)]
     fn load(self, x: &Singles) -> Singles {
@@ -207,6 +212,8 @@ mod x86 {
         type M = __mmask16;
         type H = __mmask8;
 
+        const MANY_REGISTERS: bool = true;
+
         #[inline(always)]
         fn load(self, x: &Singles) -> __m512 {
             unsafe { _mm512_loadu_ps(x.as_ptr()) }
@@ -293,6 +300,8 @@ mod x86 {
         type D = [__m256d; 2];
         type M = [__m256; 2];
         type H = __m256;
+
+        const MANY_REGISTERS: bool = false;
 
         #[inline(always)]
         fn load(self, x: &Singles) -> [__m256; 2] {

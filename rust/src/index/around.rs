@@ -16,6 +16,9 @@ pub struct Around {
     /// Their positions, as the bits of numbers.
     positions: Vec<f32>,
     count: usize,
+    /// Positions of those that are within reach of the whole box, if they are kept apart.
+    inside: Vec<f32>,
+    inside_count: usize,
 }
 
 /// The frame that a batch's single precision coordinates are in.
@@ -38,6 +41,18 @@ impl Around {
     /// Finds what lies within `reach` of a box, and perhaps a little more.
     #[inline(always)]
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
+        self.find_apart::<S, false>(simd, cells, bounds, reach)
+    }
+
+    /// The same, and keeps `APART` what is surely within reach of all of the box.
+    #[inline(always)]
+    pub fn find_apart<S: Simd, const APART: bool>(
+        &mut self,
+        simd: S,
+        cells: &Cells,
+        bounds: &Bounds,
+        reach: f64,
+    ) -> Frame {
         self.sweep.find(cells, bounds, reach);
         let unit = 1.0 / cells.size();
         let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
@@ -45,18 +60,20 @@ impl Around {
         // coordinates are up to the extent, and their rounding is felt in distances up to the reach
         let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
         let frame = Frame { origin, unit, slack, extent };
-        let (_, farthest) = frame.limits(reach);
-        let farthest = simd.splat(farthest);
+        let (nearest, farthest) = frame.limits(reach);
+        let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
         let side = |k: usize| ((bounds.high[k] - origin[k]) * unit) as f32;
         let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
         let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
-        for values in self.near.iter_mut().chain([&mut self.positions]) {
+        for values in self.near.iter_mut().chain([&mut self.positions, &mut self.inside]) {
             if values.len() < most {
                 values.resize(2 * most, 0.0);
             }
         }
         let [to_x, to_y, to_z] = self.near.each_mut().map(|values| &mut values[..most]);
         let to_positions = &mut self.positions[..most];
+        let to_inside = &mut self.inside[..most];
+        let mut inside_count = 0;
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
         for run in &self.sweep.runs {
@@ -71,9 +88,18 @@ impl Around {
                 let [gap_x, gap_y, gap_z] =
                     [gap(simd, x, half[0]), gap(simd, y, half[1]), gap(simd, z, half[2])];
                 let gaps = simd.add(simd.add(gap_x, gap_y), gap_z);
-                let inside = (1u32 << (run.end - first).min(BATCH)) - 1;
-                let bits = simd.bits(simd.le(gaps, farthest)) & inside;
+                let in_run = (1u32 << (run.end - first).min(BATCH)) - 1;
+                let mut bits = simd.bits(simd.le(gaps, farthest)) & in_run;
                 let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
+                if APART {
+                    let [far_x, far_y, far_z] =
+                        [far(simd, x, half[0]), far(simd, y, half[1]), far(simd, z, half[2])];
+                    let fars = simd.add(simd.add(far_x, far_y), far_z);
+                    let inside = simd.bits(simd.le(fars, nearest)) & bits;
+                    simd.compress(inside, simd.load(&numbers), &mut to_inside[inside_count..]);
+                    inside_count += inside.count_ones() as usize;
+                    bits &= !inside;
+                }
                 simd.compress(bits, x, &mut to_x[count..]);
                 simd.compress(bits, y, &mut to_y[count..]);
                 simd.compress(bits, z, &mut to_z[count..]);
@@ -82,6 +108,7 @@ impl Around {
             }
         }
         self.count = count;
+        self.inside_count = inside_count;
         frame
     }
 
@@ -95,6 +122,12 @@ impl Around {
     #[inline(always)]
     pub fn positions(&self) -> impl ExactSizeIterator<Item = usize> {
         self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
+    }
+
+    /// The positions of those that are kept apart, as the bits of numbers.
+    #[inline(always)]
+    pub fn inside(&self) -> &[f32] {
+        &self.inside[..self.inside_count]
     }
 
     /// The positions of all, as the bits of numbers.
@@ -116,6 +149,13 @@ fn gap<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
     let zero = simd.splat(0.0);
     let gap = simd.max(simd.sub(simd.max(x, simd.sub(zero, x)), half), zero);
     simd.mul(gap, gap)
+}
+
+/// The squared distance along an axis to the far side of a box about the origin.
+#[inline(always)]
+fn far<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
+    let far = simd.add(simd.max(x, simd.sub(simd.splat(0.0), x)), half);
+    simd.mul(far, far)
 }
 
 /// Squared distances from a point to those of a batch.

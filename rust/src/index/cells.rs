@@ -115,7 +115,7 @@ impl Cells {
         let index_bits = usize::BITS - points.len().leading_zeros();
         if key_bits + index_bits <= u64::BITS {
             // a key and an index in one word
-            let words = fill(points.len(), 0, |i| (key(&points[i]) << index_bits) | i as u64);
+            let words = fill(points.len(), |i| (key(&points[i]) << index_bits) | i as u64);
             let words = sort_words(words, index_bits, key_bits);
             let mask = (1u64 << index_bits) - 1;
             self.number(&words, |&word| (word >> index_bits, (word & mask) as u32));
@@ -217,12 +217,12 @@ impl Cells {
 
     /// The points in the cells' order.
     pub fn sorted(&self) -> Vec<Point> {
-        fill(self.len(), 0, |position| self.point(position))
+        fill(self.len(), |position| self.point(position))
     }
 
-    /// Values of the points put in the cells' order, in double precision.
-    pub fn gather(&self, value: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
-        fill(self.len(), 0, |position| value(self.order[position] as usize))
+    /// Values of the points put in the cells' order.
+    pub fn gather<T: Send>(&self, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        fill(self.len(), |position| value(self.order[position] as usize))
     }
 
     /// All points in batches of at most [`BATCH`] that are near each other.
@@ -233,7 +233,7 @@ impl Cells {
         let index_bits = usize::BITS - self.keys.len().leading_zeros();
         let key_bits = bits.iter().sum::<u32>() + 9;
         let cells: Vec<u32> = if key_bits + index_bits <= u64::BITS {
-            let words = fill(self.keys.len(), 0, |i| {
+            let words = fill(self.keys.len(), |i| {
                 let [a, b, c] = self.numbers(self.keys[i]);
                 let cube = ((((c >> 3) << bits[0]) | (a >> 3)) << bits[1]) | (b >> 3);
                 let inside = (spread(a) << 2) | (spread(b) << 1) | spread(c);
@@ -536,12 +536,9 @@ impl Wide for CountBelow<'_> {
     }
 }
 
-/// Values by their index, and `more` zeros.
-fn fill<T: Copy + Default + Send>(count: usize, more: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let mut values = Vec::with_capacity(count + more);
-    (0..count).into_par_iter().with_min_len(POINTS_PER_PART).map(&value).collect_into_vec(&mut values);
-    values.resize(count + more, T::default());
-    values
+/// Values by their index.
+fn fill<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    (0..count).into_par_iter().with_min_len(POINTS_PER_PART).map(&value).collect()
 }
 
 /// Sorts words by `bits` bits above the `shift` lowest, equal ones in their order.
