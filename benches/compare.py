@@ -56,7 +56,7 @@ REACH = RADIUS / 2  # of ICP's correspondences
 ITERATIONS = 20
 CENTERLINE_NEIGHBORS = 20
 NEAR, FAR = RADIUS, 2.5 * RADIUS  # of the tracing
-SCIPY_POINTS = 12_000  # above this SciPy's centreline takes long: 13 s for 100000
+SCIPY_POINTS, SLOW_SCIPY_POINTS = 12_000, 100_000  # SciPy's centreline takes 13 s for 100000 points
 PEER_POINTS = 1_000_000  # above this the peers take minutes and gigabytes
 SCIPY_LOT = 1000  # queries at a time: SciPy's neighbours are Python integers
 M_MMAP_THRESHOLD = -3  # of mallopt
@@ -264,7 +264,7 @@ def stages(count: int, slow: bool) -> list[Stage]:
         Stage(
             "centreline",
             lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
-            [scipy_peer] if slow or not above else [],
+            [scipy_peer] if count <= (SLOW_SCIPY_POINTS if slow else SCIPY_POINTS) else [],
             repeats=1 if slow and above else None,
         ),
         Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
@@ -419,7 +419,7 @@ def main() -> int:
     parser.add_argument("--markdown", type=Path, help="write the table to this file too")
     parser.add_argument("--plot", type=Path, help="write a plot of the times to this file")
     parser.add_argument("--peak", help="print the peak memory of this stage in bytes, and nothing else")
-    parser.add_argument("--slow", action="store_true", help="SciPy's centreline for large clouds too, once")
+    parser.add_argument("--slow", action="store_true", help="SciPy's centreline for 100000 points too, once")
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
     if arguments.peak:

@@ -478,28 +478,34 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
     let (seeds, part) = (every(REACH_SEEDS), every(REACH_POINTS));
     // k points of all are as many of a part
     let few = (k * part.len()).div_ceil(points.len()).clamp(2.min(part.len()), part.len());
-    let reaches: Vec<f64> = seeds
+    let mut squares: Vec<f64> = seeds
         .iter()
         .map(|&seed| {
             let mut squares: Vec<f64> = part.iter().map(|&p| squared_distance(p, seed)).collect();
             *squares.select_nth_unstable_by(few - 1, f64::total_cmp).1
         })
         .collect();
-    let counts = points
-        .par_chunks(POINTS_PER_PART)
-        .map(|points| wide::run(CountBelow { points, seeds: &seeds, squares: &reaches }))
-        .reduce(
-            || vec![0; seeds.len()],
-            |mut a, b| {
-                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-                a
-            },
-        );
-    let mut reaches: Vec<f64> =
-        reaches.iter().zip(counts).map(|(square, count)| (square * k as f64 / count as f64).sqrt()).collect();
-    reaches.sort_unstable_by(f64::total_cmp);
+    // a ball that holds many more than k points may hold more than a piece of surface: then a smaller one
+    let rounds = if part.len() < points.len() { 2 } else { 1 };
+    for round in 1..=rounds {
+        let counts = points
+            .par_chunks(POINTS_PER_PART)
+            .map(|points| wide::run(CountBelow { points, seeds: &seeds, squares: &squares }))
+            .reduce(
+                || vec![0; seeds.len()],
+                |mut a, b| {
+                    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                    a
+                },
+            );
+        let wanted = if round < rounds { 2 * k } else { k };
+        for (square, count) in squares.iter_mut().zip(counts) {
+            *square *= wanted as f64 / count as f64;
+        }
+    }
+    squares.sort_unstable_by(f64::total_cmp);
     // of coincident points any distance will do
-    reaches[reaches.len() / 2].max(SHORTEST)
+    squares[squares.len() / 2].sqrt().max(SHORTEST)
 }
 
 /// How many points lie within each seed's distance.
