@@ -1,20 +1,25 @@
 """Compare strand's kernels with their peers on the same arrays in one process, and print a table.
 
-python benches/compare.py [--points 12000 100000 1000000] [--repeats 7] [--markdown FILE] [--slow]
+python benches/compare.py [--points 12000 100000 1000000 10000000] [--repeats 7] [--slow]
+    [--markdown FILE] [--plot FILE]
 
 strand and its peers run by turns (A B C A B C ...), so that whatever else the machine does falls on all of
-them; a time is the median of the turns. It covers a kernel's work with its search structures, not the
-making of the peers' own point clouds from the arrays. Answers are compared as well: the exit code is 1 if
-any of them differ. Runs on Linux.
+them; a time is the median of the turns, a ratio that of the least times. It covers a kernel's work with its
+search structures, not the making of the peers' own point clouds from the arrays. Answers are compared as
+well: the exit code is 1 if any of them differ. A second table has strand's times on one thread over those on
+two, the memory at the peak of a kernel's work above what was there before (its answer is part of it), and the
+exponents b of t = a n^b fitted to the times. Runs on Linux.
 """
 # ruff: noqa: E402
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import math
 import os
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -51,8 +56,10 @@ REACH = RADIUS / 2  # of ICP's correspondences
 ITERATIONS = 20
 CENTERLINE_NEIGHBORS = 20
 NEAR, FAR = RADIUS, 2.5 * RADIUS  # of the tracing
-SCIPY_POINTS = 12_000  # above this SciPy's centreline takes long: 13 s for 100000
+SCIPY_POINTS, SLOW_SCIPY_POINTS = 12_000, 100_000  # SciPy's centreline takes 13 s for 100000 points
+PEER_POINTS = 1_000_000  # above this the peers take minutes and gigabytes
 SCIPY_LOT = 1000  # queries at a time: SciPy's neighbours are Python integers
+M_MMAP_THRESHOLD = -3  # of mallopt
 PAUSE = 0.02  # seconds before each run: the threads of OpenMP and BLAS spin for a while after their work
 
 
@@ -213,6 +220,7 @@ class Stage:
     run: Callable[[], Timed]
     peers: list[Peer] = field(default_factory=list)
     repeats: int | None = None  # fewer turns than asked for, where one takes long
+    clouds: int = 1  # of as many points each
 
 
 def stages(count: int, slow: bool) -> list[Stage]:
@@ -251,51 +259,172 @@ def stages(count: int, slow: bool) -> list[Stage]:
                 # linearised steps instead of a closed form: on its way to the same optimum it is elsewhere
                 Peer("small_gicp", lambda: small_gicp_icp(source, points), same_motion(source, SPACING / 10)),
             ],
+            clouds=2,
         ),
         Stage(
             "centreline",
             lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
-            [scipy_peer] if slow or not above else [],
+            [scipy_peer] if count <= (SLOW_SCIPY_POINTS if slow else SCIPY_POINTS) else [],
             repeats=1 if slow and above else None,
         ),
         Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
     ]
 
 
-def take_turns(runs: list[Callable[[], Timed]], repeats: int) -> tuple[list[float], list[Any]]:
-    """Median seconds of each, and their answers."""
+@dataclass(frozen=True)
+class Turns:
+    """What the turns of one kernel gave."""
+
+    seconds: list[float]
+    answer: Any
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.seconds)
+
+    def ratio(self, other: Turns) -> float:
+        return min(other.seconds) / min(self.seconds)
+
+
+@dataclass(frozen=True)
+class Line:
+    """One stage at one number of points: times of everyone, and what strand alone needs."""
+
+    stage: str
+    count: int
+    seconds: dict[str, float]  # by library, medians
+    one_thread: float  # least seconds of strand on one thread over those on two
+    bytes_per_point: float
+
+
+def take_turns(runs: list[Callable[[], Timed]], repeats: int) -> list[Turns]:
     turns = [[run() for run in runs] for _ in range(repeats)]
-    seconds = [statistics.median(turn[i][0] for turn in turns) for i in range(len(runs))]
-    return seconds, [answer for _, answer in turns[-1]]
+    return [Turns([turn[i][0] for turn in turns], turns[-1][i][1]) for i in range(len(runs))]
 
 
-def rows(stage: Stage, count: int, repeats: int) -> tuple[bool, list[str]]:
-    """Whether the answers of a stage agree, and its lines of the table."""
-    (ours, *theirs), (answer, *others) = take_turns(
-        [stage.run, *(peer.run for peer in stage.peers)], stage.repeats or repeats
+def status(name: str) -> int:
+    """A size from /proc/self/status, bytes."""
+    for row in Path("/proc/self/status").read_text().splitlines():
+        if row.startswith(name + ":"):
+            return 1024 * int(row.split()[1])
+    raise RuntimeError(f"/proc/self/status has no {name}")
+
+
+def peak_bytes(name: str, count: int) -> int:
+    """Memory at the peak of a stage above what was there before, in a process of its own."""
+    command = [sys.executable, __file__, "--points", str(count), "--peak", name]
+    return int(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+
+
+def own_peak_bytes(name: str, count: int) -> int:
+    """The same, of this process."""
+    libc = ctypes.CDLL(None)
+    # blocks go back to the system when they are freed, so that none of them is there before
+    libc.mallopt(M_MMAP_THRESHOLD, 1 << 16)
+    run = next(stage.run for stage in stages(count, slow=False) if stage.name == name)
+    libc.malloc_trim(0)
+    Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
+    before = status("VmRSS")
+    run()
+    return status("VmHWM") - before
+
+
+def on_one_thread(run: Callable[[], Timed]) -> Timed:
+    strand.set_num_threads(1)
+    try:
+        return run()
+    finally:
+        strand.set_num_threads(THREADS)
+
+
+def measured(stage: Stage, count: int, repeats: int) -> tuple[bool, list[str], Line]:
+    """Whether the answers of a stage agree, its rows of the table, and its numbers."""
+    repeats = stage.repeats or repeats
+    peers = stage.peers if count <= PEER_POINTS else []
+    ours, *theirs = take_turns([stage.run, *(peer.run for peer in peers)], repeats)
+    two, one = take_turns([stage.run, lambda: on_one_thread(stage.run)], min(repeats, 3))
+    line = Line(
+        stage.name,
+        count,
+        {"strand": ours.median, **{p.name: t.median for p, t in zip(peers, theirs, strict=True)}},
+        two.ratio(one),
+        peak_bytes(stage.name, count) / (count * stage.clouds),
     )
-    start = f"| {count} | {stage.name} | {ours * 1e3:.1f} |"
-    if not stage.peers:
-        return True, [f"{start} | | | |"]
-    good, lines = True, []
-    for peer, seconds, other in zip(stage.peers, theirs, others, strict=True):
-        agree, text = peer.compare(answer, other)
+    start = f"| {count} | {stage.name} | {ours.median * 1e3:.1f} |"
+    if not peers:
+        return True, [f"{start} {'left out' if stage.peers else ''} | | | |"], line
+    good, rows = True, []
+    for peer, turns in zip(peers, theirs, strict=True):
+        agree, text = peer.compare(ours.answer, turns.answer)
         good &= agree
         verdict = "agree" if agree else "DIFFER"
-        lines.append(
-            f"{start} {peer.name} | {seconds * 1e3:.1f} | {seconds / ours:.2f} | {verdict}: {text} |"
+        rows.append(
+            f"{start} {peer.name} | {turns.median * 1e3:.1f} | {ours.ratio(turns):.1f} | {verdict}: {text} |"
         )
-    return good, lines
+    return good, rows, line
+
+
+def exponent(lines: list[Line]) -> float:
+    """b of t = a n^b."""
+    counts = np.log([line.count for line in lines])
+    return float(np.polyfit(counts, np.log([line.seconds["strand"] for line in lines]), 1)[0])
+
+
+def scaling(lines: list[Line]) -> list[str]:
+    """The table of what strand needs, a row for each stage."""
+    counts = sorted({line.count for line in lines})
+    several = len(counts) > 1
+    head = [f"1 thread / {THREADS}, {count}" for count in counts] + [
+        f"bytes a point, {count}" for count in counts
+    ]
+    table = [
+        f"| stage | {'exponent | ' if several else ''}{' | '.join(head)} |",
+        f"|---|{'---|' * (len(head) + several)}",
+    ]
+    for stage in dict.fromkeys(line.stage for line in lines):
+        own = sorted((line for line in lines if line.stage == stage), key=lambda line: line.count)
+        cells = [f"{line.one_thread:.2f}" for line in own] + [f"{line.bytes_per_point:.0f}" for line in own]
+        fit = f"{exponent(own):.2f} | " if several else ""
+        table.append(f"| {stage} | {fit}{' | '.join(cells)} |")
+    return table
+
+
+def draw(lines: list[Line], path: Path) -> None:
+    """Times over numbers of points, both logarithmic, a panel for each stage."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    names = list(dict.fromkeys(line.stage for line in lines))
+    figure, axes = pyplot.subplots(
+        2, math.ceil(len(names) / 2), figsize=(11, 6.5), sharex=True, squeeze=False
+    )
+    for axis, name in zip(axes.flat, names, strict=False):
+        own = [line for line in lines if line.stage == name]
+        for library in dict.fromkeys(library for line in own for library in line.seconds):
+            found = [(line.count, line.seconds[library] * 1e3) for line in own if library in line.seconds]
+            axis.loglog(*zip(*found, strict=True), marker="o", label=library)
+        axis.set(title=name, xlabel="points", ylabel="ms")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, nargs="+", default=[12_000, 100_000, 1_000_000])
+    parser.add_argument("--points", type=int, nargs="+", default=[12_000, 100_000, 1_000_000, 10_000_000])
     parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
     parser.add_argument("--markdown", type=Path, help="write the table to this file too")
-    parser.add_argument("--slow", action="store_true", help="SciPy's centreline for large clouds too, once")
+    parser.add_argument("--plot", type=Path, help="write a plot of the times to this file")
+    parser.add_argument("--peak", help="print the peak memory of this stage in bytes, and nothing else")
+    parser.add_argument("--slow", action="store_true", help="SciPy's centreline for 100000 points too, once")
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
+    if arguments.peak:
+        print(own_peak_bytes(arguments.peak, arguments.points[0]))
+        return 0
     lines = [
         f"{THREADS} threads each: strand {strand.__version__} (set_num_threads), Open3D {o3d.__version__} "
         f"(processors it may use), small_gicp {version('small_gicp')} (num_threads), "
@@ -305,13 +434,19 @@ def main() -> int:
         "|---|---|---|---|---|---|---|",
     ]
     print(*lines, sep="\n", flush=True)
-    good = True
+    good, all_measured = True, []
     for count in arguments.points:
         for stage in stages(count, arguments.slow):
-            agree, more = rows(stage, count, arguments.repeats)
+            agree, more, line = measured(stage, count, arguments.repeats)
             print(*more, sep="\n", flush=True)
             good &= agree
             lines += more
+            all_measured.append(line)
+    more = ["", *scaling(all_measured)]
+    print(*more, sep="\n", flush=True)
+    lines += more
+    if arguments.plot:
+        draw(all_measured, arguments.plot)
     if arguments.markdown:
         write_bytes(arguments.markdown, ("\n".join(lines) + "\n").encode())
     return 0 if good else 1

@@ -1,7 +1,11 @@
 //! Outlier filter: drop points with too few neighbours within a searching radius (section IV-A).
 
 use crate::error::{Result, check_finite, check_positive};
-use crate::index::{Grid, Neighborhood};
+use crate::geometry::squared_distance;
+use crate::index::around::{Around, squared_distances};
+use crate::index::cells::Cells;
+use crate::parallel::Slots;
+use crate::wide::{self, Simd, Singles, Wide};
 use crate::{Point, parallel};
 
 /// Which points have at least `min_neighbors` other points within `radius`.
@@ -15,7 +19,8 @@ pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) 
     check(points, radius)?;
     // the point itself is found as well
     let wanted = min_neighbors.saturating_add(1);
-    Ok(map(points, radius, |neighborhood| count(neighborhood, wanted) >= wanted))
+    let known = |surely, maybe| ((surely >= wanted) == (maybe >= wanted)).then_some(surely >= wanted);
+    Ok(map(points, radius, known, |count| count >= wanted))
 }
 
 /// How many other points lie within `radius` of each point.
@@ -24,7 +29,8 @@ pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) 
 /// As [`radius_outlier_mask`].
 pub fn count_neighbors(points: &[Point], radius: f64) -> Result<Vec<usize>> {
     check(points, radius)?;
-    Ok(map(points, radius, |neighborhood| count(neighborhood, usize::MAX) - 1))
+    let known = |surely, maybe| (surely == maybe).then(|| surely - 1);
+    Ok(map(points, radius, known, |count| count - 1))
 }
 
 fn check(points: &[Point], radius: f64) -> Result<()> {
@@ -32,21 +38,73 @@ fn check(points: &[Point], radius: f64) -> Result<()> {
     check_positive("radius", radius)
 }
 
+/// Cells to a radius.
+const CELLS: f64 = 1.0;
+
+/// `answer` for each point from how many points, itself included, lie within the radius.
+///
+/// `known` may answer from a lower and an upper limit of that number.
 fn map<T: Send + Copy + Default>(
     points: &[Point],
     radius: f64,
-    answer: impl Fn(&Neighborhood) -> T + Send + Sync,
+    known: impl Fn(usize, usize) -> Option<T> + Sync + Send,
+    answer: impl Fn(usize) -> T + Sync + Send,
 ) -> Vec<T> {
-    parallel::run(|| Grid::new(points, radius).map(answer))
+    let mut answers = vec![T::default(); points.len()];
+    let slots = Slots::new(&mut answers);
+    parallel::run(|| {
+        let cells = Cells::new(points, radius / CELLS);
+        cells.batches().for_each_task(|batches| {
+            let mut around = Around::default();
+            for batch in batches {
+                let counts = wide::run(CountAround { cells: &cells, radius, batch, around: &mut around });
+                for (l, &position) in batch.iter().enumerate() {
+                    let position = position as usize;
+                    let value = known(counts[0][l] as usize, counts[1][l] as usize)
+                        .unwrap_or_else(|| answer(exactly(&cells, position, radius, &around)));
+                    // SAFETY: every point is in one batch
+                    unsafe { slots.put(cells.input_index(position), value) };
+                }
+            }
+        });
+    });
+    answers
 }
 
-/// Points in a neighbourhood, the centre included; counting stops at `enough`.
-#[inline]
-fn count(neighborhood: &Neighborhood, enough: usize) -> usize {
-    let mut count = 0;
-    neighborhood.visit(|_, _, _| {
-        count += 1;
-        count < enough
-    });
-    count
+/// Counts the points that are surely within a radius of each point of a batch, and those that may be.
+struct CountAround<'a> {
+    cells: &'a Cells,
+    radius: f64,
+    batch: &'a [u32],
+    around: &'a mut Around,
+}
+
+impl Wide for CountAround<'_> {
+    type Output = [Singles; 2];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [Singles; 2] {
+        let Self { cells, radius, batch, around } = self;
+        let frame = around.find(simd, cells, &cells.bounds(batch), radius);
+        let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
+        let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
+        let (low, high) = frame.limits(radius);
+        let (low, high) = (simd.splat(low), simd.splat(high));
+        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+        let (mut surely, mut maybe) = (zero, zero);
+        let [x, y, z] = around.axes();
+        for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
+            let squares = squared_distances(simd, x, y, z, lanes);
+            surely = simd.select(simd.le(squares, low), simd.add(surely, one), surely);
+            maybe = simd.select(simd.le(squares, high), simd.add(maybe, one), maybe);
+        }
+        [simd.store(surely), simd.store(maybe)]
+    }
+}
+
+/// The number of points within a radius, in double precision.
+#[cold]
+fn exactly(cells: &Cells, position: usize, radius: f64, around: &Around) -> usize {
+    let center = cells.point(position);
+    around.positions().filter(|&i| squared_distance(cells.point(i), center) <= radius * radius).count()
 }

@@ -1,15 +1,13 @@
 //! Registration of two clouds by iterated closest points (section IV-C, eq. 15).
 
+mod pairing;
+
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
-use rayon::prelude::*;
 
 use crate::error::{Error, Result, check_finite, check_normals, check_positive, check_same_length};
-use crate::geometry::{RigidMotion, dot, squared_distance, sub};
-use crate::index::Tree;
+use crate::geometry::{RigidMotion, dot, sub};
 use crate::{Point, parallel};
-
-/// Source points summed by one task; fixed, so that sums do not depend on the number of threads.
-const POINTS_PER_TASK: usize = 1024;
+use pairing::{Pairing, Pairs};
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy)]
@@ -100,173 +98,101 @@ pub fn icp(
         }
     }
     Ok(parallel::run(|| {
-        let tree = Tree::new(target);
-        iterate(&Problem { source, target, tree: &tree, objective }, options)
+        let mut pairing = Pairing::new(source, target, options);
+        iterate(&mut pairing, objective, options)
     }))
 }
 
-struct Problem<'a> {
-    source: &'a [Point],
-    target: &'a [Point],
-    tree: &'a Tree,
-    objective: Objective<'a>,
-}
-
-/// A source point where the current pose puts it, and the target point it is paired with.
-#[derive(Clone, Copy)]
-struct Pair {
-    moved: Point,
-    target: usize,
-}
-
-fn iterate(problem: &Problem, options: &IcpOptions) -> IcpResult {
-    let reach = options.max_correspondence_distance;
+fn iterate(pairing: &mut Pairing, objective: Objective, options: &IcpOptions) -> IcpResult {
     let mut pose = options.start;
-    let mut partners = vec![None; problem.source.len()];
-    let (mut pairs, mut fitness, mut rmse) = problem.pair(&pose, reach, &mut partners);
+    let mut pairs = pairing.pair(&pose);
     let mut iterations = 0;
     let stop = loop {
         if iterations == options.max_iterations {
             break Stop::Iterations;
         }
-        let update = match problem.solve(&pairs) {
-            Ok(update) => update,
+        let update = match objective {
+            Objective::PointToPoint => solve_points(&pairs),
+            Objective::PointToPlane(normals) => solve_planes(pairing, &pairs, normals),
+        };
+        pose = match update {
+            Ok(update) => update.after(&pose),
             Err(stop) => break stop,
         };
-        pose = update.after(&pose);
         iterations += 1;
-        let (previous_fitness, previous_rmse) = (fitness, rmse);
-        (pairs, fitness, rmse) = problem.pair(&pose, reach, &mut partners);
-        if (fitness - previous_fitness).abs() <= options.tolerance
-            && (rmse - previous_rmse).abs() <= options.tolerance * reach
+        let before = pairs;
+        pairs = pairing.pair(&pose);
+        if (pairs.fitness() - before.fitness()).abs() <= options.tolerance
+            && (pairs.rmse() - before.rmse()).abs() <= options.tolerance * options.max_correspondence_distance
         {
             break Stop::Tolerance;
         }
     };
     IcpResult {
         transformation: pose,
-        fitness,
-        inlier_rmse: rmse,
+        fitness: pairs.fitness(),
+        inlier_rmse: pairs.rmse(),
         iterations,
         converged: stop == Stop::Tolerance,
         stop,
     }
 }
 
-impl Problem<'_> {
-    /// Correspondences at a pose, with fitness and inlier RMSE.
-    ///
-    /// `partners` holds the target points that the source points were paired with before: the nearest one is no
-    /// farther, so searches need not look beyond them.
-    fn pair(&self, pose: &RigidMotion, reach: f64, partners: &mut [Option<usize>]) -> (Vec<Pair>, f64, f64) {
-        let tasks: Vec<(Vec<Pair>, f64)> = self
-            .source
-            .par_chunks(POINTS_PER_TASK)
-            .zip(partners.par_chunks_mut(POINTS_PER_TASK))
-            .map(|(points, partners)| {
-                let mut pairs = Vec::with_capacity(points.len());
-                let mut squares = 0.0;
-                for (&x, partner) in points.iter().zip(partners) {
-                    let moved = pose.apply(x);
-                    let limit = match *partner {
-                        Some(before) => squared_distance(self.target[before], moved).min(reach * reach),
-                        None => reach * reach,
-                    };
-                    if let Some((target, squared)) = self.tree.nearest_within(moved, limit) {
-                        *partner = Some(target);
-                        pairs.push(Pair { moved, target });
-                        squares += squared;
-                    }
-                }
-                (pairs, squares)
-            })
-            .collect();
-        let squares: f64 = tasks.iter().map(|(_, squares)| squares).sum();
-        let pairs: Vec<Pair> = tasks.into_iter().flat_map(|(pairs, _)| pairs).collect();
-        let count = pairs.len() as f64;
-        let rmse = if pairs.is_empty() { 0.0 } else { (squares / count).sqrt() };
-        (pairs, count / self.source.len() as f64, rmse)
+/// The rotation and translation of least squares between paired points, by the singular value decomposition of
+/// their cross-covariance (Arun 1987, Umeyama 1991).
+fn solve_points(pairs: &Pairs) -> std::result::Result<RigidMotion, Stop> {
+    if pairs.count() < 3.0 {
+        return Err(Stop::TooFewCorrespondences);
     }
+    let (from, to) = pairs.means();
+    let covariance = pairs.cross_covariance();
+    // relative to its largest entry, so that squares neither overflow nor vanish
+    let size = covariance.amax().max(f64::MIN_POSITIVE);
+    let svd = (covariance / size).try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
+    let (u, v_t) = (svd.u.ok_or(Stop::Degenerate)?, svd.v_t.ok_or(Stop::Degenerate)?);
+    // on a line (or in a point) the rotation about it is free
+    if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
+        return Err(Stop::Degenerate);
+    }
+    let sign = (u * v_t).determinant().signum();
+    let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+    // the means are relative to a point of the cloud, so that nothing is lost far from the origin
+    let origin = Vector3::from(pairs.origin);
+    Ok(RigidMotion { rotation, translation: (to + origin) - rotation * (from + origin) })
+}
 
-    fn solve(&self, pairs: &[Pair]) -> std::result::Result<RigidMotion, Stop> {
-        match self.objective {
-            Objective::PointToPoint => self.solve_points(pairs),
-            Objective::PointToPlane(normals) => self.solve_planes(pairs, normals),
-        }
+/// One Gauss–Newton step of the point-to-plane distance, about the paired points' centroid.
+fn solve_planes(
+    pairing: &Pairing,
+    pairs: &Pairs,
+    normals: &[Point],
+) -> std::result::Result<RigidMotion, Stop> {
+    if pairs.count() < 6.0 {
+        return Err(Stop::TooFewCorrespondences);
     }
-
-    /// Sums a matrix over all pairs in a fixed order.
-    fn sum<const R: usize, const C: usize>(
-        pairs: &[Pair],
-        term: impl Fn(&Pair) -> SMatrix<f64, R, C> + Sync,
-    ) -> SMatrix<f64, R, C> {
-        let parts: Vec<SMatrix<f64, R, C>> =
-            pairs.par_chunks(POINTS_PER_TASK).map(|pairs| pairs.iter().map(&term).sum()).collect();
-        parts.iter().sum()
+    let center = Vector3::from(pairs.origin) + pairs.means().0;
+    let system: SMatrix<f64, 6, 7> = pairing.sum(|moved, target, index| {
+        let n = Vector3::from(normals[index]);
+        let turn = (Vector3::from(moved) - center).cross(&n);
+        let residual = dot(sub(moved, target), n.into());
+        let jacobian = Vector6::new(turn.x, turn.y, turn.z, n.x, n.y, n.z);
+        let mut term = SMatrix::<f64, 6, 7>::zeros();
+        term.fixed_columns_mut::<6>(0).copy_from(&(jacobian * jacobian.transpose()));
+        term.set_column(6, &(-jacobian * residual));
+        term
+    });
+    let normal_matrix: Matrix6<f64> = system.fixed_columns::<6>(0).into();
+    let right: Vector6<f64> = system.column(6).into();
+    // angles and metres are of one scale after this, so that the pivots say what the data leave open
+    let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
+    let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
+    let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;
+    // the terms of a flat wall are all equal, and so are their roundings: 1e3 of them leave 1e-6
+    if cholesky.l().diagonal().min() < 1e-5 {
+        return Err(Stop::Degenerate);
     }
-
-    /// The rotation and translation of least squares between paired points, by the singular value
-    /// decomposition of their cross-covariance (Arun 1987, Umeyama 1991).
-    fn solve_points(&self, pairs: &[Pair]) -> std::result::Result<RigidMotion, Stop> {
-        if pairs.len() < 3 {
-            return Err(Stop::TooFewCorrespondences);
-        }
-        // relative to a point of the cloud, so that nothing is lost far from the origin
-        let origin = Vector3::from(pairs[0].moved);
-        let target = |pair: &Pair| Vector3::from(self.target[pair.target]) - origin;
-        let moved = |pair: &Pair| Vector3::from(pair.moved) - origin;
-        let n = pairs.len() as f64;
-        let from = Self::sum(pairs, moved) / n;
-        let to = Self::sum(pairs, target) / n;
-        let covariance = Self::sum(pairs, |pair| (target(pair) - to) * (moved(pair) - from).transpose());
-        // relative to its largest entry, so that squares neither overflow nor vanish
-        let size = covariance.amax().max(f64::MIN_POSITIVE);
-        let svd = (covariance / size).try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
-        let (u, v_t) = (svd.u.ok_or(Stop::Degenerate)?, svd.v_t.ok_or(Stop::Degenerate)?);
-        // on a line (or in a point) the rotation about it is free
-        if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
-            return Err(Stop::Degenerate);
-        }
-        let sign = (u * v_t).determinant().signum();
-        let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-        let translation = (to + origin) - rotation * (from + origin);
-        Ok(RigidMotion { rotation, translation })
-    }
-
-    /// One Gauss–Newton step of the point-to-plane distance, about the source's centroid.
-    fn solve_planes(&self, pairs: &[Pair], normals: &[Point]) -> std::result::Result<RigidMotion, Stop> {
-        if pairs.len() < 6 {
-            return Err(Stop::TooFewCorrespondences);
-        }
-        let origin = pairs[0].moved;
-        let offset: Vector3<f64> = Self::sum(pairs, |pair| Vector3::from(sub(pair.moved, origin)));
-        let center = Vector3::from(origin) + offset / pairs.len() as f64;
-        let row = |pair: &Pair| {
-            let n = Vector3::from(normals[pair.target]);
-            let turn = (Vector3::from(pair.moved) - center).cross(&n);
-            let residual = dot(sub(pair.moved, self.target[pair.target]), n.into());
-            (Vector6::new(turn.x, turn.y, turn.z, n.x, n.y, n.z), residual)
-        };
-        let system: SMatrix<f64, 6, 7> = Self::sum(pairs, |pair| {
-            let (jacobian, residual) = row(pair);
-            let mut term = SMatrix::<f64, 6, 7>::zeros();
-            term.fixed_columns_mut::<6>(0).copy_from(&(jacobian * jacobian.transpose()));
-            term.set_column(6, &(-jacobian * residual));
-            term
-        });
-        let normal_matrix: Matrix6<f64> = system.fixed_columns::<6>(0).into();
-        let right: Vector6<f64> = system.column(6).into();
-        // angles and metres are of one scale after this, so that the pivots say what the data leave open
-        let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
-        let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
-        let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;
-        // the terms of a flat wall are all equal, and so are their roundings: 1e3 of them leave 1e-6
-        if cholesky.l().diagonal().min() < 1e-5 {
-            return Err(Stop::Degenerate);
-        }
-        let x = cholesky.solve(&right.component_mul(&scale)).component_mul(&scale);
-        let rotation = nalgebra::Rotation3::from_euler_angles(x[0], x[1], x[2]).into_inner();
-        let translation = center + Vector3::new(x[3], x[4], x[5]) - rotation * center;
-        Ok(RigidMotion { rotation, translation })
-    }
+    let x = cholesky.solve(&right.component_mul(&scale)).component_mul(&scale);
+    let rotation = nalgebra::Rotation3::from_euler_angles(x[0], x[1], x[2]).into_inner();
+    let translation = center + Vector3::new(x[3], x[4], x[5]) - rotation * center;
+    Ok(RigidMotion { rotation, translation })
 }

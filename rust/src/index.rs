@@ -1,8 +1,12 @@
 //! Neighbour search: the only place that knows a grid or a tree.
 //!
-//! Two structures for two questions. "Which points lie within a radius of each point" is asked of all points
-//! at once with one radius: [`Grid`] sorts the points by cell and sweeps them. "Which is the nearest" has no
-//! known scale: [`Tree`] is a k-d tree.
+//! Three structures. What lies around every point of a cloud is asked of batches of points at once:
+//! [`cells::Cells`] sorts the points by cell, and [`around::Around`] gathers what a batch needs in single precision.
+//! What lies within a radius of single points, [`Grid`] tells in double precision. Where neighbours have no known
+//! scale, [`Tree`], a k-d tree, finds the nearest.
+
+pub mod around;
+pub mod cells;
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
@@ -14,8 +18,6 @@ use crate::geometry::{dot, squared_distance, sub};
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
-/// Cells a task works through; fixed, so that results do not depend on the number of threads.
-const CELLS_PER_TASK: usize = 8;
 /// Most points in a leaf of a tree.
 const LEAF: usize = 16;
 /// Points of a subtree that one task builds.
@@ -51,12 +53,6 @@ pub struct Neighborhood<'a> {
 }
 
 impl Neighborhood<'_> {
-    /// The centre of the search.
-    #[inline]
-    pub fn center(&self) -> Point {
-        self.center
-    }
-
     /// Calls `visit` with each point within the grid's radius (boundary included): its position in the
     /// grid's order, itself and its squared distance. Stops when `visit` returns false.
     #[inline]
@@ -122,33 +118,6 @@ impl Grid {
     /// The index in the input of the point at a position of the grid's order.
     pub fn input_index(&self, position: usize) -> usize {
         self.order[position] as usize
-    }
-
-    /// Calls `answer` with the neighbourhood of every point; the answers in the order of the input.
-    pub fn map<T: Send + Copy + Default>(&self, answer: impl Fn(&Neighborhood) -> T + Sync) -> Vec<T> {
-        let cells: Vec<usize> = (0..self.keys.len()).collect();
-        let sorted: Vec<Vec<T>> = cells
-            .par_chunks(CELLS_PER_TASK)
-            .map(|cells| {
-                let mut sweep = Sweep::default();
-                let mut answers = Vec::new();
-                for &cell in cells {
-                    let runs = sweep.runs(self, self.keys[cell]);
-                    let points = &self.points[self.starts[cell]..self.starts[cell + 1]];
-                    answers.extend(
-                        points
-                            .iter()
-                            .map(|&center| answer(&Neighborhood { grid: self, center, runs: &runs })),
-                    );
-                }
-                answers
-            })
-            .collect();
-        let mut answers = vec![T::default(); self.points.len()];
-        for (&i, value) in self.order.iter().zip(sorted.into_iter().flatten()) {
-            answers[i as usize] = value;
-        }
-        answers
     }
 
     /// The point at a position of the grid's order.
@@ -430,14 +399,6 @@ mod tests {
         #[test]
         fn a_grid_finds_what_brute_force_finds(points in cloud(), radius in prop_oneof![Just(0.5), Just(1.0), 0.01f64..3.0]) {
             let grid = Grid::new(&points, radius);
-            let counts = grid.map(|neighborhood| {
-                let mut count = 0usize;
-                neighborhood.visit(|_, _, _| { count += 1; true });
-                count
-            });
-            for (i, &center) in points.iter().enumerate() {
-                prop_assert_eq!(counts[i], within(&points, center, radius).len());
-            }
             for position in 0..points.len() {
                 let mut found = Vec::new();
                 grid.visit_around(position, |other, _, _| { found.push(grid.input_index(other)); true });
@@ -466,14 +427,11 @@ mod tests {
     fn many_coincident_points_are_no_trouble() {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
         assert_eq!(Tree::new(&points).nearest([0.0; 3], NonZeroUsize::new(7).unwrap()).count(), 7);
-        let counts = Grid::new(&points, 0.1).map(|neighborhood| {
-            let mut count = 0usize;
-            neighborhood.visit(|_, _, _| {
-                count += 1;
-                true
-            });
-            count
+        let mut count = 0;
+        Grid::new(&points, 0.1).visit_around(17, |_, _, _| {
+            count += 1;
+            true
         });
-        assert!(counts.iter().all(|&count| count == 5000));
+        assert_eq!(count, 5000);
     }
 }

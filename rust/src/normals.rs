@@ -1,13 +1,17 @@
 //! Surface normals by principal components (section IV-B, eq. 10–14).
 
-use std::num::NonZeroUsize;
-
-use rayon::prelude::*;
-
-use crate::error::{Error, Result, check_finite, check_positive, check_same_length};
-use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, sub};
-use crate::index::{Grid, Tree};
+use crate::error::{Result, check_finite, check_positive, check_same_length};
+use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
+use crate::index::around::{Around, Frame, squared_distances};
+use crate::index::cells::Cells;
+use crate::parallel::Slots;
+use crate::wide::{self, BATCH, LANES, Simd, Singles, Wide};
 use crate::{Point, parallel};
+
+mod nearest;
+
+/// Cells to a radius.
+const CELLS: f64 = 1.0;
 
 /// Which points a normal is fitted to. The point itself is one of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,8 +48,8 @@ pub struct Normals {
 /// normal is the zero vector.
 ///
 /// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, the radius is not positive,
-/// k < 3, or the viewpoints are not one for each point; [`NotEnoughData`](Error::NotEnoughData) if there are
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the radius is not positive,
+/// k < 3, or the viewpoints are not one for each point; [`NotEnoughData`](crate::Error::NotEnoughData) if there are
 /// fewer than k points.
 pub fn estimate_normals(points: &[Point], neighbors: Neighbors, viewpoints: Viewpoints) -> Result<Normals> {
     check_finite("points", points)?;
@@ -56,84 +60,276 @@ pub fn estimate_normals(points: &[Point], neighbors: Neighbors, viewpoints: View
             check_finite("viewpoint", all)?;
         }
     }
-    let planes = match neighbors {
-        Neighbors::Nearest(k) => fit_nearest(points, k)?,
-        Neighbors::Within(radius) => fit_within(points, radius)?,
-    };
-    let towards = |i: usize| match viewpoints {
-        Viewpoints::One(viewpoint) => sub(viewpoint, points[i]),
-        Viewpoints::Each(all) => sub(all[i], points[i]),
-    };
-    let normals = planes
-        .iter()
-        .enumerate()
-        .map(
-            |(i, plane)| {
-                if dot(plane.normal, towards(i)) < 0.0 { plane.normal.map(|x| -x) } else { plane.normal }
-            },
-        )
-        .collect();
-    Ok(Normals { normals, variation: planes.iter().map(|plane| plane.variation).collect() })
-}
-
-#[derive(Clone, Copy, Default)]
-struct Plane {
-    normal: Point,
-    variation: f64,
-}
-
-fn fit_nearest(points: &[Point], k: usize) -> Result<Vec<Plane>> {
-    let count = NonZeroUsize::new(k)
-        .filter(|k| k.get() >= 3)
-        .ok_or_else(|| Error::invalid("k", format!("expected at least 3 neighbours, got {k}")))?;
-    if points.is_empty() {
-        return Ok(Vec::new());
+    let mut normals = vec![[0.0; 3]; points.len()];
+    let mut variation = vec![0.0; points.len()];
+    let answers =
+        Answers { viewpoints, normals: Slots::new(&mut normals), variation: Slots::new(&mut variation) };
+    match neighbors {
+        Neighbors::Nearest(k) => nearest::fit(points, k, &answers)?,
+        Neighbors::Within(radius) => {
+            check_positive("radius", radius)?;
+            parallel::run(|| fit_within(points, radius, &answers));
+        }
     }
-    if points.len() < k {
-        return Err(Error::not_enough(
-            "points",
-            format!("{} points, fewer than the k = {k} neighbours asked for", points.len()),
-        ));
+    Ok(Normals { normals, variation })
+}
+
+/// Where the planes go.
+struct Answers<'a> {
+    viewpoints: Viewpoints<'a>,
+    normals: Slots<'a, Point>,
+    variation: Slots<'a, f64>,
+}
+
+impl Answers<'_> {
+    /// Turns the normal of input point `index` to its camera and keeps it.
+    ///
+    /// # Safety
+    /// Every point once.
+    #[inline(always)]
+    unsafe fn put(&self, index: usize, point: Point, normal: Point, variation: f64) {
+        let viewpoint = match self.viewpoints {
+            Viewpoints::One(viewpoint) => viewpoint,
+            Viewpoints::Each(all) => all[index],
+        };
+        let away = dot(normal, sub(viewpoint, point)) < 0.0;
+        // SAFETY: as of this function
+        unsafe {
+            self.normals.put(index, if away { normal.map(|x| -x) } else { normal });
+            self.variation.put(index, variation);
+        }
     }
-    Ok(parallel::run(|| {
-        let tree = Tree::new(points);
-        points
-            .par_iter()
-            .map(|&center| {
-                let mut moments = Moments::default();
-                for i in tree.nearest(center, count) {
-                    moments.add(sub(points[i], center));
-                }
-                plane(&moments)
-            })
-            .collect()
-    }))
 }
 
-fn fit_within(points: &[Point], radius: f64) -> Result<Vec<Plane>> {
-    check_positive("radius", radius)?;
-    Ok(parallel::run(|| {
-        Grid::new(points, radius).map(|neighborhood| {
-            let mut moments = Moments::default();
-            let center = neighborhood.center();
-            neighborhood.visit(|_, q, _| {
-                moments.add(sub(q, center));
-                true
-            });
-            plane(&moments)
-        })
-    }))
+/// The covariances of the neighbourhoods of a task's points.
+#[derive(Default)]
+struct Covariances {
+    /// The entries in the order of [`Symmetric3`], each list ending with what fills the last row of lanes.
+    entries: [Vec<f64>; 6],
+    positions: Vec<u32>,
 }
 
-/// The plane through a neighbourhood, or none where it has fewer than two directions.
-fn plane(moments: &Moments) -> Plane {
-    let covariance: Symmetric3 = moments.covariance();
-    let eigen = eigen_symmetric(&covariance);
+impl Covariances {
+    fn add(&mut self, position: usize, covariance: Symmetric3) {
+        for (list, entry) in self.entries.iter_mut().zip(covariance) {
+            list.push(entry);
+        }
+        self.positions.push(position as u32);
+    }
+
+    /// Fits the planes and empties the lists.
+    fn fit(&mut self, cells: &Cells, answers: &Answers) {
+        self.entries
+            .iter_mut()
+            .for_each(|list| list.resize(self.positions.len().next_multiple_of(LANES), 0.0));
+        wide::run(FitPlanes { covariances: self, cells, answers });
+        self.entries.iter_mut().for_each(Vec::clear);
+        self.positions.clear();
+    }
+}
+
+struct FitPlanes<'a> {
+    covariances: &'a Covariances,
+    cells: &'a Cells,
+    answers: &'a Answers<'a>,
+}
+
+impl Wide for FitPlanes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { covariances, cells, answers } = self;
+        let rows = covariances.entries.each_ref().map(|list| list.as_chunks::<LANES>().0);
+        for (row, positions) in covariances.positions.chunks(LANES).enumerate() {
+            let matrices = rows.map(|list| list[row]);
+            let (vectors, shares, certain) = least_eigenvectors(&matrices);
+            for (l, &position) in positions.iter().enumerate() {
+                let (normal, variation) = if certain[l] {
+                    (vectors.map(|v| v[l]), shares[l])
+                } else {
+                    plane(&matrices.map(|m| m[l]))
+                };
+                let position = position as usize;
+                // SAFETY: every position is in one task's list, once
+                unsafe { answers.put(cells.input_index(position), cells.point(position), normal, variation) };
+            }
+        }
+    }
+}
+
+/// The plane of a covariance: its normal and the surface variation; zeros where it has fewer than two directions.
+#[cold]
+fn plane(covariance: &Symmetric3) -> (Point, f64) {
+    let eigen = eigen_symmetric(covariance);
     let [smallest, middle, largest] = eigen.values;
     // the second direction must stand out of what rounding leaves of a line
-    if moments.count() < 3 || middle <= 1e-12 * largest {
-        return Plane::default();
+    if middle <= 1e-12 * largest {
+        return ([0.0; 3], 0.0);
     }
-    let variation = (smallest / (smallest + middle + largest)).max(0.0);
-    Plane { normal: eigen.vectors[0], variation }
+    (eigen.vectors[0], (smallest / (smallest + middle + largest)).max(0.0))
+}
+
+/// The covariance of a neighbourhood, or zeros where that is too small for a plane.
+#[inline(always)]
+fn covariance(moments: &Moments) -> Symmetric3 {
+    if moments.count() < 3 { [0.0; 6] } else { moments.covariance() }
+}
+
+fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
+    let cells = Cells::new(points, radius / CELLS);
+    cells.batches().for_each_task(|batches| {
+        let mut around = Around::default();
+        let mut sums = Sums::default();
+        let mut covariances = Covariances::default();
+        for batch in batches {
+            let (sums, around) = (&mut sums, &mut around);
+            let open = wide::run(SumWithin { cells: &cells, radius, batch, around, sums });
+            for (l, &position) in batch.iter().enumerate() {
+                let position = position as usize;
+                let covariance = sums.covariance(l).filter(|_| !open[l]).unwrap_or_else(|| {
+                    let center = cells.point(position);
+                    let mut moments = Moments::default();
+                    for i in around.positions() {
+                        let d = sub(cells.point(i), center);
+                        if dot(d, d) <= radius * radius {
+                            moments.add(d);
+                        }
+                    }
+                    moments.covariance()
+                });
+                covariances.add(position, covariance);
+            }
+        }
+        covariances.fit(&cells, answers);
+    });
+}
+
+/// Sums over what lies within a radius of the points of a batch; tells for which points single precision leaves open
+/// what that is.
+struct SumWithin<'a> {
+    cells: &'a Cells,
+    radius: f64,
+    batch: &'a [u32],
+    around: &'a mut Around,
+    sums: &'a mut Sums,
+}
+
+impl Wide for SumWithin<'_> {
+    type Output = [bool; BATCH];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [bool; BATCH] {
+        let Self { cells, radius, batch, around, sums } = self;
+        let frame = around.find(simd, cells, &cells.bounds(batch), radius);
+        let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
+        let (low, high) = frame.limits(radius);
+        sums.measure(simd, around, &lanes);
+        sums.add(simd, cells, around, &frame, &[low; BATCH]);
+        let maybe = sums.count_below(simd, &[high; BATCH]);
+        std::array::from_fn(|l| maybe[l] != sums.counts[l])
+    }
+}
+
+/// Sums over the neighbours of the points of a batch, relative to a place near them.
+#[derive(Default)]
+struct Sums {
+    /// Squared distances from each point around to each point of the batch.
+    squares: Vec<Singles>,
+    count: usize,
+    /// Their coordinates.
+    near: Vec<Point>,
+    counts: Singles,
+    /// Of x, y, z, xx, xy, xz, yy, yz, zz.
+    sums: [[f64; BATCH]; 9],
+    /// Neighbourhoods that are smaller than this, squared, lose too much in these sums.
+    smallest: f64,
+}
+
+impl Sums {
+    /// Measures the distances.
+    #[inline(always)]
+    fn measure<S: Simd>(&mut self, simd: S, around: &Around, lanes: &[Singles; 3]) {
+        let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
+        let [x, y, z] = around.axes();
+        if self.squares.len() < x.len() {
+            self.squares.resize(2 * x.len(), [0.0; BATCH]);
+        }
+        self.count = x.len();
+        for (((&x, &y), &z), squares) in x.iter().zip(y).zip(z).zip(&mut self.squares) {
+            *squares = simd.store(squared_distances(simd, x, y, z, lanes));
+        }
+    }
+
+    /// How many squared distances are within each lane's limit.
+    #[inline(always)]
+    fn count_below<S: Simd>(&self, simd: S, limits: &Singles) -> Singles {
+        let (limits, one) = (simd.load(limits), simd.splat(1.0));
+        // several sums, so that one need not wait for the other
+        let mut counts = [simd.splat(0.0); 4];
+        let (fours, rest) = self.squares[..self.count].as_chunks::<4>();
+        for four in fours {
+            for i in 0..4 {
+                counts[i] =
+                    simd.select(simd.le(simd.load(&four[i]), limits), simd.add(counts[i], one), counts[i]);
+            }
+        }
+        for squares in rest {
+            counts[0] = simd.select(simd.le(simd.load(squares), limits), simd.add(counts[0], one), counts[0]);
+        }
+        simd.store(simd.add(simd.add(counts[0], counts[1]), simd.add(counts[2], counts[3])))
+    }
+
+    /// Sums over the points around whose squared distances are within each lane's limit.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, cells: &Cells, around: &Around, frame: &Frame, limits: &Singles) {
+        self.near.clear();
+        self.near.extend(around.positions().map(|position| sub(cells.point(position), frame.origin)));
+        self.counts = self.count_below(simd, limits);
+        if S::MANY_REGISTERS {
+            self.add_halves::<S, true, true>(simd, limits);
+        } else {
+            self.add_halves::<S, true, false>(simd, limits);
+            self.add_halves::<S, false, true>(simd, limits);
+        }
+        self.smallest = 1e-3 * frame.extent * frame.extent;
+    }
+
+    /// Sums in the lanes of the first half, of the second, or of both.
+    #[inline(always)]
+    fn add_halves<S: Simd, const FIRST: bool, const SECOND: bool>(&mut self, simd: S, limits: &Singles) {
+        let limits = simd.load(limits);
+        let (mut first, mut second) = ([simd.zero(); 9], [simd.zero(); 9]);
+        for (&[x, y, z], squares) in self.near.iter().zip(&self.squares[..self.count]) {
+            let mask = simd.le(simd.load(squares), limits);
+            let terms = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
+            for (i, term) in terms.into_iter().enumerate() {
+                if FIRST {
+                    first[i] = simd.add_if(simd.half::<false>(mask), first[i], term);
+                }
+                if SECOND {
+                    second[i] = simd.add_if(simd.half::<true>(mask), second[i], term);
+                }
+            }
+        }
+        for i in 0..9 {
+            if FIRST {
+                self.sums[i][..LANES].copy_from_slice(&simd.store_half(first[i]));
+            }
+            if SECOND {
+                self.sums[i][LANES..].copy_from_slice(&simd.store_half(second[i]));
+            }
+        }
+    }
+
+    /// The covariance of a lane's neighbourhood, zeros if that is too small for a plane; none where too much is lost.
+    fn covariance(&self, lane: usize) -> Option<Symmetric3> {
+        let n = f64::from(self.counts[lane]);
+        if n < 3.0 {
+            return Some([0.0; 6]);
+        }
+        let [x, y, z, xx, xy, xz, yy, yz, zz] = self.sums.each_ref().map(|sums| sums[lane] / n);
+        let covariance = [xx - x * x, xy - x * y, xz - x * z, yy - y * y, yz - y * z, zz - z * z];
+        (covariance[0] + covariance[3] + covariance[5] > self.smallest).then_some(covariance)
+    }
 }

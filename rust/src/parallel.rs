@@ -4,6 +4,7 @@
 //! Linux: the child has the pool's memory but none of its threads, and would wait for ever. The pool here
 //! is built on first use in each process.
 
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -69,6 +70,33 @@ fn pool() -> Option<&'static ThreadPool> {
         made.older = newer;
     }
     Some(&made.pool)
+}
+
+/// Places that tasks fill in any order.
+pub(crate) struct Slots<'a, T> {
+    first: *mut T,
+    count: usize,
+    slots: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: all that tasks can do with it is `put`, whose callers keep them apart
+unsafe impl<T: Send> Sync for Slots<'_, T> {}
+
+impl<'a, T: Copy> Slots<'a, T> {
+    pub(crate) fn new(slots: &'a mut [T]) -> Self {
+        Self { first: slots.as_mut_ptr(), count: slots.len(), slots: PhantomData }
+    }
+
+    /// Fills a place.
+    ///
+    /// # Safety
+    /// No two tasks may fill the same place.
+    #[inline(always)]
+    pub(crate) unsafe fn put(&self, place: usize, value: T) {
+        assert!(place < self.count);
+        // SAFETY: inside the slice, which is borrowed for as long as this lives, and no one else's place
+        unsafe { self.first.add(place).write(value) };
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,94 @@
+//! One kernel on one cloud, for profiles and instruction counts: `once KERNEL POINTS TIMES [THREADS]`.
+//!
+//! Prints the least milliseconds of all times; none for no times, which is what the cloud alone takes.
+
+use std::f64::consts::{PI, TAU};
+use std::hint::black_box;
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use strand::{
+    IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, estimate_normals, icp,
+    radius_outlier_mask,
+};
+
+/// Of the rope, metres.
+const RADIUS: f64 = 0.0042;
+/// Between points of its surface, metres.
+const SPACING: f64 = 0.0004;
+
+/// The upper side of a rope in a wave on a table, with noise of about 0.3 mm, in order along it.
+fn rope(count: usize, mut random: impl FnMut() -> f64) -> Vec<Point> {
+    let across = (PI * RADIUS / SPACING).round() as usize;
+    let wave = TAU / 0.5;
+    (0..count)
+        .map(|i| {
+            let x = ((i / across) as f64 + random()) * SPACING;
+            let angle = ((i % across) as f64 + random()) * PI / across as f64;
+            let side = Vector3::new(-0.05 * wave * (wave * x).cos(), 1.0, 0.0).normalize();
+            let outward = side * angle.cos() + Vector3::z() * angle.sin();
+            let noise = Vector3::from_fn(|_, _| 6e-4 * (random() + random() + random() - 1.5));
+            (Vector3::new(x, 0.05 * (wave * x).sin(), 0.0) + outward * RADIUS + noise).into()
+        })
+        .collect()
+}
+
+/// Numbers in [0, 1), the same in every run (splitmix64, Steele et al. 2014).
+fn generator(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let [_, kernel, count, times, threads @ ..] = arguments.as_slice() else {
+        panic!("once KERNEL POINTS TIMES [THREADS]")
+    };
+    let count = count.parse().expect("a number of points");
+    if let [threads] = threads {
+        strand::set_num_threads(threads.parse().expect("a number of threads"));
+    }
+    let points = rope(count, generator(1));
+    let above = Viewpoints::One([0.0, 0.0, 1.0]);
+    let near = Neighbors::Within(RADIUS / 2.0);
+    let run: Box<dyn Fn()> = match kernel.as_str() {
+        "filter" => Box::new(|| drop(black_box(radius_outlier_mask(&points, RADIUS / 2.0, 45)))),
+        "nearest" => Box::new(|| drop(black_box(estimate_normals(&points, Neighbors::Nearest(16), above)))),
+        "within" => Box::new(|| drop(black_box(estimate_normals(&points, near, above)))),
+        "icp" => {
+            let turn = nalgebra::Rotation3::new(Vector3::new(0.035, 0.0, 0.0)).into_inner();
+            let off = RigidMotion { rotation: turn, translation: Vector3::new(3e-4, 5e-4, -4e-4) };
+            let source: Vec<Point> = rope(count, generator(2)).into_iter().map(|p| off.apply(p)).collect();
+            let options = IcpOptions {
+                start: RigidMotion::identity(),
+                max_correspondence_distance: RADIUS / 2.0,
+                max_iterations: 20,
+                tolerance: 0.0,
+            };
+            let points = &points;
+            Box::new(move || {
+                black_box(icp(&source, points, Objective::PointToPoint, &options)).expect("a registration");
+            })
+        }
+        "centerline" => {
+            let normals = estimate_normals(&points, near, above).expect("normals").normals;
+            let points = &points;
+            Box::new(move || drop(black_box(centerline(points, &normals, RADIUS, 20))))
+        }
+        other => panic!("{other} is none of filter, nearest, within, icp, centerline"),
+    };
+    let timed = |_| {
+        let start = Instant::now();
+        run();
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    let times = (0..times.parse::<usize>().expect("a number of times")).map(timed);
+    if let Some(least) = times.reduce(f64::min) {
+        println!("{kernel} {count}: {least:.2} ms");
+    }
+}

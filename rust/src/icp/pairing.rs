@@ -1,0 +1,428 @@
+//! Source points and their nearest target points, kept from pose to pose.
+//!
+//! A search also tells how near any other target point is at least. While the source point has moved by less than
+//! what that leaves, its partner stays the nearest, and nothing is searched.
+
+use std::sync::OnceLock;
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use rayon::prelude::*;
+
+use super::IcpOptions;
+use crate::Point;
+use crate::geometry::{RigidMotion, centroid, squared_distance};
+use crate::index::Tree;
+use crate::index::around::{Around, squared_distances};
+use crate::index::cells::{Bounds, Cells, reach_of};
+use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
+
+/// Target points that are within the width of a cell from one.
+const NEAR: usize = 40;
+/// How much farther than the last partner is looked, in cells, so that the next search is not soon.
+const MORE: f64 = 0.25;
+/// Farther than this many cells, and where more points than this are met, the tree is quicker.
+const FARTHEST: f64 = 8.0;
+const MOST: usize = 2048;
+/// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
+const BATCHES_PER_TASK: usize = 64;
+/// No target point.
+const NONE: u32 = u32::MAX;
+
+/// Source points that are near each other.
+struct Batch {
+    count: usize,
+    /// In the source's frame; lanes without a point repeat the first.
+    points: [[f64; BATCH]; 3],
+    /// Positions of the nearest target points in the order of the cells; none where they are out of reach.
+    partners: [u32; BATCH],
+    /// All other target points are farther than this.
+    others: [f64; BATCH],
+}
+
+/// Both clouds and the pairs.
+pub struct Pairing {
+    cells: Cells,
+    /// The target in the order of the cells.
+    sorted: Vec<Point>,
+    tree: OnceLock<Tree>,
+    batches: Vec<Batch>,
+    source_points: usize,
+    reach: f64,
+    /// Where the pairs were found.
+    pose: RigidMotion,
+    /// The source's middle, in its frame.
+    center: Point,
+    /// What rounding may move a point by.
+    blur: f64,
+}
+
+/// Sums over pairs: 1, squared distance, source point, target point, and their outer product; points relative to
+/// an origin.
+#[derive(Clone, Copy)]
+pub struct Pairs {
+    sums: [f64; TERMS],
+    /// Near the middle of the source points.
+    pub origin: Point,
+    source_points: usize,
+}
+
+const TERMS: usize = 17;
+
+impl Pairs {
+    /// How many pairs there are.
+    pub fn count(&self) -> f64 {
+        self.sums[0]
+    }
+
+    /// The share of source points that have a partner.
+    pub fn fitness(&self) -> f64 {
+        self.sums[0] / self.source_points as f64
+    }
+
+    /// The root mean square distance, 0 if there are no pairs.
+    pub fn rmse(&self) -> f64 {
+        if self.sums[0] > 0.0 { (self.sums[1] / self.sums[0]).sqrt() } else { 0.0 }
+    }
+
+    /// Means of the paired source and target points, relative to the origin.
+    pub fn means(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let at = |first: usize| Vector3::from_fn(|k, _| self.sums[first + k] / self.sums[0]);
+        (at(2), at(5))
+    }
+
+    /// Σ (target − mean) (source − mean)ᵀ.
+    pub fn cross_covariance(&self) -> Matrix3<f64> {
+        let (from, to) = self.means();
+        Matrix3::from_fn(|i, j| self.sums[8 + 3 * i + j]) - to * from.transpose() * self.sums[0]
+    }
+}
+
+impl Pairing {
+    /// Sorts both clouds, which are not empty.
+    pub fn new(source: &[Point], target: &[Point], options: &IcpOptions) -> Self {
+        let cells = Cells::new(target, reach_of(target, NEAR));
+        let sorted = cells.sorted();
+        // by where they are at first, because they will not go far
+        let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
+        let largest =
+            |points: &[Point]| points.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let blur = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
+        let places = Cells::new(&moved, cells.size());
+        let batches = places
+            .batches()
+            .iter()
+            .map(|positions| {
+                let mut points = [[0.0; BATCH]; 3];
+                for l in 0..BATCH {
+                    let position = positions.get(l).unwrap_or(&positions[0]);
+                    let x = source[places.input_index(*position as usize)];
+                    for k in 0..3 {
+                        points[k][l] = x[k];
+                    }
+                }
+                Batch { count: positions.len(), points, partners: [NONE; BATCH], others: [-1.0; BATCH] }
+            })
+            .collect();
+        let reach = options.max_correspondence_distance;
+        let center = centroid(source);
+        Self {
+            cells,
+            sorted,
+            tree: OnceLock::new(),
+            batches,
+            source_points: source.len(),
+            reach,
+            pose: options.start,
+            center,
+            blur,
+        }
+    }
+
+    /// Finds the pairs at a pose.
+    pub fn pair(&mut self, pose: &RigidMotion) -> Pairs {
+        let origin = pose.apply(self.center);
+        let mut batches = std::mem::take(&mut self.batches);
+        let parts: Vec<[f64; TERMS]> = batches
+            .par_chunks_mut(BATCHES_PER_TASK)
+            .map(|batches| wide::run(Pair { pairing: self, batches, pose, origin }))
+            .collect();
+        self.batches = batches;
+        self.pose = *pose;
+        let mut sums = [0.0; TERMS];
+        for part in parts {
+            for (sum, part) in sums.iter_mut().zip(part) {
+                *sum += part;
+            }
+        }
+        Pairs { sums, origin, source_points: self.source_points }
+    }
+
+    /// Sums a matrix of the moved source point, the target point and its index over all pairs.
+    pub fn sum<const R: usize, const C: usize>(
+        &self,
+        term: impl Fn(Point, Point, usize) -> SMatrix<f64, R, C> + Sync,
+    ) -> SMatrix<f64, R, C> {
+        let parts: Vec<SMatrix<f64, R, C>> = self
+            .batches
+            .par_chunks(BATCHES_PER_TASK)
+            .map(|batches| {
+                let mut sum = SMatrix::zeros();
+                for batch in batches {
+                    let moved = moved_to(&batch.points, &self.pose);
+                    for l in 0..batch.count {
+                        let moved = moved.map(|values| values[l]);
+                        if let Some(&target) = self.sorted.get(batch.partners[l] as usize)
+                            && squared_distance(target, moved) <= self.reach * self.reach
+                        {
+                            sum += term(moved, target, self.cells.input_index(batch.partners[l] as usize));
+                        }
+                    }
+                }
+                sum
+            })
+            .collect();
+        parts.iter().sum()
+    }
+
+    /// The nearest target point by the tree.
+    #[cold]
+    fn search_tree(&self, moved: Point) -> (u32, f64) {
+        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
+        let nearest = tree.nearest_within(moved, self.reach * self.reach);
+        // that others are farther than nothing is always true
+        (nearest.map_or(NONE, |(position, _)| position as u32), 0.0)
+    }
+}
+
+/// Moves the points of some batches, finds their partners and sums over the pairs.
+struct Pair<'a> {
+    pairing: &'a Pairing,
+    batches: &'a mut [Batch],
+    pose: &'a RigidMotion,
+    origin: Point,
+}
+
+impl Wide for Pair<'_> {
+    type Output = [f64; TERMS];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [f64; TERMS] {
+        let Self { pairing, batches, pose, origin } = self;
+        let limit = pairing.reach * pairing.reach;
+        let mut around = Around::default();
+        let mut sums = [[0.0; LANES]; TERMS];
+        for batch in batches {
+            let moved = moved_to(&batch.points, pose);
+            let steps = distances(&moved, &moved_to(&batch.points, &pairing.pose));
+            let mut targets = [[0.0; BATCH]; 3];
+            let mut left = [0; BATCH];
+            let mut count = 0;
+            for l in 0..batch.count {
+                batch.others[l] -= steps[l] + pairing.blur;
+                let p: Point = [moved[0][l], moved[1][l], moved[2][l]];
+                let same = match pairing.sorted.get(batch.partners[l] as usize) {
+                    Some(&partner) => {
+                        for k in 0..3 {
+                            targets[k][l] = partner[k];
+                        }
+                        let others = batch.others[l].max(0.0);
+                        squared_distance(partner, p) < others * others
+                    }
+                    None => pairing.reach < batch.others[l],
+                };
+                left[count] = l;
+                count += usize::from(!same);
+            }
+            if count > 0 {
+                search(simd, pairing, batch, &moved, &left[..count], &mut around);
+                for &l in &left[..count] {
+                    if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
+                        for k in 0..3 {
+                            targets[k][l] = partner[k];
+                        }
+                    }
+                }
+            }
+            let paired: [bool; BATCH] = std::array::from_fn(|l| batch.partners[l] != NONE && l < batch.count);
+            for half in 0..BATCH / LANES {
+                add_pairs(&mut sums, half, &moved, &targets, &paired, origin, limit);
+            }
+        }
+        sums.map(|sum| sum.iter().sum())
+    }
+}
+
+/// Where a pose puts the points of a batch.
+#[inline(always)]
+fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3] {
+    let (r, t) = (&pose.rotation, &pose.translation);
+    let mut moved = [[0.0; BATCH]; 3];
+    for k in 0..3 {
+        let (r0, r1, r2, t) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]);
+        let [x, y, z] = points;
+        let mut values = [0.0; BATCH];
+        for l in 0..BATCH {
+            values[l] = r0 * x[l] + r1 * y[l] + r2 * z[l] + t;
+        }
+        moved[k] = values;
+    }
+    moved
+}
+
+/// Distances between the points of the lanes.
+#[inline(always)]
+fn distances(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
+    let mut distances = [0.0; BATCH];
+    for l in 0..BATCH {
+        let d = [a[0][l] - b[0][l], a[1][l] - b[1][l], a[2][l] - b[2][l]];
+        distances[l] = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+    }
+    distances
+}
+
+/// Adds the pairs of half a batch.
+#[inline(always)]
+fn add_pairs(
+    sums: &mut [Lanes; TERMS],
+    half: usize,
+    moved: &[[f64; BATCH]; 3],
+    targets: &[[f64; BATCH]; 3],
+    paired: &[bool; BATCH],
+    origin: Point,
+    limit: f64,
+) {
+    let mut terms = [[0.0; LANES]; TERMS];
+    for lane in 0..LANES {
+        let l = half * LANES + lane;
+        let d = [targets[0][l] - moved[0][l], targets[1][l] - moved[1][l], targets[2][l] - moved[2][l]];
+        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        let within = paired[l] & (squared <= limit);
+        let weight = if within { 1.0 } else { 0.0 };
+        let m = [moved[0][l] - origin[0], moved[1][l] - origin[1], moved[2][l] - origin[2]];
+        let m = [weight * m[0], weight * m[1], weight * m[2]];
+        let t = [targets[0][l] - origin[0], targets[1][l] - origin[1], targets[2][l] - origin[2]];
+        let t = [weight * t[0], weight * t[1], weight * t[2]];
+        terms[0][lane] = weight;
+        terms[1][lane] = weight * squared;
+        for k in 0..3 {
+            terms[2 + k][lane] = m[k];
+            terms[5 + k][lane] = t[k];
+            for j in 0..3 {
+                terms[8 + 3 * k + j][lane] = t[k] * m[j];
+            }
+        }
+    }
+    for (sum, term) in sums.iter_mut().zip(&terms) {
+        for lane in 0..LANES {
+            sum[lane] += term[lane];
+        }
+    }
+}
+
+/// Finds the partners of some lanes of a batch.
+#[inline(always)]
+fn search<S: Simd>(
+    simd: S,
+    pairing: &Pairing,
+    batch: &mut Batch,
+    moved: &[[f64; BATCH]; 3],
+    lanes: &[usize],
+    around: &mut Around,
+) {
+    let Pairing { cells, sorted, reach, .. } = pairing;
+    let moved = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
+    let mut left = [0; BATCH];
+    left[..lanes.len()].copy_from_slice(lanes);
+    let mut count = lanes.len();
+    let mut search_reach = 0.0;
+    for &l in lanes {
+        // what was the nearest is not farther than the nearest
+        let known = match sorted.get(batch.partners[l] as usize) {
+            Some(&partner) => squared_distance(partner, moved(l)).sqrt() + MORE * cells.size(),
+            None => cells.size(),
+        };
+        search_reach = f64::max(search_reach, known);
+    }
+    search_reach = search_reach.min(*reach);
+    while count > 0 {
+        let mut bounds = Bounds::NONE;
+        for &l in &left[..count] {
+            bounds.add(moved(l));
+        }
+        let frame = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
+        if search_reach > FARTHEST * cells.size() || around.count() > MOST {
+            for &l in &left[..count] {
+                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
+            }
+            return;
+        }
+        let points = frame.lanes(left[..count].iter().map(|&l| moved(l)));
+        let (best, second, number) = nearest_two(simd, around, &points);
+        let (low, high) = frame.limits(search_reach);
+        let last = search_reach >= *reach;
+        let mut kept = 0;
+        for i in 0..count {
+            let l = left[i];
+            if best[i] <= low && second[i] - best[i] > 2.0 * frame.slack {
+                let apart = (f64::from(second[i]) - f64::from(frame.slack)).sqrt() / frame.unit;
+                batch.partners[l] = number[i].to_bits();
+                batch.others[l] = apart.min(search_reach);
+            } else if best[i] > high && last {
+                batch.partners[l] = NONE;
+                batch.others[l] = search_reach;
+            } else if best[i] <= high {
+                let (square, position, next) = exact_two(cells, around, moved(l));
+                if square <= search_reach * search_reach || last {
+                    let found = square <= search_reach * search_reach;
+                    batch.partners[l] = if found { position } else { NONE };
+                    batch.others[l] = if found { next.sqrt().min(search_reach) } else { search_reach };
+                } else {
+                    left[kept] = l;
+                    kept += 1;
+                }
+            } else {
+                left[kept] = l;
+                kept += 1;
+            }
+        }
+        count = kept;
+        search_reach = (2.0 * search_reach).min(*reach);
+    }
+}
+
+/// The squared distances of the nearest and of the next point around for each lane, and the number of the nearest.
+#[inline(always)]
+fn nearest_two<S: Simd>(
+    simd: S,
+    around: &Around,
+    points: &[wide::Singles; 3],
+) -> (wide::Singles, wide::Singles, wide::Singles) {
+    let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
+    let far = simd.splat(f32::MAX);
+    let (mut best, mut second, mut number) = (far, far, simd.splat(f32::from_bits(NONE)));
+    let [x, y, z] = around.axes();
+    for (((&x, &y), &z), &this) in x.iter().zip(y).zip(z).zip(around.numbers()) {
+        let squares = squared_distances(simd, x, y, z, lanes);
+        // two chains of one operation each: what is nearer waits for neither
+        let nearer = simd.le(squares, best);
+        second = simd.min(second, simd.max(best, squares));
+        best = simd.min(best, squares);
+        number = simd.select(nearer, simd.splat(this), number);
+    }
+    (simd.store(best), simd.store(second), simd.store(number))
+}
+
+/// The same for one point in double precision, of equals the first in the cells' order.
+#[cold]
+fn exact_two(cells: &Cells, around: &Around, moved: Point) -> (f64, u32, f64) {
+    let (mut best, mut position, mut second) = (f64::INFINITY, NONE, f64::INFINITY);
+    for i in around.positions() {
+        let square = squared_distance(cells.point(i), moved);
+        if square < best || (square == best && (i as u32) < position) {
+            (best, position, second) = (square, i as u32, best);
+        } else if square < second {
+            second = square;
+        }
+    }
+    (best, position, second)
+}

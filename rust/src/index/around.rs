@@ -1,0 +1,193 @@
+//! A batch of points, each in a lane of its own, and all that lies around it.
+//!
+//! Distances are in single precision, relative to the batch and in units of the width of a cell; what rounding may
+//! have done to them is known, so that callers can tell which answers are sure. The points of a lane are met in the
+//! order of the cells, so sums are the same bits for any width of the instructions.
+
+use super::cells::{Bounds, Cells, Sweep};
+use crate::Point;
+use crate::wide::{BATCH, Simd, Singles};
+
+/// Points around a batch, and what a task keeps from batch to batch.
+#[derive(Default)]
+pub struct Around {
+    sweep: Sweep,
+    near: [Vec<f32>; 3],
+    /// Their positions, as the bits of numbers.
+    positions: Vec<f32>,
+    count: usize,
+    /// Positions of those that are within reach of the whole box, if they are kept apart.
+    inside: Vec<f32>,
+    inside_count: usize,
+}
+
+/// The frame that a batch's single precision coordinates are in.
+#[derive(Clone, Copy)]
+pub struct Frame {
+    /// Its origin.
+    pub origin: Point,
+    /// Its units in a metre.
+    pub unit: f64,
+    /// What rounding may do to a squared distance up to the reach.
+    pub slack: f32,
+    /// How far apart points can be.
+    pub extent: f64,
+}
+
+/// Numbers of the lanes.
+const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+
+impl Around {
+    /// Finds what lies within `reach` of a box, and perhaps a little more.
+    #[inline(always)]
+    pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
+        self.find_apart::<S, false>(simd, cells, bounds, reach)
+    }
+
+    /// The same, and keeps `APART` what is surely within reach of all of the box.
+    #[inline(always)]
+    pub fn find_apart<S: Simd, const APART: bool>(
+        &mut self,
+        simd: S,
+        cells: &Cells,
+        bounds: &Bounds,
+        reach: f64,
+    ) -> Frame {
+        self.sweep.find(cells, bounds, reach);
+        let unit = 1.0 / cells.size();
+        let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
+        let extent = reach + bounds.diagonal();
+        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
+        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        let frame = Frame { origin, unit, slack, extent };
+        let (nearest, farthest) = frame.limits(reach);
+        let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
+        let side = |k: usize| ((bounds.high[k] - origin[k]) * unit) as f32;
+        let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
+        let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
+        for values in self.near.iter_mut().chain([&mut self.positions, &mut self.inside]) {
+            if values.len() < most {
+                values.resize(2 * most, 0.0);
+            }
+        }
+        let [to_x, to_y, to_z] = self.near.each_mut().map(|values| &mut values[..most]);
+        let to_positions = &mut self.positions[..most];
+        let to_inside = &mut self.inside[..most];
+        let mut inside_count = 0;
+        let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
+        let mut count = 0;
+        for run in &self.sweep.runs {
+            // whole rows: the lists are longer than the points by a row
+            let rows = run.start..run.start + run.len().next_multiple_of(BATCH);
+            let [x, y, z] = [&from_x[rows.clone()], &from_y[rows.clone()], &from_z[rows.clone()]];
+            let [x, y, z] = [x.as_chunks().0, y.as_chunks().0, z.as_chunks().0];
+            for (((x, y), z), first) in x.iter().zip(y).zip(z).zip(rows.step_by(BATCH)) {
+                let x = simd.narrow(x, origin[0], unit);
+                let y = simd.narrow(y, origin[1], unit);
+                let z = simd.narrow(z, origin[2], unit);
+                let [gap_x, gap_y, gap_z] =
+                    [gap(simd, x, half[0]), gap(simd, y, half[1]), gap(simd, z, half[2])];
+                let gaps = simd.add(simd.add(gap_x, gap_y), gap_z);
+                let in_run = (1u32 << (run.end - first).min(BATCH)) - 1;
+                let mut bits = simd.bits(simd.le(gaps, farthest)) & in_run;
+                let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
+                if APART {
+                    let [far_x, far_y, far_z] =
+                        [far(simd, x, half[0]), far(simd, y, half[1]), far(simd, z, half[2])];
+                    let fars = simd.add(simd.add(far_x, far_y), far_z);
+                    let inside = simd.bits(simd.le(fars, nearest)) & bits;
+                    simd.compress(inside, simd.load(&numbers), &mut to_inside[inside_count..]);
+                    inside_count += inside.count_ones() as usize;
+                    bits &= !inside;
+                }
+                simd.compress(bits, x, &mut to_x[count..]);
+                simd.compress(bits, y, &mut to_y[count..]);
+                simd.compress(bits, z, &mut to_z[count..]);
+                simd.compress(bits, simd.load(&numbers), &mut to_positions[count..]);
+                count += bits.count_ones() as usize;
+            }
+        }
+        self.count = count;
+        self.inside_count = inside_count;
+        frame
+    }
+
+    /// How many points there are.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The positions of all.
+    #[inline(always)]
+    pub fn positions(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
+    }
+
+    /// The positions of those that are kept apart, as the bits of numbers.
+    #[inline(always)]
+    pub fn inside(&self) -> &[f32] {
+        &self.inside[..self.inside_count]
+    }
+
+    /// The positions of all, as the bits of numbers.
+    #[inline(always)]
+    pub fn numbers(&self) -> &[f32] {
+        &self.positions[..self.count]
+    }
+
+    /// The points' coordinates along each axis.
+    #[inline(always)]
+    pub fn axes(&self) -> [&[f32]; 3] {
+        self.near.each_ref().map(|values| &values[..self.count])
+    }
+}
+
+/// The squared distance along an axis from a box about the origin.
+#[inline(always)]
+fn gap<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
+    let zero = simd.splat(0.0);
+    let gap = simd.max(simd.sub(simd.max(x, simd.sub(zero, x)), half), zero);
+    simd.mul(gap, gap)
+}
+
+/// The squared distance along an axis to the far side of a box about the origin.
+#[inline(always)]
+fn far<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
+    let far = simd.add(simd.max(x, simd.sub(simd.splat(0.0), x)), half);
+    simd.mul(far, far)
+}
+
+/// Squared distances from a point to those of a batch.
+#[inline(always)]
+pub fn squared_distances<S: Simd>(simd: S, x: f32, y: f32, z: f32, batch: [S::F; 3]) -> S::F {
+    let [x, y, z] = [simd.splat(x), simd.splat(y), simd.splat(z)];
+    let [x, y, z] = [simd.sub(x, batch[0]), simd.sub(y, batch[1]), simd.sub(z, batch[2])];
+    simd.add(simd.add(simd.mul(x, x), simd.mul(y, y)), simd.mul(z, z))
+}
+
+impl Frame {
+    /// Points in lanes; lanes without a point have the first one.
+    #[inline(always)]
+    pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {
+        let mut lanes = [[0.0; BATCH]; 3];
+        let count = points.len();
+        for (l, p) in points.enumerate() {
+            for k in 0..3 {
+                lanes[k][l] = ((p[k] - self.origin[k]) * self.unit) as f32;
+            }
+        }
+        for lane in &mut lanes {
+            let first = lane[0];
+            lane[count..].fill(first);
+        }
+        lanes
+    }
+
+    /// Squared distances that are surely within a distance, and that may be.
+    #[inline(always)]
+    pub fn limits(&self, distance: f64) -> (f32, f32) {
+        let limit = (distance * self.unit).powi(2);
+        ((limit - f64::from(self.slack)) as f32, (limit + f64::from(self.slack)) as f32)
+    }
+}

@@ -1,0 +1,217 @@
+//! Planes through the k nearest points.
+
+use std::num::NonZeroUsize;
+use std::sync::OnceLock;
+
+use super::{Answers, Covariances, Sums, covariance};
+use crate::error::{Error, Result};
+use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
+use crate::index::Tree;
+use crate::index::around::Around;
+use crate::index::cells::{Cells, reach_of};
+use crate::wide::{self, BATCH, Simd, Singles, Wide};
+use crate::{Point, parallel};
+
+/// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
+const WIDTH: f64 = 1.3;
+const FIRST_REACH: f64 = 1.3;
+/// Where points are so much sparser than most that the search would have to go farther than this many cells, or so
+/// much denser that it would meet this many points for each neighbour, the tree is quicker.
+const FARTHEST: f64 = 8.0;
+const MOST: usize = 64;
+/// Most rounds of the search for the k-th distance.
+const ROUNDS: usize = 24;
+
+/// Fits a plane to the `k` nearest points of each.
+pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
+    let count = NonZeroUsize::new(k)
+        .filter(|k| k.get() >= 3)
+        .ok_or_else(|| Error::invalid("k", format!("expected at least 3 neighbours, got {k}")))?;
+    if points.is_empty() {
+        return Ok(());
+    }
+    if points.len() < k {
+        return Err(Error::not_enough(
+            "points",
+            format!("{} points, fewer than the k = {k} neighbours asked for", points.len()),
+        ));
+    }
+    parallel::run(|| {
+        let cells = Cells::new(points, WIDTH * reach_of(points, k));
+        let tree = OnceLock::new();
+        cells.batches().for_each_task(|batches| {
+            let mut search = Search::default();
+            let mut covariances = Covariances::default();
+            for batch in batches {
+                search.left.clear();
+                search.left.extend(batch);
+                let mut reach = FIRST_REACH / WIDTH * cells.size();
+                while !search.left.is_empty() && reach <= FARTHEST * cells.size() {
+                    search.widen(&cells, k, reach, &mut covariances);
+                    reach *= 1.5;
+                }
+                for &position in &search.left {
+                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
+                    let center = cells.point(position as usize);
+                    let mut moments = Moments::default();
+                    for i in tree.nearest(center, count) {
+                        moments.add(sub(points[i], center));
+                    }
+                    covariances.add(position as usize, covariance(&moments));
+                }
+            }
+            covariances.fit(&cells, answers);
+        });
+    });
+    Ok(())
+}
+
+/// What a task keeps from batch to batch.
+#[derive(Default)]
+struct Search {
+    /// Positions of points whose neighbours are not found yet.
+    left: Vec<u32>,
+    around: Around,
+    sums: Sums,
+    /// The last limit between a k-th and a next distance, squared.
+    guess: f32,
+}
+
+/// What is known of the k nearest points of one.
+#[derive(Clone, Copy, PartialEq)]
+enum Cut {
+    /// They are all that is within the lane's limit.
+    Clear,
+    /// Single precision does not tell which they are.
+    Close,
+    /// There may be nearer ones beyond the reach.
+    Beyond,
+}
+
+impl Search {
+    /// Looks for the nearest points of those that are left, up to a reach.
+    fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) {
+        let Self { left, around, sums, guess } = self;
+        let cuts = wide::run(SumNearest { cells, k, reach, left, around, sums, guess });
+        let mut kept = 0;
+        for l in 0..left.len() {
+            let position = left[l] as usize;
+            let found = match cuts[l] {
+                Cut::Clear => sums.covariance(l).or_else(|| exactly(cells, position, k, reach, around)),
+                Cut::Close => exactly(cells, position, k, reach, around),
+                Cut::Beyond => None,
+            };
+            match found {
+                Some(covariance) => covariances.add(position, covariance),
+                None => {
+                    left[kept] = left[l];
+                    kept += 1;
+                }
+            }
+        }
+        left.truncate(kept);
+    }
+}
+
+/// Sums over the nearest points of those of a batch.
+struct SumNearest<'a> {
+    cells: &'a Cells,
+    k: usize,
+    reach: f64,
+    left: &'a [u32],
+    around: &'a mut Around,
+    sums: &'a mut Sums,
+    guess: &'a mut f32,
+}
+
+impl Wide for SumNearest<'_> {
+    type Output = [Cut; BATCH];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [Cut; BATCH] {
+        let Self { cells, k, reach, left, around, sums, guess } = self;
+        let frame = around.find(simd, cells, &cells.bounds(left), reach);
+        if around.count() < k || around.count() > MOST * k {
+            return [Cut::Beyond; BATCH];
+        }
+        let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
+        let (farthest, _) = frame.limits(reach);
+        sums.measure(simd, around, &lanes);
+        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.slack, guess);
+        sums.add(simd, cells, around, &frame, &limits);
+        cuts
+    }
+}
+
+/// Looks in each lane for a number between the k-th and the next of the squared distances by counting those below it:
+/// false position, with halving where that is slow. `guess` is where it was for other points.
+#[inline(always)]
+fn cut<S: Simd>(
+    simd: S,
+    sums: &Sums,
+    k: f32,
+    farthest: f32,
+    slack: f32,
+    guess: &mut f32,
+) -> (Singles, [Cut; BATCH]) {
+    let (mut low, mut low_count) = ([0.0; BATCH], [0.0; BATCH]);
+    let (mut high, mut high_count) = ([farthest; BATCH], sums.count_below(simd, &[farthest; BATCH]));
+    let mut at = [if *guess > 0.0 && *guess < farthest { *guess } else { 0.5 * farthest }; BATCH];
+    let beyond = high_count.map(|count| count < k);
+    let mut count = [0.0; BATCH];
+    for round in 0..ROUNDS {
+        count = sums.count_below(simd, &at);
+        let mut open = 0;
+        for l in 0..BATCH {
+            let (below, above) = (count[l] < k, count[l] > k);
+            low[l] = if below { at[l] } else { low[l] };
+            low_count[l] = if below { count[l] } else { low_count[l] };
+            high[l] = if above { at[l] } else { high[l] };
+            high_count[l] = if above { count[l] } else { high_count[l] };
+            let last = if high_count[l] == k { 0.5 } else { 0.0 };
+            let share = (k + 0.5 - low_count[l]) / (high_count[l] + last - low_count[l]);
+            let share = if round % 3 == 2 { 0.5 } else { share };
+            let next = low[l] + (high[l] - low[l]) * share;
+            let found = !(below | above) | beyond[l];
+            at[l] = if found { at[l] } else { next };
+            open |= i32::from(!found);
+        }
+        if open == 0 {
+            break;
+        }
+    }
+    *guess = at[0];
+    // a gap of twice the rounding on one side tells
+    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * slack));
+    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * slack));
+    let cuts = std::array::from_fn(|l| {
+        if beyond[l] {
+            Cut::Beyond
+        } else if count[l] == k && (above[l] == k || below[l] == k) {
+            Cut::Clear
+        } else {
+            Cut::Close
+        }
+    });
+    (at, cuts)
+}
+
+/// The covariance of the k nearest points in double precision, of equals the first in the cells' order; none if points
+/// beyond the reach may be nearer.
+#[cold]
+fn exactly(cells: &Cells, position: usize, k: usize, reach: f64, around: &Around) -> Option<Symmetric3> {
+    let center = cells.point(position);
+    let mut near: Vec<(f64, usize)> =
+        around.positions().map(|i| (squared_distance(cells.point(i), center), i)).collect();
+    let (_, last, _) = near.select_nth_unstable_by(k - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    if last.0 > reach * reach {
+        return None;
+    }
+    // in order, so that the sums are the same whatever the selection did
+    near[..k].sort_unstable_by_key(|&(_, i)| i);
+    let mut moments = Moments::default();
+    for &(_, i) in &near[..k] {
+        moments.add(sub(cells.point(i), center));
+    }
+    Some(covariance(&moments))
+}
