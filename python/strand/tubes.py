@@ -228,20 +228,7 @@ def fit_arcs(
         return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
         return fit, radii
-    fit = _fit(
-        clouds,
-        fit.curves,
-        arcs.ropes,
-        fit.motions,
-        fit.radii,
-        config,
-        radius_prior=radii.prior,
-        along_ray=True,
-        band=(0.8, 0.5),
-        iterations=30,
-        bounds=clouds.bounds,
-        uncertainty=False,
-    )
+    fit = _with_radii(clouds, fit, arcs.ropes, fit.radii, radii.prior, config)
     kinds = agreeing(fit.radii, np.zeros(len(fit.radii)))
     if len(set(kinds)) < len(kinds):
         # strands side by side looked like a thicker rope
@@ -250,6 +237,26 @@ def fit_arcs(
         few = clouds.thinned(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
     return fit, radii
+
+
+def _with_radii(
+    clouds: Clouds, fit: TubeFit, ropes: Sequence[int], start: Array, prior: Array | None, config: Config
+) -> TubeFit:
+    """Fit again with radii that are unknown too, which only residuals along the rays do not bias."""
+    return _fit(
+        clouds,
+        fit.curves,
+        ropes,
+        fit.motions,
+        start,
+        config,
+        radius_prior=prior,
+        along_ray=True,
+        band=(0.8, 0.5),
+        iterations=30,
+        bounds=clouds.bounds,
+        uncertainty=False,
+    )
 
 
 def _present(radii: Radii, arcs: Arcs) -> tuple[Radii, Arcs]:
@@ -263,20 +270,7 @@ def _kinds_from_points(
 ) -> tuple[TubeFit, Radii]:
     """Fit each arc a radius of its own, then again with that of the known radii which is nearest to it."""
     own = radii.unsure().only(arcs.ropes)
-    alone = _fit(
-        clouds,
-        fit.curves,
-        list(range(len(arcs.nodes))),
-        fit.motions,
-        own.values,
-        config,
-        radius_prior=own.prior,
-        along_ray=True,
-        band=(0.8, 0.5),
-        iterations=30,
-        bounds=clouds.bounds,
-        uncertainty=False,
-    )
+    alone = _with_radii(clouds, fit, list(range(len(arcs.nodes))), own.values, own.prior, config)
     radii, arcs = _present(radii, Arcs(arcs.nodes, radii.nearest(alone.radii)))
     how: dict[str, Any] = {"iterations": 12, "uncertainty": uncertainty}
     return _fit(clouds, alone.curves, arcs.ropes, alone.motions, radii.values, config, **how), radii
