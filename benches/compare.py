@@ -231,7 +231,6 @@ def stages(count: int, slow: bool) -> list[Stage]:
     normals = strand.estimate_normals(points, radius=FILTER_RADIUS, viewpoint=viewpoint)
     axis_points, _ = strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)
     scipy_peer = Peer("SciPy", lambda: scipy_centerline(points, normals), same_centerline)
-    above = count > SCIPY_POINTS
     return [
         Stage(
             "radius filter",
@@ -265,7 +264,7 @@ def stages(count: int, slow: bool) -> list[Stage]:
             "centreline",
             lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
             [scipy_peer] if count <= (SLOW_SCIPY_POINTS if slow else SCIPY_POINTS) else [],
-            repeats=1 if slow and above else None,
+            repeats=1 if slow and SCIPY_POINTS < count <= SLOW_SCIPY_POINTS else None,
         ),
         Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
     ]
