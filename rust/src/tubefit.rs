@@ -22,9 +22,11 @@ use feet::ViewTerms;
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
 /// What the prior's standard deviation of a curve's second differences is multiplied with after each step at which it
-/// bends too tightly, and how many of these deviations the differences may then be large, root mean square: points that
-/// bend all the same are followed.
+/// bends too tightly, and where that ends at the latest. It ends where residuals grow by this share: points that bend all the same are followed, and the
+/// differences may be so many of the prior's deviations large then, root mean square.
 const STIFFENING: f64 = 0.5;
+const LEAST_SLACK: f64 = 1e-4;
+const STRAINED: f64 = 0.01;
 const MOST_STRAIN: f64 = 3.0;
 /// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
 const EFFICIENT: f64 = 4.685;
@@ -185,6 +187,10 @@ struct State<'a> {
     /// For each view, the precision that holds it at the reported pose in open directions.
     held: Vec<[[f64; 6]; 6]>,
     sigma: f64,
+    /// The least that it was.
+    least_sigma: f64,
+    /// Whether stiff curves drew away from their points, so that none is made stiffer any more.
+    strained: bool,
     /// Standard deviation of a point whose weight is 1: of its residual, or of the noise along its ray.
     noise: f64,
 }
@@ -289,6 +295,8 @@ pub fn fit_tubes(
         slack: vec![1.0; tubes.len()],
         held: vec![[[0.0; 6]; 6]; views.len()],
         sigma: 0.2 * smallest(radii),
+        least_sigma: f64::INFINITY,
+        strained: false,
         noise: 0.2 * smallest(radii),
     };
     parallel::run(|| state.run(options))
@@ -422,6 +430,7 @@ impl State<'_> {
         if sizes.len() > 50 {
             let least = 0.02 * smallest(&self.radii);
             self.sigma = robust_sd(sizes).max(least);
+            self.least_sigma = self.least_sigma.min(self.sigma);
             self.noise = match (options.residual, options.noise) {
                 (Residual::Distance, _) => self.sigma,
                 (Residual::Ray, Some(noise)) => noise,
@@ -474,8 +483,12 @@ impl State<'_> {
 
     /// Stiffens curves where they bend too tightly; says whether one does.
     fn stiffen(&mut self, options: &TubeFitOptions) -> bool {
+        if !options.fit_curves || self.strained {
+            return false;
+        }
+        self.strained = self.sigma > (1.0 + STRAINED) * self.least_sigma;
         let mut tight = false;
-        for (i, curve) in self.curves.iter().enumerate().filter(|_| options.fit_curves) {
+        for (i, curve) in self.curves.iter().enumerate() {
             let r = self.radii[self.ropes[i]];
             let square_of_bend = |three: &[Point]| {
                 let bend: Point = std::array::from_fn(|k| three[0][k] - 2.0 * three[1][k] + three[2][k]);
@@ -486,10 +499,11 @@ impl State<'_> {
                 square_of_bend(three).sqrt() * options.min_bend * r > dot(speed, speed)
             };
             let threes = curve.control.windows(3);
-            let limit = MOST_STRAIN * equations::SECOND_DIFFERENCE * r * self.slack[i] * STIFFENING;
-            let strained =
-                threes.clone().map(square_of_bend).sum::<f64>() > 3.0 * limit * limit * threes.len() as f64;
-            if !strained && threes.clone().any(bends_too_tightly) {
+            if self.strained {
+                let mean = threes.clone().map(square_of_bend).sum::<f64>() / (3 * threes.len()) as f64;
+                let follows = mean.sqrt() / (MOST_STRAIN * equations::SECOND_DIFFERENCE * r);
+                self.slack[i] = self.slack[i].max(follows).min(1.0);
+            } else if self.slack[i] > LEAST_SLACK && threes.clone().any(bends_too_tightly) {
                 self.slack[i] *= STIFFENING;
                 tight = true;
             }
