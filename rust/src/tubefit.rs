@@ -22,8 +22,8 @@ use feet::ViewTerms;
 /// Curves longer than this in all would fill the memory with places to compare points with, in radii.
 const MOST_RADII: f64 = 1e6;
 /// What the prior's standard deviation of a curve's second differences is multiplied with after each step at which it
-/// bends too tightly, and where that ends at the latest. It ends where residuals grow by this share: points that bend all the same are followed, and the
-/// differences may be so many of the prior's deviations large then, root mean square.
+/// bends too tightly, and where that ends at the latest. It ends where residuals grow by this share: points that bend all
+/// the same are followed, and the differences may be so many of the prior's deviations large then, root mean square.
 const STIFFENING: f64 = 0.5;
 const LEAST_SLACK: f64 = 1e-4;
 const STRAINED: f64 = 0.01;
