@@ -295,7 +295,7 @@ def test_doubts_make_the_confidence(paper_model, tucked_under):
 def test_points_that_lie_on_no_string_make_unsure(paper):
     rng = np.random.default_rng(0)
     _, high = paper.bounds
-    ball = rng.normal(size=(6000, 3))
+    ball = rng.normal(size=(1500, 3))
     ball = np.array([0.0, 0.0, high[2] - 3.0 * R]) + 3.0 * R * ball / np.linalg.norm(ball, axis=1)[:, None]
     views = []
     for view in paper.views:
