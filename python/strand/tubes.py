@@ -36,6 +36,8 @@ from strand.visibility import Sight
 _REFERENCE_NODES = 8
 # mean number of points in a cube of two radii that is enough to trace arcs; strings are fitted to all points
 _ENOUGH = 20
+# arcs traced where views were off by less than this, in radii, are not traced again
+_SETTLED = 0.15
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -206,24 +208,25 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
-    fit = None
-    for last in (False,) * (config.tubes.rounds - 1) + (True,):
+    for _ in range(config.tubes.rounds):
         arcs = trace(few, motions, radii.values, 3, config)
         if radii.free:
             radii, arcs = _present(radii, arcs)
         fit = _fit(
-            clouds if last else few,
+            clouds,
             _splines(arcs, radii.values, config, _ARC_MARGIN),
             arcs.ropes,
             motions,
             radii.values,
             config,
-            iterations=12 if last else 8,
+            iterations=12,
             bounds=clouds.bounds if radii.free else None,
-            uncertainty=uncertainty and last,
+            uncertainty=uncertainty,
         )
+        shift = _shift(few, motions, fit.motions)
         motions = fit.motions
-    assert fit is not None
+        if shift < _SETTLED * float(radii.values.min()):
+            break
     if len(radii.values) > 1 and not radii.free:
         return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
@@ -237,6 +240,15 @@ def fit_arcs(
         few = clouds.thinned(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
     return fit, radii
+
+
+def _shift(clouds: Clouds, before: Array, after: Array) -> float:
+    """How far corrections of the poses moved the farthest point, metres."""
+    far = 0.0
+    for cloud, some, other in zip(clouds.points, before, after, strict=True):
+        apart = other[:3] - some[:3]
+        far = max(far, float(np.linalg.norm(cloud @ apart[:, :3].T + apart[:, 3], axis=1).max()))
+    return far
 
 
 def _with_radii(
