@@ -1,11 +1,15 @@
 //! How densely points lie.
 
+use rayon::prelude::*;
+
 use crate::error::{Result, check_finite, check_positive};
 use crate::index::Grid;
 use crate::{Point, parallel};
 
 /// So many points, evenly among all, tell as much as all of them.
 const SAMPLE: usize = 1000;
+/// Of the sample, looked at by one task.
+const POINTS_PER_TASK: usize = 100;
 
 /// The usual number of other points within `radius` of a point: the median over a thousand of them, 0 for no points.
 ///
@@ -15,16 +19,18 @@ pub fn usual_neighbors(points: &[Point], radius: f64) -> Result<usize> {
     check_finite("points", points)?;
     check_positive("radius", radius)?;
     let step = points.len().div_ceil(SAMPLE).max(1);
-    let grid = parallel::run(|| Grid::new(points, radius));
-    let others = |position: usize| {
-        let mut count = 0;
-        grid.visit_around(position, |_, _, _| {
-            count += 1;
-            true
-        });
-        count - 1
-    };
-    let mut counts: Vec<usize> = (0..points.len()).step_by(step).map(others).collect();
+    let mut counts: Vec<usize> = parallel::run(|| {
+        let grid = Grid::new(points, radius);
+        let others = |position: usize| {
+            let mut count = 0;
+            grid.visit_around(position, |_, _, _| {
+                count += 1;
+                true
+            });
+            count - 1
+        };
+        (0..points.len()).into_par_iter().step_by(step).with_min_len(POINTS_PER_TASK).map(others).collect()
+    });
     let middle = counts.len() / 2;
     Ok(if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 })
 }

@@ -421,10 +421,10 @@ impl State<'_> {
         let mut sizes = Vec::new();
         let mut along_rays = Vec::new();
         for (curve, near) in terms.iter().flat_map(ViewTerms::on_curves).filter(|(_, near)| near.inlier) {
-            let size = self.radius(curve) * f64::from(near.residual.abs());
+            let size = self.radius(curve) as f32 * near.residual.abs();
             sizes.push(size);
             if options.residual == Residual::Ray && options.noise.is_none() {
-                along_rays.push(size / f64::from(near.facing.max(0.4)));
+                along_rays.push(size / near.facing.max(0.4));
             }
         }
         if sizes.len() > 50 {
@@ -517,7 +517,7 @@ fn smallest(values: &[f64]) -> f64 {
 }
 
 /// Standard deviation of values about zero, from the median of their sizes.
-fn robust_sd(mut sizes: Vec<f64>) -> f64 {
+fn robust_sd(mut sizes: Vec<f32>) -> f64 {
     let middle = sizes.len() / 2;
-    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+    1.4826 * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
