@@ -74,5 +74,7 @@ pub use sight::{Seen, Sight, SightView, hides};
 pub use spline::{Spline, arc_length};
 pub use straighten::straighten;
 pub use strips::{Strip, strip_radii};
-pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed};
+pub use tubefit::{
+    EndSighting, Foot, OnCurve, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed,
+};
 pub use tubes::{Arc, trace_tubes};

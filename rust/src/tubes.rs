@@ -23,7 +23,7 @@ const COLLISION: f64 = 0.6;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
 /// Sides of the cubes that give a seed each, in radii: the second only where the first left points free.
-const SEED_CUBES: [f64; 2] = [2.4, 0.8];
+const SEED_CUBES: [f64; 3] = [4.8, 2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
