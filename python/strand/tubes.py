@@ -206,10 +206,12 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
+    # which of several given radii an arc has, its points say in the end
+    told_apart = len(radii.values) > 1 and not radii.free and not radii.held
     fit = None
     for last in (False,) * (config.tubes.rounds - 1) + (True,):
         arcs = trace(few, motions, radii.values, 3, config)
-        if radii.free:
+        if not told_apart:
             radii, arcs = _present(radii, arcs)
         fit = _fit(
             clouds if last else few,
@@ -224,7 +226,7 @@ def fit_arcs(
         )
         motions = fit.motions
     assert fit is not None
-    if len(radii.values) > 1 and not radii.free:
+    if told_apart:
         return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
         return fit, radii
