@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import Judged, decide, explanation_cost, reopened
-from strand.certainty import branches, doubts, joins_of, worth_a_warning
+from strand.certainty import branches, doubt_of_margin, doubts, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts, with_hidden_ends
@@ -22,7 +22,7 @@ from strand.known import Known
 from strand.model import Alternative, Chain, Join
 from strand.orientation import started
 from strand.pieces import left_over
-from strand.radius import Radii, agreeing
+from strand.radius import Radii, agreeing, fitted_deviation
 from strand.selection import best_explaining
 from strand.sightings import end_sightings
 from strand.slack import as_long, bowed
@@ -553,7 +553,7 @@ def find_strings(
     if radii.held:
         radii_sd = radii.sd[strings.ropes]
     else:
-        radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
+        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.ropes]
     whole = with_hidden_ends(fit, found, closed, sight)
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
@@ -571,7 +571,7 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    least = worth_a_warning(config.linking.margin)
+    least = doubt_of_margin(config.linking.margin)
     run.warnings.extend(str(doubt) for doubt in uncertain if doubt.amount > least)
     for number, trunk, place in branches(chains, sight):
         run.warnings.append(
@@ -660,7 +660,7 @@ def _once_round(curve: Curve, margin: float) -> Curve:
 def _warn_of_pulled_radii(fit: TubeFit, radii: Radii, run: Run) -> None:
     """Name radii that were given and that the points pull away from farther than noise does."""
     pull = fit.radii - radii.values
-    limit = _PULLED * np.hypot(radii.sd, radii.deviation(fit.radii, fit.radii_sd, fit.sigma, capped=False))
+    limit = _PULLED * np.hypot(radii.sd, fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))
     for k in np.flatnonzero(np.abs(pull) > limit):
         run.warnings.append(
             f"radius: {radii.values[k] * 1e3:.3g} mm was given, but the string looks "
