@@ -409,11 +409,12 @@ def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config:
 
 
 def alternatives(ways: Sequence[Sequence[Judged]]) -> tuple[Alternative, ...]:
-    """Return the ways that are not the answer, the best first."""
+    """Return the ways that are not the answer, the best first, but those that explain nothing."""
     others = [
         Alternative(other.cost - judged[0].cost, tuple(nodes for nodes, _ in other.assembly.chains))
         for judged in filter(None, ways)
         for other in judged[1:]
+        if np.isfinite(other.cost)
     ]
     return tuple(sorted(others, key=lambda other: other.cost))
 
