@@ -5,7 +5,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arguments::{FloatArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape};
+use super::arguments::{
+    FloatArray, PointsArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape,
+};
 use crate::{Error, Point, RigidMotion, Viewpoints};
 
 /// Estimate a string's radius at places of what one camera saw, from how wide it looks.
@@ -82,7 +84,6 @@ pub(super) fn strip_radii<'py>(
 #[pyfunction]
 #[pyo3(signature = (points, viewpoint, radius, *, min_nodes = None, nonfinite = "raise"),
        text_signature = "(points, viewpoint, radius, *, min_nodes=4, nonfinite='raise')")]
-#[allow(clippy::type_complexity)]
 pub(super) fn trace_tubes<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
@@ -90,7 +91,7 @@ pub(super) fn trace_tubes<'py>(
     radius: &Bound<'py, PyAny>,
     min_nodes: Option<&Bound<'py, PyAny>>,
     nonfinite: &str,
-) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+) -> PyResult<Vec<(PointsArray<'py>, Bound<'py, PyArray1<f64>>)>> {
     let array = FloatArray::new("points", points)?;
     let points = array.rows("points", "(N, 3)")?;
     let radius = number("radius", radius)?;
