@@ -189,6 +189,28 @@ def test_one_view_says_how_little_it_knows():
     assert any(warning.startswith("radius: one view alone") for warning in model.warnings)
 
 
+def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(monkeypatch):
+    fitted = []
+
+    def counted(*arguments, **options):
+        fitted.append(options.get("along_ray", False))
+        return strand.fit_tubes(*arguments, **options)
+
+    monkeypatch.setattr(tubes, "fit_tubes", counted)
+    views, bounds, _ = crossing(0.003, 0.006)
+    clouds = tubes.Clouds.of([view.crop(bounds) for view in views[2:3]], None)
+    # the last kind of rope is not there
+    radii = Radii(np.array([0.003, 0.006, 0.015]), np.array([0.0002, 0.0003, 0.001]), free=False, held=True)
+    few = clouds.thinned(0.003)
+    fit, present = tubes.fit_arcs(clouds, few, np.eye(4)[None], radii, strand.Config())
+    assert present.values.tolist() == fit.radii.tolist() == [0.003, 0.006]
+    # radii that are held need no fit along the rays
+    assert not any(fitted)
+    model = strand.reconstruct(views[2:3], None, bounds)
+    by_length = [chain.radius for chain in model.chains]
+    assert by_length == pytest.approx([0.003, 0.006], rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("radius", "error"), [([], ValueError), ([0.004, -1.0], ValueError), (["a"], TypeError), ("a", TypeError)]
 )

@@ -287,6 +287,7 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
                 points,
                 viewpoint,
                 ends: if use_ends { ends } else { &[] },
+                feet: &[],
             })
             .collect();
         fit_tubes(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import Judged, decide, explanation_cost, reopened
-from strand.certainty import branches, doubts, joins_of, worth_a_warning
+from strand.certainty import branches, doubt_of_margin, doubts, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts, with_hidden_ends
@@ -22,13 +22,13 @@ from strand.known import Known
 from strand.model import Alternative, Chain, Join
 from strand.orientation import started
 from strand.pieces import left_over
-from strand.radius import Radii, agreeing
+from strand.radius import Radii, agreeing, fitted_deviation
 from strand.selection import best_explaining
 from strand.sightings import end_sightings
 from strand.slack import as_long, bowed
 from strand.stages import Found, Run
 from strand.support import described
-from strand.tubefit import EndSighting, TubeFit, fit_tubes
+from strand.tubefit import EndSighting, TubeFit, unchecked_fit
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 from strand.visibility import Sight
 
@@ -148,13 +148,13 @@ def _fit(
     **how: Any,
 ) -> TubeFit:
     """Fit curves and poses, with what every fit of a run has in common."""
-    return fit_tubes(
+    return unchecked_fit(
         clouds.points,
         clouds.viewpoints,
         curves,
         motions,
         radii,
-        ropes=ropes,
+        ropes,
         pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
         # a view alone has no pose to find
         reference=clouds.reference if len(clouds.points) > 1 else None,
@@ -197,9 +197,9 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
 def fit_arcs(
     clouds: Clouds, few: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
 ) -> tuple[TubeFit, Radii]:
-    """Trace arcs and fit them with the poses, more than once; radii that are free last.
+    """Trace arcs and fit them with the poses, again if the poses were far off; radii that are free last.
 
-    `few` is `clouds` thinned: arcs are traced in it, and only the last fits are to all points.
+    `few` is `clouds` thinned: arcs are traced in it.
 
     Returns the last fit, and those of the radii that some arc has.
 
@@ -208,9 +208,11 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
+    # which of several given radii an arc has, its points say in the end
+    told_apart = len(radii.values) > 1 and not radii.free and not radii.held
     for _ in range(config.tubes.rounds):
         arcs = trace(few, motions, radii.values, 3, config)
-        if radii.free:
+        if not told_apart:
             radii, arcs = _present(radii, arcs)
         fit = _fit(
             clouds,
@@ -227,7 +229,7 @@ def fit_arcs(
         motions = fit.motions
         if shift < _SETTLED * float(radii.values.min()):
             break
-    if len(radii.values) > 1 and not radii.free:
+    if told_apart:
         return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
         return fit, radii
@@ -419,11 +421,12 @@ def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config:
 
 
 def alternatives(ways: Sequence[Sequence[Judged]]) -> tuple[Alternative, ...]:
-    """Return the ways that are not the answer, the best first."""
+    """Return the ways that are not the answer, the best first, but those that explain nothing."""
     others = [
         Alternative(other.cost - judged[0].cost, tuple(nodes for nodes, _ in other.assembly.chains))
         for judged in filter(None, ways)
         for other in judged[1:]
+        if np.isfinite(other.cost)
     ]
     return tuple(sorted(others, key=lambda other: other.cost))
 
@@ -440,6 +443,7 @@ def fit_strings(
         ropes, start, radii = list(range(len(ropes))), start[ropes], radii.only(ropes)
     curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
     ends: list[EndSighting] = []
+    fit: TubeFit | None = None
 
     def fitted(uncertainty: bool) -> TubeFit:
         return _fit(
@@ -455,6 +459,7 @@ def fit_strings(
             iterations=30 if radii.free else 20,
             bounds=clouds.bounds if radii.free else None,
             ends=ends,
+            previous=fit,
             uncertainty=uncertainty,
         )
 
@@ -563,7 +568,7 @@ def find_strings(
     if radii.held:
         radii_sd = radii.sd[strings.ropes]
     else:
-        radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
+        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.ropes]
     whole = with_hidden_ends(fit, found, closed, sight)
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
@@ -581,7 +586,7 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    least = worth_a_warning(config.linking.margin)
+    least = doubt_of_margin(config.linking.margin)
     run.warnings.extend(str(doubt) for doubt in uncertain if doubt.amount > least)
     for number, trunk, place in branches(chains, sight):
         run.warnings.append(
@@ -670,7 +675,7 @@ def _once_round(curve: Curve, margin: float) -> Curve:
 def _warn_of_pulled_radii(fit: TubeFit, radii: Radii, run: Run) -> None:
     """Name radii that were given and that the points pull away from farther than noise does."""
     pull = fit.radii - radii.values
-    limit = _PULLED * np.hypot(radii.sd, radii.deviation(fit.radii, fit.radii_sd, fit.sigma, capped=False))
+    limit = _PULLED * np.hypot(radii.sd, fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))
     for k in np.flatnonzero(np.abs(pull) > limit):
         run.warnings.append(
             f"radius: {radii.values[k] * 1e3:.3g} mm was given, but the string looks "

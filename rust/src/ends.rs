@@ -114,9 +114,13 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     }
     let density = inside as f64 / (far - near);
     // where another strand hides part of the inside, the density is too low: no end lies beyond all points
-    let [_, second] = s.iter().fold([f64::INFINITY; 2], |[first, second], &s| {
-        if s < first { [s, first] } else { [first, second.min(s)] }
-    });
+    let [_, second] =
+        s.iter().fold(
+            [f64::INFINITY; 2],
+            |[first, second], &s| {
+                if s < first { [s, first] } else { [first, second.min(s)] }
+            },
+        );
     let end = (near - beyond as f64 / density).max(second - 1.0 / density);
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
 }

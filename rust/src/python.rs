@@ -10,7 +10,9 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use arguments::{FloatArray, Rows, count, motion, number, points_array, require_same_length, viewpoints};
+use arguments::{
+    FloatArray, PointsArray, Rows, count, motion, number, points_array, require_same_length, viewpoints,
+};
 
 use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints};
 
@@ -396,7 +398,6 @@ fn icp<'py>(
 ///     If a shape is wrong, a coordinate is not finite, a normal is neither of unit length nor zero, or
 ///     `radius` is not positive.
 #[pyfunction]
-#[allow(clippy::type_complexity)]
 #[pyo3(signature = (points, normals, radius, min_neighbors, *, nonfinite = "raise"))]
 fn centerline<'py>(
     py: Python<'py>,
@@ -405,7 +406,7 @@ fn centerline<'py>(
     radius: &Bound<'py, PyAny>,
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>)> {
+) -> PyResult<(PointsArray<'py>, Bound<'py, PyArray1<i64>>)> {
     let (points, normals) = (FloatArray::new("points", points)?, FloatArray::new("normals", normals)?);
     let (points, normals) = (points.rows("points", "(N, 3)")?, normals.rows("normals", "(N, 3)")?);
     require_same_length("normals", normals.len(), points.len())?;

@@ -132,15 +132,12 @@ impl Tracer {
                 continue;
             }
             let density = support.inliers as f64 / 3.0;
-            let (ahead, mut back) = rayon::join(
-                || self.march(tubelet, density),
-                || self.march(tubelet.reversed(), density),
-            );
+            let (ahead, mut back) =
+                rayon::join(|| self.march(tubelet, density), || self.march(tubelet.reversed(), density));
             // of a ring each way is all the way round
             let limit = (COLLISION * self.radius).powi(2);
-            let passed = |node: Point| {
-                ahead.iter().skip(3).any(|step| squared_distance(step.0.center, node) < limit)
-            };
+            let passed =
+                |node: Point| ahead.iter().skip(3).any(|step| squared_distance(step.0.center, node) < limit);
             if let Some(met) = back.iter().position(|step| passed(step.0.center)) {
                 back.truncate(met);
             }

@@ -122,8 +122,7 @@ impl State<'_> {
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
     ) -> Vec<ViewTerms> {
-        let search =
-            (known.is_none() && !self.goes_on()).then(|| Search::new(self, options.residual));
+        let search = (known.is_none() && !self.goes_on()).then(|| Search::new(self, options.residual));
         let spans = Spans::new(self, options, bands);
         let in_view = |(view, known): (usize, Option<ViewTerms>)| {
             let motion = &self.motions[view];
@@ -270,10 +269,8 @@ fn by_span<'a>(
     places: impl IntoIterator<Item = &'a Option<OnCurve>>,
     spans: &Spans,
 ) -> (Vec<u32>, Vec<OnSpan>) {
-    let (order, starts) = (0u32..)
-        .zip(places)
-        .filter_map(|(i, place)| place.map(|place| (i, spans.of(place))))
-        .unzip();
+    let (order, starts) =
+        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, spans.of(place)))).unzip();
     sorted(order, starts, spans.spans.len())
 }
 
