@@ -26,6 +26,7 @@ __all__ = [
     "icp",
     "join_cost",
     "num_threads",
+    "occupied_cubes",
     "path_length",
     "radius_outlier_mask",
     "set_num_threads",
@@ -213,6 +214,7 @@ def crowded(
     places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
 ) -> NDArray[np.bool_]: ...
 def usual_neighbors(points: ArrayLike, radius: float) -> int: ...
+def occupied_cubes(points: Sequence[ArrayLike], side: float) -> int: ...
 def unproject(
     depth: ArrayLike, focal: tuple[float, float], center: tuple[float, float]
 ) -> tuple[NDArray[np.float64], int]: ...

@@ -79,10 +79,9 @@ class Clouds:
 
     def thinned(self, radius: float) -> Clouds:
         """Return every n-th point of each view, n as large as tracing allows."""
-        cells = np.floor(np.concatenate(self.points) / (2.0 * radius)).astype(np.int64)
-        # cells far apart may share a number, which hardly changes how many there are
-        occupied = len(np.unique(cells @ np.array([1, 1 << 20, 1 << 40])))
-        step = max(round(len(cells) / (_ENOUGH * occupied)), 1)
+        count = sum(map(len, self.points))
+        occupied = _core.occupied_cubes(self.points, 2.0 * radius)
+        step = max(round(count / (_ENOUGH * max(occupied, 1))), 1)
         return replace(self, points=[cloud[::step] for cloud in self.points])
 
 
@@ -110,13 +109,12 @@ class Arcs:
 def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int, config: Config) -> Arcs:
     """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
-    cameras = [
-        np.tile(moved(centre[None], motion), (len(cloud), 1))
-        for centre, motion, cloud in zip(clouds.viewpoints, motions, clouds.points, strict=True)
-    ]
+    centres = [moved(centre[None], motion) for centre, motion in zip(clouds.viewpoints, motions, strict=True)]
+    cameras = np.repeat(np.concatenate(centres), list(map(len, points)), axis=0)
+    together = np.concatenate(points)
     nodes, ropes = [], []
     for rope, radius in enumerate(radii):
-        arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
+        arcs = _core.trace_tubes(together, cameras, radius, min_nodes=min_nodes)
         nodes += [arc for arc, _ in arcs]
         ropes += [rope] * len(arcs)
     if not nodes:

@@ -61,7 +61,7 @@ pub use bridge::{bending, bridge, end_direction, join_cost};
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
 pub use crop::crop;
-pub use density::usual_neighbors;
+pub use density::{occupied_cubes, usual_neighbors};
 pub use depth::{Pinhole, unproject};
 pub use ends::{OnTube, crowded, string_parts};
 pub use error::{Error, Result};

@@ -518,6 +518,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::straighten, module)?)?;
     module.add_function(wrap_pyfunction!(views::hides, module)?)?;
     module.add_function(wrap_pyfunction!(views::usual_neighbors, module)?)?;
+    module.add_function(wrap_pyfunction!(views::occupied_cubes, module)?)?;
     module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;

@@ -55,6 +55,14 @@ pub(super) fn usual_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius:
     Ok(py.detach(|| crate::usual_neighbors(points, radius))?)
 }
 
+/// How many cubes of an even lattice hold points of some clouds.
+#[pyfunction]
+pub(super) fn occupied_cubes(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
+    let arrays = FloatArray::all("points", &points)?;
+    let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
+    Ok(py.detach(|| crate::occupied_cubes(&points, side))?)
+}
+
 /// Whether places hide a stretch of string from a camera.
 #[pyfunction]
 pub(super) fn hides(

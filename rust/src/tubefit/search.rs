@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{OnCurve, Residual, State};
 use crate::Point;
-use crate::geometry::{dot, normalized, sub};
+use crate::geometry::{cell_of, dot, normalized, sub};
 use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 
 /// Distance between the places of a curve that points are compared with, in radii.
@@ -162,14 +162,4 @@ fn cheapest<V: Eight>(search: &Search, blocks: &[Block], p: [f32; 3], to_camera:
         i += 1.0;
     }
     (best.store(), number.store())
-}
-
-/// The cell of a place. Cells on faces below 0 begin one early, which does not matter; rounding down is a call.
-#[inline]
-fn cell_of(p: Point, cell: f64) -> [i64; 3] {
-    let inverse = 1.0 / cell;
-    p.map(|x| {
-        let cells = x * inverse;
-        cells as i64 - i64::from(cells < 0.0)
-    })
 }
