@@ -51,6 +51,7 @@ fn options() -> TubeFitOptions {
         residual: Residual::Distance,
         band: [0.6, 0.4],
         iterations: 20,
+        tolerance: 0.1,
         min_bend: 1.5,
         noise: None,
         bounds: None,

@@ -176,6 +176,7 @@ def fit_tubes(
     along_ray: bool = False,
     band: Sequence[float] | NDArray[np.float64] = (0.6, 0.4),
     iterations: int = 12,
+    tolerance: float = 0.1,
     min_bend: float = 1.5,
     noise: float | None = None,
     bounds: Sequence[Sequence[float]] | tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,

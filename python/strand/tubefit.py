@@ -149,6 +149,7 @@ def fit_tubes(
     along_ray: bool = False,
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
+    tolerance: float = 0.1,
     min_bend: float = 1.5,
     noise: float | None = None,
     bounds: tuple[Array, Array] | None = None,
@@ -193,6 +194,9 @@ def fit_tubes(
         of the noise, which keep 95 % of the efficiency of least squares.
     iterations : int
         Most Gauss-Newton steps.
+    tolerance : float
+        After a step of less than this, in standard deviations of the unknowns, there is no other; after one of
+        less than 0.1, another changes nothing that the data tell.
     min_bend : float
         The tightest bend of a curve: its radius of curvature, in radii.
     noise : float, optional
@@ -285,6 +289,7 @@ def fit_tubes(
         along_ray=flag("along_ray", along_ray),
         band=pairs["band"],
         iterations=whole("iterations", iterations, 0, 2**63 - 1),
+        tolerance=positive("tolerance", tolerance),
         min_bend=positive("min_bend", min_bend),
         noise=None if noise is None else positive("noise", noise),
         bounds=None if bounds is None else extraction_range(bounds),

@@ -38,6 +38,8 @@ _REFERENCE_NODES = 8
 _ENOUGH = 20
 # arcs traced where views were off by less than this, in radii, are not traced again
 _SETTLED = 0.15
+# of fits that others follow, in standard deviations of the unknowns
+_TOLERANCE = 0.3
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -187,6 +189,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
         fit_curves=False,
         band=(1.0, 0.5),
         iterations=10,
+        tolerance=_TOLERANCE,
         uncertainty=False,
     )
     return fit.motions
@@ -220,6 +223,7 @@ def fit_arcs(
             radii.values,
             config,
             iterations=12,
+            tolerance=0.1 if uncertainty else _TOLERANCE,
             bounds=clouds.bounds if radii.free else None,
             uncertainty=uncertainty,
         )
@@ -306,6 +310,7 @@ def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
         config,
         band=(0.5, 0.4),
         iterations=8,
+        tolerance=_TOLERANCE,
         uncertainty=False,
     )
 
@@ -354,6 +359,7 @@ def _on_sample(
             config,
             band=(0.5, 0.4),
             iterations=12,
+            tolerance=_TOLERANCE,
             uncertainty=False,
         )
         return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
@@ -455,6 +461,7 @@ def fit_strings(
             along_ray=True,
             band=(0.5, 0.5),
             iterations=30 if radii.free else 20,
+            tolerance=0.1 if uncertainty else _TOLERANCE,
             bounds=clouds.bounds if radii.free else None,
             ends=ends,
             previous=fit,

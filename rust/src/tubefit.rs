@@ -33,8 +33,6 @@ const EFFICIENT: f64 = 4.685;
 /// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
 /// move on from where they were.
 const SETTLED: f64 = 2.0;
-/// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
-const TOLERANCE: f64 = 0.1;
 /// Steps before the limit beyond which residuals do not count follows their scatter.
 const CLOSE: usize = 2;
 /// The data fix a direction of a pose where its standard deviation is under this share of the reported pose's, as they
@@ -115,6 +113,9 @@ pub struct TubeFitOptions {
     pub band: [f64; 2],
     /// Most Gauss–Newton steps.
     pub iterations: usize,
+    /// After a step of less than this, in standard deviations of the unknowns, there is no other; after one of less than
+    /// 0.1, another changes nothing that the data tell.
+    pub tolerance: f64,
     /// The tightest bend of a curve: its radius of curvature, in radii. A curve that bends more tightly is made stiffer,
     /// as far as its points allow.
     pub min_bend: f64,
@@ -283,6 +284,7 @@ pub fn fit_tubes(
     for band in options.band {
         check_positive("band", band)?;
     }
+    check_positive("tolerance", options.tolerance)?;
     check_positive("min_bend", options.min_bend)?;
     if let Some(noise) = options.noise {
         check_positive("noise", noise)?;
@@ -366,7 +368,7 @@ impl State<'_> {
             }
             step = self.step(&terms, options)?;
             iteration += 1;
-            if !self.stiffen(options) && iteration > CLOSE + 2 && step < TOLERANCE {
+            if !self.stiffen(options) && iteration > CLOSE + 1 && step < options.tolerance {
                 let terms = self.terms(options, &bands, Some(terms));
                 return self.result(terms, &bands, iteration, options);
             }
@@ -419,7 +421,7 @@ impl State<'_> {
                 let step = self.step(&terms, options)?;
                 terms = self.terms(options, bands, Some(terms));
                 iterations += 1;
-                if step < TOLERANCE {
+                if step < options.tolerance {
                     break;
                 }
             }

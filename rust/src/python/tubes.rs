@@ -113,7 +113,7 @@ pub(super) fn trace_tubes<'py>(
 /// Fit curves, poses and radii to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves = true, radius_prior = None, reference,
-                    pose_sd, along_ray = false, band = [0.6, 0.4], iterations = 12, min_bend = 1.5, noise = None,
+                    pose_sd, along_ray = false, band = [0.6, 0.4], iterations = 12, tolerance = 0.1, min_bend = 1.5, noise = None,
                     bounds = None, ends, feet = None, uncertainty = true))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
@@ -131,6 +131,7 @@ pub(super) fn fit_tubes<'py>(
     along_ray: bool,
     band: [f64; 2],
     iterations: usize,
+    tolerance: f64,
     min_bend: f64,
     noise: Option<f64>,
     bounds: Option<[Point; 2]>,
@@ -162,6 +163,7 @@ pub(super) fn fit_tubes<'py>(
         residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
         band,
         iterations,
+        tolerance,
         min_bend,
         noise,
         bounds,
