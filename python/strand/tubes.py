@@ -40,6 +40,8 @@ _ENOUGH = 20
 _SETTLED = 0.15
 # of fits that others follow, in standard deviations of the unknowns
 _TOLERANCE = 0.3
+# so many points of each view tell its pose well enough to trace arcs
+_POSED = 250
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -79,12 +81,16 @@ class Clouds:
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
+    def every(self, step: int) -> Clouds:
+        """Return every n-th point of each view."""
+        return replace(self, points=[cloud[::step] for cloud in self.points])
+
     def thinned(self, radius: float) -> Clouds:
         """Return every n-th point of each view, n as large as tracing allows."""
         count = sum(map(len, self.points))
         occupied = _core.occupied_cubes(self.points, 2.0 * radius)
         step = max(round(count / (_ENOUGH * max(occupied, 1))), 1)
-        return replace(self, points=[cloud[::step] for cloud in self.points])
+        return self.every(step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +186,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
     if any(long):
         arcs = arcs.only(long)
     fit = _fit(
-        clouds,
+        clouds.every(max(sum(map(len, clouds.points)) // (_POSED * len(clouds.points)), 1)),
         _splines(arcs, radii, config, 0.0),
         arcs.ropes,
         still,
