@@ -180,7 +180,7 @@ def fit_tubes(
     min_bend: float = 1.5,
     noise: float | None = None,
     bounds: Sequence[Sequence[float]] | tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-    ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
+    ends: Sequence[tuple[int, int, NDArray[np.float64], NDArray[np.float64], float]],
     feet: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None,
     uncertainty: bool = True,
 ) -> dict[str, Any]: ...

@@ -195,8 +195,8 @@ def fit_tubes(
     iterations : int
         Most Gauss-Newton steps.
     tolerance : float
-        After a step of less than this, in standard deviations of the unknowns, there is no other; after one of
-        less than 0.1, another changes nothing that the data tell.
+        After a step of less than this, in standard deviations of the unknowns, there is no other; after one
+        of less than 0.1, another changes nothing that the data tell.
     min_bend : float
         The tightest bend of a curve: its radius of curvature, in radii.
     noise : float, optional
@@ -208,8 +208,8 @@ def fit_tubes(
     ends : sequence of EndSighting
         Where views see strings end: fixes them along straight strings.
     previous : TubeFit, optional
-        An earlier fit to the same points, from whose curves this one goes on: points start at the feet that it
-        found for them.
+        An earlier fit to the same points, from whose curves this one goes on: points start at the feet that
+        it found for them.
     uncertainty : bool
         Work out standard deviations and covariances, and hold views at the reported poses in directions that
         the data leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
