@@ -49,8 +49,8 @@ pub struct Arc {
 /// Tubelets are fitted at seeds 4.8 r apart, in several directions. From the best one that is still free the
 /// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
 /// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
-/// reached. An arc claims its points, and the next best seed follows; then seeds 2.4 r and 0.8 r apart among the points that
-/// are left free. Arcs of fewer than `min_nodes` nodes are left out.
+/// reached. An arc claims its points, and the next best seed follows; then seeds 2.4 r and 0.8 r apart among the
+/// points that are left free. Arcs of fewer than `min_nodes` nodes are left out.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
