@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use crate::Point;
 use crate::geometry::{dot, squared_distance, sub};
+use crate::index::cells::sort_words;
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
@@ -95,19 +96,43 @@ impl Grid {
             points: Vec::new(),
             order: Vec::new(),
         };
-        let mut keyed: Vec<(u64, u32)> =
-            points.iter().enumerate().map(|(i, &p)| (key(grid.cell(p)), i as u32)).collect();
-        keyed.par_sort_unstable();
-        for (position, &(key, _)) in keyed.iter().enumerate() {
-            if grid.keys.last() != Some(&key) {
+        let mut last = None;
+        for (position, (key, i)) in grid.sorted(points, high).into_iter().enumerate() {
+            if last != Some(key) {
+                last = Some(key);
                 grid.keys.push(key);
                 grid.starts.push(position);
             }
+            grid.order.push(i);
         }
         grid.starts.push(points.len());
-        grid.order = keyed.iter().map(|&(_, i)| i).collect();
         grid.points = grid.gather(points);
         grid
+    }
+
+    /// The keys of the points' cells and their indices, in order; `high` are the greatest coordinates.
+    fn sorted(&self, points: &[Point], high: Point) -> Vec<(u64, u32)> {
+        let keyed = || points.iter().zip(0u32..).map(|(&p, i)| (self.cell(p), i));
+        let bits = |number: u64| u64::BITS - number.leading_zeros();
+        let index_bits = bits(points.len() as u64);
+        let [x_bits, y_bits, z_bits] = if points.is_empty() { [0; 3] } else { self.cell(high).map(bits) };
+        let key_bits = x_bits + y_bits + z_bits;
+        if key_bits + index_bits > u64::BITS {
+            let mut sorted: Vec<(u64, u32)> = keyed().map(|(cell, i)| (key(cell), i)).collect();
+            sorted.par_sort_unstable();
+            return sorted;
+        }
+        // a cell and an index in one word
+        let words = keyed()
+            .map(|([x, y, z], i)| (((((x << y_bits) | y) << z_bits) | z) << index_bits) | u64::from(i));
+        let part = |word: u64, shift: u32, bits: u32| (word >> shift) & ((1 << bits) - 1);
+        let split = |word: u64| {
+            let z = part(word, index_bits, z_bits);
+            let y = part(word, index_bits + z_bits, y_bits);
+            let x = part(word, index_bits + z_bits + y_bits, x_bits);
+            (key([x, y, z]), part(word, 0, index_bits) as u32)
+        };
+        sort_words(words.collect(), index_bits, key_bits).into_iter().map(split).collect()
     }
 
     /// Values of the points, put in the grid's order.

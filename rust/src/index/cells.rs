@@ -548,7 +548,7 @@ fn fill<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
 }
 
 /// Sorts words by `bits` bits above the `shift` lowest, equal ones in their order.
-fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
+pub(super) fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
     if words.len() <= 2048 {
         // the words are in order of their low bits
         words.sort_unstable();
