@@ -110,16 +110,15 @@ def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Ru
     """Register the views to the middle one, from there outwards, each to all that are registered (eq. 15)."""
     numbers = config.registration
     middle = len(clouds) // 2
+    turns = sorted(range(len(clouds)), key=lambda i: abs(i - middle))
+    results = _core.register_in_turn(
+        [clouds[i].points for i in turns],
+        numbers.max_correspondence_distance * radius,
+        numbers.max_iterations,
+        numbers.tolerance,
+    )
     registered = {middle: clouds[middle]}
-    for i in sorted(range(len(clouds)), key=lambda i: abs(i - middle))[1:]:
-        target = np.concatenate([cloud.points for cloud in registered.values()])
-        result = _core.icp(
-            clouds[i].points,
-            target,
-            numbers.max_correspondence_distance * radius,
-            max_iterations=numbers.max_iterations,
-            tolerance=numbers.tolerance,
-        )
+    for i, result in zip(turns[1:], results, strict=True):
         if result.stop in ("too few correspondences", "degenerate"):
             run.warnings.append(f"view {clouds[i].number} kept its pose: {result.stop} to register it")
         registered[i] = clouds[i].moved(result.transformation)

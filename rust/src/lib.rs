@@ -67,7 +67,7 @@ pub use ends::{OnTube, crowded, string_parts};
 pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
-pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp};
+pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use sight::{Seen, Sight, SightView, hides};

@@ -394,6 +394,24 @@ fn icp<'py>(
     Ok(IcpResult(result))
 }
 
+/// Register clouds one after the other, each to all before it; see `icp`.
+///
+/// Gives the outcome for all but the first.
+#[pyfunction]
+fn register_in_turn(
+    py: Python<'_>,
+    clouds: Vec<Bound<'_, PyAny>>,
+    max_correspondence_distance: f64,
+    max_iterations: usize,
+    tolerance: f64,
+) -> PyResult<Vec<IcpResult>> {
+    let clouds = FloatArray::all("clouds", &clouds)?;
+    let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
+    let options =
+        IcpOptions { start: RigidMotion::identity(), max_correspondence_distance, max_iterations, tolerance };
+    Ok(py.detach(|| crate::register_in_turn(&clouds, &options))?.into_iter().map(IcpResult).collect())
+}
+
 /// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
 ///
 /// Every surface point moves inwards by the string's radius, c_i = p_i - r n_i; where at least
@@ -557,6 +575,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals_each, module)?)?;
     module.add_function(wrap_pyfunction!(icp, module)?)?;
+    module.add_function(wrap_pyfunction!(register_in_turn, module)?)?;
     module.add_function(wrap_pyfunction!(centerline, module)?)?;
     module.add_function(wrap_pyfunction!(trace_chains, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::strip_radii, module)?)?;
