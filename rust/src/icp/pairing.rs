@@ -28,6 +28,8 @@ const FARTHEST: f64 = 8.0;
 const MOST: usize = 2048;
 /// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
+/// So few lanes of a batch are searched for alone.
+const FEW: usize = 1;
 /// All lanes.
 const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 /// No target point.
@@ -275,15 +277,20 @@ impl Wide for Pair<'_> {
                 left[count] = l;
                 count += usize::from(!same[l]);
             }
-            let mut sure = true;
+            let mut open = [0; BATCH];
+            let mut open_count = 0;
             for &l in &left[..count] {
-                sure &= pairing.choose(batch, l, [moved[0][l], moved[1][l], moved[2][l]]);
+                open[open_count] = l;
+                let sure = pairing.choose(batch, l, [moved[0][l], moved[1][l], moved[2][l]]);
+                open_count += usize::from(!sure);
             }
-            if !sure {
-                // all of them, because others would follow soon and cost no more now
-                search(simd, pairing, batch, &moved, around);
-                left = ALL;
-                count = batch.count;
+            if open_count > FEW {
+                // then all of them: others would follow soon, and cost little more now
+                (left, count) = (ALL, batch.count);
+                (open, open_count) = (left, count);
+            }
+            if open_count > 0 {
+                search(simd, pairing, batch, &moved, &open[..open_count], around);
             }
             for &l in &left[..count] {
                 if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
@@ -375,13 +382,14 @@ fn is_below(square: f64, distance: f64) -> bool {
     square < distance * distance
 }
 
-/// Finds the partners of a batch.
+/// Finds the partners of some lanes of a batch.
 #[inline(always)]
 fn search<S: Simd>(
     simd: S,
     pairing: &Pairing,
     batch: &mut Batch,
     moved: &[[f64; BATCH]; 3],
+    lanes: &[usize],
     around: &mut Around,
 ) {
     let Pairing { cells, sorted, reach, .. } = pairing;
@@ -389,10 +397,11 @@ fn search<S: Simd>(
     // to there all is listed
     let spread = SPREAD * cells.size();
     let farthest = reach.hypot(spread);
-    let mut left = ALL;
-    let mut count = batch.count;
+    let mut left = [0; BATCH];
+    left[..lanes.len()].copy_from_slice(lanes);
+    let mut count = lanes.len();
     let mut search_reach = 0.0;
-    for l in 0..count {
+    for &l in lanes {
         // what was the nearest is not farther than the nearest
         let known = match sorted.get(batch.partners[l] as usize) {
             Some(&partner) => 1.001 * (squared_distance(partner, moved(l)) + spread * spread).sqrt(),
