@@ -14,7 +14,7 @@ use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
 use crate::index::Tree;
 use crate::index::around::{Around, squared_distances};
-use crate::index::cells::{Bounds, Cells, reach_of};
+use crate::index::cells::{Bounds, Cells, bounds, reach_of};
 use crate::wide::{self, BATCH, LANES, Lanes, Simd, Singles, Wide};
 
 /// Target points that are within the width of a cell from one.
@@ -115,8 +115,10 @@ impl Pairing {
         let sorted = cells.sorted();
         // by where they are at first, because they will not go far
         let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
-        let largest =
-            |points: &[Point]| points.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let largest = |points: &[Point]| {
+            let Bounds { low, high } = bounds(points);
+            low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()))
+        };
         let blur = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
         let batches = places

@@ -595,7 +595,7 @@ fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
 }
 
 /// The box around points.
-fn bounds(points: &[Point]) -> Bounds {
+pub fn bounds(points: &[Point]) -> Bounds {
     points
         .par_chunks(POINTS_PER_PART)
         .map(|points| {
