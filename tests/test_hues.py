@@ -141,7 +141,7 @@ def test_the_contrast_counts_in_spreads_of_colour_within_pieces():
     config = strand.Config()
     views = coloured(scene, (RED, BLUE))
     model = strand.reconstruct(views, R, config=config, keep_stages=True)
-    views = [without_outliers(view, R, config.filter) for view in views]
+    views = without_outliers(views, R, config.filter)
     fit, arcs = model.stages["fit"], [chain.points for chain in model.chains]
     contrast = Hues.of(fit, colors_of(views)).contrast(arcs, R)
     np.testing.assert_allclose(contrast, contrast.T)

@@ -238,10 +238,10 @@ def test_a_coarse_view_keeps_its_edges():
     points = strip(0.004)[::40]
     stray = np.array([[0.0, 0.05, 0.0]])
     view = strand.View.from_world(np.vstack([points, stray]), CAMERA)
-    kept = without_outliers(view, 0.004, Filter()).world_points
+    kept = without_outliers([view], 0.004, Filter())[0].world_points
     assert len(kept) > 0.9 * len(points)
     assert np.abs(kept[:, 1]).max() < 0.01
-    assert len(without_outliers(view, 0.004, Filter(usual=1.0)).points) < 0.7 * len(points)
+    assert len(without_outliers([view], 0.004, Filter(usual=1.0))[0].points) < 0.7 * len(points)
 
 
 def side_by_side(gap):

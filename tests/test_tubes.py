@@ -74,7 +74,7 @@ def test_two_strands_in_contact_stay_two():
 
 
 def test_tracing_is_the_same_for_any_number_of_threads(paper):
-    view = without_outliers(paper.views[3].crop(paper.bounds), RADIUS, strand.Config().filter)
+    (view,) = without_outliers([paper.views[3].crop(paper.bounds)], RADIUS, strand.Config().filter)
     answers = []
     try:
         for threads in (1, 2, 3):
@@ -132,9 +132,8 @@ def test_half_shells_do_not_pull_into_each_other():
 
 
 def test_registration_finds_the_poses_and_says_how_well(paper):
-    views = [
-        without_outliers(view.crop(paper.bounds), RADIUS, strand.Config().filter) for view in paper.views
-    ]
+    cropped = [view.crop(paper.bounds) for view in paper.views]
+    views = without_outliers(cropped, RADIUS, strand.Config().filter)
     poses, sd = strand.register_views(views, RADIUS)
     nodes = paper.truth[0]
     for number, (given, found, true) in enumerate(zip(paper.poses, poses, paper.poses_true, strict=True)):

@@ -20,7 +20,7 @@ from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.radius import Radii, estimate_radius
 from strand.stages import Run
-from strand.view import Array, View, checked_views, extraction_range
+from strand.view import Array, View, checked_views, cropped, extraction_range
 
 # doubt: for each radius that a length is wrong by more than it may be, for each string open that is a ring
 _CONTRADICTION, _OPEN = 0.4, math.log(2.0)
@@ -95,14 +95,14 @@ def reconstruct(
     known = Known.given(ropes, length, box)
     run = Run(progress)
     with run.stage("extract"):
-        raw = [view if box is None else view.crop(box) for view in views]
+        raw = list(views) if box is None else cropped(views, box)
     if not any(len(view.points) for view in raw):
         raise NotEnoughDataError("views: no view has a point in the extraction range")
     if radii is None:
         with run.stage("radius"):
             radii = Radii(*estimate_radius(raw), free=True)
     with run.stage("filter"):
-        filtered = [without_outliers(view, float(radii.values[0]), config.filter) for view in raw]
+        filtered = without_outliers(raw, float(radii.values[0]), config.filter)
     used = _used(raw, filtered, run)
     seen = [filtered[number] for number in used]
     if radii.free and len(seen) == 1:

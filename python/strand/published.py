@@ -28,7 +28,7 @@ class _Cloud:
         """Return the cloud after a rigid motion of the world frame, camera included."""
         return replace(
             self,
-            view=replace(self.view, pose=motion @ self.view.pose),
+            view=self.view.moved(motion),
             points=moved(self.points, motion),
             normals=self.normals @ motion[:3, :3].T,
         )
@@ -61,9 +61,7 @@ def find_strings(
         If the points make no chain.
     """
     with run.stage("normals"):
-        clouds = [
-            _with_normals(number, view, radius, config) for number, view in zip(numbers, views, strict=True)
-        ]
+        clouds = _with_normals(numbers, views, radius, config)
     with run.stage("register"):
         registered = _registered(clouds, radius, config, run)
     with run.stage("centerline"):
@@ -97,26 +95,30 @@ def find_strings(
     )
 
 
-def _with_normals(number: int, view: View, radius: float, config: Config) -> _Cloud:
-    """Estimate normals in the camera frame, where the camera is the origin, and go to the world frame."""
-    normals = _core.estimate_normals(view.points, radius=config.normals.radius * radius)
-    return _Cloud(number, view, view.world_points, normals @ view.pose[:3, :3].T)
+def _with_normals(
+    numbers: Sequence[int], views: Sequence[View], radius: float, config: Config
+) -> list[_Cloud]:
+    """Estimate normals in the camera frames, where the camera is the origin, and go to the world frame."""
+    found = _core.estimate_normals_each([view.points for view in views], config.normals.radius * radius)
+    return [
+        _Cloud(number, view, view.world_points, normals @ view.pose[:3, :3].T)
+        for number, view, normals in zip(numbers, views, found, strict=True)
+    ]
 
 
 def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Run) -> list[_Cloud]:
     """Register the views to the middle one, from there outwards, each to all that are registered (eq. 15)."""
     numbers = config.registration
     middle = len(clouds) // 2
+    turns = sorted(range(len(clouds)), key=lambda i: abs(i - middle))
+    results = _core.register_in_turn(
+        [clouds[i].points for i in turns],
+        numbers.max_correspondence_distance * radius,
+        numbers.max_iterations,
+        numbers.tolerance,
+    )
     registered = {middle: clouds[middle]}
-    for i in sorted(range(len(clouds)), key=lambda i: abs(i - middle))[1:]:
-        target = np.concatenate([cloud.points for cloud in registered.values()])
-        result = _core.icp(
-            clouds[i].points,
-            target,
-            numbers.max_correspondence_distance * radius,
-            max_iterations=numbers.max_iterations,
-            tolerance=numbers.tolerance,
-        )
+    for i, result in zip(turns[1:], results, strict=True):
         if result.stop in ("too few correspondences", "degenerate"):
             run.warnings.append(f"view {clouds[i].number} kept its pose: {result.stop} to register it")
         registered[i] = clouds[i].moved(result.transformation)

@@ -78,9 +78,11 @@ def reach_end(nodes: Array, axis: Array, density: float, radius: float, span: fl
     direction = end_direction(nodes, 0.0, span)
     offset = axis - nodes[-1]
     ahead = offset @ direction
+    near = (ahead > 0) & (ahead < _AHEAD * radius)
+    offset, ahead = offset[near], ahead[near]
     aside = np.linalg.norm(offset - ahead[:, None] * direction, axis=1)
     step = _STEP * radius
-    ahead = ahead[(ahead > 0) & (ahead < _AHEAD * radius) & (aside < _ASIDE * radius)]
+    ahead = ahead[aside < _ASIDE * radius]
     counts = np.bincount((ahead / step).astype(np.int64))
     missing = float(np.minimum(counts / (density * step), 1.0).sum()) * step
     return np.vstack([nodes, nodes[-1] + missing * direction]) if missing > 0 else nodes

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -238,6 +239,15 @@ def moved(points: Array, motion: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class _Image:
+    """A checked depth image, (H, W), and its pinhole's focal lengths and centre, pixels."""
+
+    depth: Array
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class View:
     """What one camera saw: points in its frame, and where it stood.
 
@@ -320,12 +330,34 @@ class View:
                 "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
                 f"got {camera.tolist()}"
             )
-        points, dropped = _core.unproject(image, (fx, fy), (cx, cy))
+        copied, dropped = _core.copy_depth(image)
         seen = None
         if colors is not None:
             seen = color_array("colors", colors, (*image.shape, 3))[np.isfinite(image) & (image > 0)]
-        placed = np.eye(4) if pose is None else as_array("pose", pose)
-        return cls(points, placed, dropped, seen)
+        placed = np.eye(4) if pose is None else rigid_motion("pose", as_array("pose", pose))
+        return cls._made(_image=_Image(copied, (fx, fy), (cx, cy)), pose=placed, dropped=dropped, colors=seen)
+
+    @classmethod
+    def _made(cls, **fields: object) -> View:
+        """Make a view of what has been checked and is no one else's."""
+        view = object.__new__(cls)
+        view.__dict__.update(fields)
+        return view
+
+    def _with(self, points: Array, colors: Array | None) -> View:
+        """Return the view with some of its points, its own arrays."""
+        return self._made(points=points, pose=self.pose, dropped=self.dropped, colors=colors)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Array:
+            """Un-project a depth image when its points are asked for: most are only cropped."""
+            image = self.__dict__.get("_image")
+            if name != "points" or image is None:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            points = _core.unproject(image.depth, image.focal, image.centre)
+            object.__setattr__(self, "points", points)
+            return points
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
@@ -370,7 +402,11 @@ class View:
     def only(self, chosen: NDArray[np.bool_]) -> View:
         """Return the view with some of its points, (N,) of bool."""
         colors = None if self.colors is None else self.colors[chosen]
-        return replace(self, points=self.points[chosen], colors=colors)
+        return self._with(self.points[chosen], colors)
+
+    def moved(self, motion: Array) -> View:
+        """Return the view after a (4, 4) rigid motion of the world frame."""
+        return self._made(**{**self.__dict__, "pose": motion @ self.pose})
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
         """Keep the points inside the extraction range.
@@ -392,9 +428,30 @@ class View:
         ValueError
             If a low corner is not below its high one.
         """
-        low, high = extraction_range(bounds)
-        points, colors = _core.crop(self.points, self.pose, low, high, self.colors)
-        return replace(self, points=points, colors=colors)
+        return cropped([self], extraction_range(bounds))[0]
+
+
+def cropped(views: Sequence[View], bounds: tuple[Array, Array]) -> list[View]:
+    """Keep the points of views inside a checked extraction range, as `View.crop` does."""
+    # what of an image lies outside is not un-projected
+    images = {
+        i: view.__dict__["_image"]
+        for i, view in enumerate(views)
+        if "points" not in view.__dict__ and view.colors is None
+    }
+    found = _core.crop_images(
+        [image.depth for image in images.values()],
+        [(image.focal, image.centre) for image in images.values()],
+        [views[i].pose for i in images],
+        *bounds,
+    )
+    inside: dict[int, tuple[Array, Array | None]] = {
+        i: (points, None) for i, points in zip(images, found, strict=True)
+    }
+    for i, view in enumerate(views):
+        if i not in inside:
+            inside[i] = _core.crop(view.points, view.pose, *bounds, view.colors)
+    return [view._with(*inside[i]) for i, view in enumerate(views)]
 
 
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:

@@ -33,28 +33,25 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
     }
     let grid = parallel::run(|| Grid::new(points, far));
     let center = centroid(points);
-    // positions in the grid's order, farthest from the centroid first
-    let mut bases: Vec<usize> = (0..points.len()).collect();
     let remoteness: Vec<f64> =
         (0..points.len()).map(|i| squared_distance(points[grid.input_index(i)], center)).collect();
-    bases.sort_by(|&a, &b| {
+    // of positions in the grid's order, the farthest from the centroid is the first
+    let farther = |&a: &usize, &b: &usize| {
         remoteness[b].total_cmp(&remoteness[a]).then(grid.input_index(a).cmp(&grid.input_index(b)))
-    });
-    if let Some(start) = start {
-        let first = bases.iter().position(|&base| grid.input_index(base) == start);
-        bases[..=first.expect("every index has a position")].rotate_right(1);
-    }
+    };
+    let first = match start {
+        Some(start) => (0..points.len()).find(|&position| grid.input_index(position) == start),
+        None => (0..points.len()).min_by(farther),
+    };
+    let Some(first) = first else { return Ok(Vec::new()) };
     let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near };
-    let mut chains = Vec::new();
+    let mut chains = vec![tracer.chain(first)];
+    // the first chain takes most of them
+    let mut bases: Vec<usize> = (0..points.len()).filter(|&position| tracer.target[position]).collect();
+    bases.sort_unstable_by(farther);
     for base in bases {
         if tracer.target[base] {
-            let mut chain = tracer.grow(base);
-            chain.reverse();
-            chain.pop();
-            let other_side = tracer.grow(base);
-            chain.push(base);
-            chain.extend(&other_side[1..]);
-            chains.push(chain.into_iter().map(|position| grid.input_index(position)).collect());
+            chains.push(tracer.chain(base));
         }
     }
     Ok(chains)
@@ -67,6 +64,16 @@ struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
+    /// Input indices of the nodes that grow from both sides of a base.
+    fn chain(&mut self, base: usize) -> Vec<usize> {
+        let mut chain = self.grow(base);
+        chain.reverse();
+        chain.pop();
+        let other_side = self.grow(base);
+        chain.extend(&other_side);
+        chain.into_iter().map(|position| self.grid.input_index(position)).collect()
+    }
+
     /// Nodes from `base` on until no target is within reach; the base is the first.
     fn grow(&mut self, base: usize) -> Vec<usize> {
         let mut nodes = vec![base];

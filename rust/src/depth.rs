@@ -12,30 +12,50 @@ pub struct Pinhole {
     pub center: [f64; 2],
 }
 
-/// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy, and how many
-/// pixels are NaN or infinite. These and 0 are pixels without a return.
+impl Pinhole {
+    /// The point in the camera frame that a pixel of column `u` and row `v` sees at the depth `z`.
+    #[inline(always)]
+    pub(crate) fn point(&self, u: f64, v: f64, z: f64) -> Point {
+        [(u - self.center[0]) * z / self.focal[0], (v - self.center[1]) * z / self.focal[1], z]
+    }
+}
+
+/// Whether a pixel has a return.
+#[inline(always)]
+pub(crate) fn has_return(z: f64) -> bool {
+    z > 0.0 && z < f64::INFINITY
+}
+
+/// A copy of a depth image, and how many pixels are NaN or infinite. These and 0 are pixels without a return.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a depth is negative.
-pub fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Result<(Vec<Point>, usize)> {
-    let (mut points, mut dropped) = (Vec::with_capacity(depth.len()), 0);
+pub fn copy_depth(depth: &[f64]) -> Result<(Vec<f64>, usize)> {
+    let mut copy = Vec::with_capacity(depth.len());
+    let (mut dropped, mut negative) = (0, false);
+    for part in depth.chunks(1024) {
+        copy.extend_from_slice(part);
+        dropped += part.iter().filter(|z| !z.is_finite()).count();
+        // minus infinity is dropped
+        negative |= part.iter().fold(false, |negative, &z| negative | ((z < 0.0) & z.is_finite()));
+    }
+    if negative {
+        return Err(Error::invalid("depth", "expected depths >= 0, got a negative one"));
+    }
+    Ok((copy, dropped))
+}
+
+/// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
+pub fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
+    let mut points = Vec::with_capacity(depth.len());
     for (v, row) in depth.chunks_exact(width.max(1)).enumerate() {
-        let y = v as f64 - camera.center[1];
         for (u, &z) in row.iter().enumerate() {
-            if z > 0.0 && z < f64::INFINITY {
-                points.push([
-                    (u as f64 - camera.center[0]) * z / camera.focal[0],
-                    y * z / camera.focal[1],
-                    z,
-                ]);
-            } else if !z.is_finite() {
-                dropped += 1;
-            } else if z < 0.0 {
-                return Err(Error::invalid("depth", "expected depths >= 0, got a negative one"));
+            if has_return(z) {
+                points.push(camera.point(u as f64, v as f64, z));
             }
         }
     }
-    Ok((points, dropped))
+    points
 }
 
 #[cfg(test)]
@@ -46,10 +66,9 @@ mod tests {
     fn pixels_without_a_return_make_no_points() {
         let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
         let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
-        let (points, dropped) = unproject(&depth, 3, camera).unwrap();
-        assert_eq!(points, [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
-        assert_eq!(dropped, 2);
-        assert!(unproject(&[-1.0], 1, camera).is_err());
-        assert!(unproject(&[], 0, camera).unwrap().0.is_empty());
+        assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
+        assert_eq!(copy_depth(&depth).unwrap().1, 2);
+        assert!(copy_depth(&[-1.0]).is_err());
+        assert!(unproject(&[], 0, camera).is_empty());
     }
 }

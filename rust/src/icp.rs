@@ -103,6 +103,26 @@ pub fn icp(
     }))
 }
 
+/// Registers clouds one after the other, each to all before it where these have come to lie (eq. 15); the first stays.
+///
+/// Gives the outcomes for all but the first.
+///
+/// # Errors
+/// As [`icp`].
+pub fn register_in_turn(clouds: &[&[Point]], options: &IcpOptions) -> Result<Vec<IcpResult>> {
+    let [first, others @ ..] = clouds else { return Ok(Vec::new()) };
+    parallel::run(|| {
+        let mut target = first.to_vec();
+        let mut results = Vec::with_capacity(others.len());
+        for &cloud in others {
+            let result = icp(cloud, &target, Objective::PointToPoint, options)?;
+            target.extend(cloud.iter().map(|&p| result.transformation.apply(p)));
+            results.push(result);
+        }
+        Ok(results)
+    })
+}
+
 fn iterate(pairing: &mut Pairing, objective: Objective, options: &IcpOptions) -> IcpResult {
     let mut pose = options.start;
     let mut pairs = pairing.pair(&pose);

@@ -7,6 +7,8 @@
 use std::marker::PhantomData;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
+#[cfg(feature = "python")]
+use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// A pool, and the one that was built before it.
@@ -45,6 +47,15 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         // the system gives no threads: rayon then runs the iterators on the calling one
         None => work(),
     }
+}
+
+/// Results of some work on each of several things, in parallel.
+#[cfg(feature = "python")]
+pub(crate) fn each<T: Sync, R: Send>(
+    things: &[T],
+    work: impl Fn(&T) -> crate::Result<R> + Sync + Send,
+) -> crate::Result<Vec<R>> {
+    run(|| things.par_iter().map(work).collect())
 }
 
 /// The pool of this process with the wanted number of threads.

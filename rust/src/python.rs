@@ -14,7 +14,7 @@ use arguments::{
     FloatArray, PointsArray, Rows, count, motion, number, points_array, require_same_length, viewpoints,
 };
 
-use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints};
+use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints, parallel};
 
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
@@ -110,6 +110,37 @@ fn count_neighbors<'py>(
     let counts = py.detach(|| crate::count_neighbors(&rows.select(points), radius))?;
     let counts = counts.into_iter().map(|count| count as i64).collect();
     Ok(PyArray1::from_vec(py, rows.scatter(counts, 0)))
+}
+
+/// Count the neighbours of the points of several clouds; see `count_neighbors`.
+#[pyfunction]
+fn count_neighbors_each<'py>(
+    py: Python<'py>,
+    clouds: Vec<Bound<'py, PyAny>>,
+    radius: f64,
+) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
+    let clouds = FloatArray::all("clouds", &clouds)?;
+    let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
+    let counts = py.detach(|| parallel::each(&clouds, |cloud| crate::count_neighbors(cloud, radius)))?;
+    let array =
+        |counts: Vec<usize>| PyArray1::from_vec(py, counts.into_iter().map(|count| count as i64).collect());
+    Ok(counts.into_iter().map(array).collect())
+}
+
+/// Estimate the normals of several clouds from all points within a radius, towards a camera at the origin; see
+/// `estimate_normals`.
+#[pyfunction]
+fn estimate_normals_each<'py>(
+    py: Python<'py>,
+    clouds: Vec<Bound<'py, PyAny>>,
+    radius: f64,
+) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+    let clouds = FloatArray::all("clouds", &clouds)?;
+    let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
+    let (near, camera) = (Neighbors::Within(radius), Viewpoints::One([0.0; 3]));
+    let found =
+        py.detach(|| parallel::each(&clouds, |cloud| crate::estimate_normals(cloud, near, camera)))?;
+    found.into_iter().map(|found| points_array(py, found.normals)).collect()
 }
 
 /// Estimate surface normals from the plane through each point's neighbours (section IV-B, eq. 10-14).
@@ -365,6 +396,24 @@ fn icp<'py>(
     Ok(IcpResult(result))
 }
 
+/// Register clouds one after the other, each to all before it; see `icp`.
+///
+/// Gives the outcome for all but the first.
+#[pyfunction]
+fn register_in_turn(
+    py: Python<'_>,
+    clouds: Vec<Bound<'_, PyAny>>,
+    max_correspondence_distance: f64,
+    max_iterations: usize,
+    tolerance: f64,
+) -> PyResult<Vec<IcpResult>> {
+    let clouds = FloatArray::all("clouds", &clouds)?;
+    let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
+    let options =
+        IcpOptions { start: RigidMotion::identity(), max_correspondence_distance, max_iterations, tolerance };
+    Ok(py.detach(|| crate::register_in_turn(&clouds, &options))?.into_iter().map(IcpResult).collect())
+}
+
 /// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
 ///
 /// Every surface point moves inwards by the string's radius, c_i = p_i - r n_i; where at least
@@ -514,7 +563,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<IcpResult>()?;
     module.add_class::<views::Sight>()?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
+    module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop, module)?)?;
+    module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
     module.add_function(wrap_pyfunction!(curves::straighten, module)?)?;
     module.add_function(wrap_pyfunction!(views::hides, module)?)?;
     module.add_function(wrap_pyfunction!(views::usual_neighbors, module)?)?;
@@ -522,8 +573,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;
+    module.add_function(wrap_pyfunction!(count_neighbors_each, module)?)?;
     module.add_function(wrap_pyfunction!(estimate_normals, module)?)?;
+    module.add_function(wrap_pyfunction!(estimate_normals_each, module)?)?;
     module.add_function(wrap_pyfunction!(icp, module)?)?;
+    module.add_function(wrap_pyfunction!(register_in_turn, module)?)?;
     module.add_function(wrap_pyfunction!(centerline, module)?)?;
     module.add_function(wrap_pyfunction!(trace_chains, module)?)?;
     module.add_function(wrap_pyfunction!(tubes::strip_radii, module)?)?;

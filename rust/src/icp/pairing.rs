@@ -1,7 +1,8 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
 //! A search also tells how near any other target point is at least. While the source point has moved by less than
-//! what that leaves, its partner stays the nearest, and nothing is searched.
+//! what that leaves, its partner stays the nearest. After that one of the few that were near may have become the
+//! nearest, and only where it has moved by more than what all others leave is searched again.
 
 use std::sync::OnceLock;
 
@@ -13,18 +14,24 @@ use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
 use crate::index::Tree;
 use crate::index::around::{Around, squared_distances};
-use crate::index::cells::{Bounds, Cells, reach_of};
-use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
+use crate::index::cells::{Bounds, Cells, bounds, reach_of};
+use crate::wide::{self, BATCH, LANES, Lanes, Simd, Singles, Wide};
 
 /// Target points that are within the width of a cell from one.
 const NEAR: usize = 40;
-/// How much farther than the last partner is looked, in cells, so that the next search is not soon.
-const MORE: f64 = 0.25;
+/// What is kept of a point's surroundings: the points on a surface within this many cells of the nearest, and at most
+/// so many of them.
+const SPREAD: f64 = 0.35;
+const LISTED: usize = 6;
 /// Farther than this many cells, and where more points than this are met, the tree is quicker.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 2048;
 /// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
-const BATCHES_PER_TASK: usize = 64;
+const BATCHES_PER_TASK: usize = 16;
+/// So few lanes of a batch are searched for alone.
+const FEW: usize = 1;
+/// All lanes.
+const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 /// No target point.
 const NONE: u32 = u32::MAX;
 
@@ -37,6 +44,10 @@ struct Batch {
     partners: [u32; BATCH],
     /// All other target points are farther than this.
     others: [f64; BATCH],
+    /// Positions of target points that were near, the partner among them, and none behind the last.
+    listed: [[u32; LISTED]; BATCH],
+    /// All target points that are not listed are farther than this.
+    beyond: [f64; BATCH],
 }
 
 /// Both clouds and the pairs.
@@ -104,8 +115,10 @@ impl Pairing {
         let sorted = cells.sorted();
         // by where they are at first, because they will not go far
         let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
-        let largest =
-            |points: &[Point]| points.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let largest = |points: &[Point]| {
+            let Bounds { low, high } = bounds(points);
+            low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()))
+        };
         let blur = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
         let batches = places
@@ -120,7 +133,14 @@ impl Pairing {
                         points[k][l] = x[k];
                     }
                 }
-                Batch { count: positions.len(), points, partners: [NONE; BATCH], others: [-1.0; BATCH] }
+                Batch {
+                    count: positions.len(),
+                    points,
+                    partners: [NONE; BATCH],
+                    others: [-1.0; BATCH],
+                    listed: [[NONE; LISTED]; BATCH],
+                    beyond: [-1.0; BATCH],
+                }
             })
             .collect();
         let reach = options.max_correspondence_distance;
@@ -144,7 +164,9 @@ impl Pairing {
         let mut batches = std::mem::take(&mut self.batches);
         let parts: Vec<[f64; TERMS]> = batches
             .par_chunks_mut(BATCHES_PER_TASK)
-            .map(|batches| wide::run(Pair { pairing: self, batches, pose, origin }))
+            .map_init(Around::default, |around, batches| {
+                wide::run(Pair { pairing: self, batches, pose, origin, around })
+            })
             .collect();
         self.batches = batches;
         self.pose = *pose;
@@ -184,6 +206,24 @@ impl Pairing {
         parts.iter().sum()
     }
 
+    /// Makes the nearest of the listed points the partner; tells whether none of the others may be one instead.
+    #[inline(always)]
+    fn choose(&self, batch: &mut Batch, l: usize, moved: Point) -> bool {
+        let (mut best, mut position, mut next) = (f64::INFINITY, NONE, f64::INFINITY);
+        for &listed in &batch.listed[l] {
+            let Some(&target) = self.sorted.get(listed as usize) else { break };
+            let square = squared_distance(target, moved);
+            next = next.min(best.max(square));
+            let nearer = square < best || (square == best && listed < position);
+            position = if nearer { listed } else { position };
+            best = best.min(square);
+        }
+        batch.partners[l] = position;
+        batch.others[l] = next.sqrt().min(batch.beyond[l]);
+        let none = best > self.reach * self.reach && self.reach < batch.beyond[l];
+        none || (position != NONE && is_below(best, batch.beyond[l]))
+    }
+
     /// The nearest target point by the tree.
     #[cold]
     fn search_tree(&self, moved: Point) -> (u32, f64) {
@@ -200,6 +240,8 @@ struct Pair<'a> {
     batches: &'a mut [Batch],
     pose: &'a RigidMotion,
     origin: Point,
+    /// What a task keeps from search to search.
+    around: &'a mut Around,
 }
 
 impl Wide for Pair<'_> {
@@ -207,39 +249,55 @@ impl Wide for Pair<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> [f64; TERMS] {
-        let Self { pairing, batches, pose, origin } = self;
+        let Self { pairing, batches, pose, origin, around } = self;
         let limit = pairing.reach * pairing.reach;
-        let mut around = Around::default();
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
             let moved = moved_to(&batch.points, pose);
-            let steps = distances(&moved, &moved_to(&batch.points, &pairing.pose));
+            let steps = squares(&moved, &moved_to(&batch.points, &pairing.pose)).map(f64::sqrt);
             let mut targets = [[0.0; BATCH]; 3];
+            for l in 0..BATCH {
+                let partner = pairing.sorted.get(batch.partners[l] as usize).unwrap_or(&origin);
+                for k in 0..3 {
+                    targets[k][l] = partner[k];
+                }
+            }
+            let apart = squares(&moved, &targets);
+            let mut same = [true; BATCH];
+            for l in 0..BATCH {
+                batch.others[l] -= steps[l] + pairing.blur;
+                batch.beyond[l] -= steps[l] + pairing.blur;
+                let nearest = is_below(apart[l], batch.others[l]);
+                // then it does not matter which is the nearest
+                let none =
+                    ((apart[l] > limit) | (batch.partners[l] == NONE)) & (pairing.reach < batch.others[l]);
+                same[l] = (nearest & (batch.partners[l] != NONE)) | none;
+            }
             let mut left = [0; BATCH];
             let mut count = 0;
             for l in 0..batch.count {
-                batch.others[l] -= steps[l] + pairing.blur;
-                let p: Point = [moved[0][l], moved[1][l], moved[2][l]];
-                let same = match pairing.sorted.get(batch.partners[l] as usize) {
-                    Some(&partner) => {
-                        for k in 0..3 {
-                            targets[k][l] = partner[k];
-                        }
-                        let others = batch.others[l].max(0.0);
-                        squared_distance(partner, p) < others * others
-                    }
-                    None => pairing.reach < batch.others[l],
-                };
                 left[count] = l;
-                count += usize::from(!same);
+                count += usize::from(!same[l]);
             }
-            if count > 0 {
-                search(simd, pairing, batch, &moved, &left[..count], &mut around);
-                for &l in &left[..count] {
-                    if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
-                        for k in 0..3 {
-                            targets[k][l] = partner[k];
-                        }
+            let mut open = [0; BATCH];
+            let mut open_count = 0;
+            for &l in &left[..count] {
+                open[open_count] = l;
+                let sure = pairing.choose(batch, l, [moved[0][l], moved[1][l], moved[2][l]]);
+                open_count += usize::from(!sure);
+            }
+            if open_count > FEW {
+                // then all of them: others would follow soon, and cost little more now
+                (left, count) = (ALL, batch.count);
+                (open, open_count) = (left, count);
+            }
+            if open_count > 0 {
+                search(simd, pairing, batch, &moved, &open[..open_count], around);
+            }
+            for &l in &left[..count] {
+                if let Some(&partner) = pairing.sorted.get(batch.partners[l] as usize) {
+                    for k in 0..3 {
+                        targets[k][l] = partner[k];
                     }
                 }
             }
@@ -269,15 +327,15 @@ fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3]
     moved
 }
 
-/// Distances between the points of the lanes.
+/// Squared distances between the points of the lanes.
 #[inline(always)]
-fn distances(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
-    let mut distances = [0.0; BATCH];
+fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
+    let mut squares = [0.0; BATCH];
     for l in 0..BATCH {
         let d = [a[0][l] - b[0][l], a[1][l] - b[1][l], a[2][l] - b[2][l]];
-        distances[l] = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        squares[l] = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     }
-    distances
+    squares
 }
 
 /// Adds the pairs of half a batch.
@@ -319,6 +377,13 @@ fn add_pairs(
     }
 }
 
+/// Whether a squared distance is below a distance, which may be negative.
+#[inline(always)]
+fn is_below(square: f64, distance: f64) -> bool {
+    let distance = distance.max(0.0);
+    square < distance * distance
+}
+
 /// Finds the partners of some lanes of a batch.
 #[inline(always)]
 fn search<S: Simd>(
@@ -331,6 +396,9 @@ fn search<S: Simd>(
 ) {
     let Pairing { cells, sorted, reach, .. } = pairing;
     let moved = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
+    // to there all is listed
+    let spread = SPREAD * cells.size();
+    let farthest = reach.hypot(spread);
     let mut left = [0; BATCH];
     left[..lanes.len()].copy_from_slice(lanes);
     let mut count = lanes.len();
@@ -338,12 +406,12 @@ fn search<S: Simd>(
     for &l in lanes {
         // what was the nearest is not farther than the nearest
         let known = match sorted.get(batch.partners[l] as usize) {
-            Some(&partner) => squared_distance(partner, moved(l)).sqrt() + MORE * cells.size(),
+            Some(&partner) => 1.001 * (squared_distance(partner, moved(l)) + spread * spread).sqrt(),
             None => cells.size(),
         };
         search_reach = f64::max(search_reach, known);
     }
-    search_reach = search_reach.min(*reach);
+    search_reach = search_reach.min(farthest);
     while count > 0 {
         let mut bounds = Bounds::NONE;
         for &l in &left[..count] {
@@ -353,66 +421,91 @@ fn search<S: Simd>(
         if search_reach > FARTHEST * cells.size() || around.count() > MOST {
             for &l in &left[..count] {
                 (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
+                (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], batch.others[l]);
             }
             return;
         }
         let points = frame.lanes(left[..count].iter().map(|&l| moved(l)));
-        let (best, second, number) = nearest_two(simd, around, &points);
-        let (low, high) = frame.limits(search_reach);
-        let last = search_reach >= *reach;
+        let Nearest { numbers, first, second, next } = nearest(simd, around, &points);
+        let (low, _) = frame.limits(search_reach);
+        let last = search_reach >= farthest;
+        let spread = (spread * frame.unit).powi(2) as f32;
+        let surely =
+            |square: f32| (f64::from(square.min(low)) - f64::from(frame.slack)).max(0.0).sqrt() / frame.unit;
         let mut kept = 0;
         for i in 0..count {
             let l = left[i];
-            if best[i] <= low && second[i] - best[i] > 2.0 * frame.slack {
-                let apart = (f64::from(second[i]) - f64::from(frame.slack)).sqrt() / frame.unit;
-                batch.partners[l] = number[i].to_bits();
-                batch.others[l] = apart.min(search_reach);
-            } else if best[i] > high && last {
-                batch.partners[l] = NONE;
-                batch.others[l] = search_reach;
-            } else if best[i] <= high {
-                let (square, position, next) = exact_two(cells, around, moved(l));
-                if square <= search_reach * search_reach || last {
-                    let found = square <= search_reach * search_reach;
-                    batch.partners[l] = if found { position } else { NONE };
-                    batch.others[l] = if found { next.sqrt().min(search_reach) } else { search_reach };
-                } else {
-                    left[kept] = l;
-                    kept += 1;
-                }
-            } else {
+            if first[i] + spread > low && !last {
                 left[kept] = l;
                 kept += 1;
+                continue;
+            }
+            for n in 0..LISTED {
+                batch.listed[l][n] = numbers[n][i].to_bits();
+            }
+            batch.beyond[l] = surely(next[i]);
+            if first[i] > low {
+                (batch.partners[l], batch.others[l]) = (NONE, surely(low));
+            } else if second[i] - first[i] > 2.0 * frame.slack {
+                (batch.partners[l], batch.others[l]) = (batch.listed[l][0], surely(second[i]));
+            } else if !pairing.choose(batch, l, moved(l)) {
+                // too many are as near as the nearest
+                let (square, position, apart) = exact_two(cells, around, moved(l));
+                let found = square <= search_reach * search_reach;
+                batch.partners[l] = if found { position } else { NONE };
+                batch.others[l] = if found { apart.sqrt().min(search_reach) } else { search_reach };
+                (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], 0.0);
             }
         }
         count = kept;
-        search_reach = (2.0 * search_reach).min(*reach);
+        search_reach = (2.0 * search_reach).min(farthest);
     }
 }
 
-/// The squared distances of the nearest and of the next point around for each lane, and the number of the nearest.
+/// The nearest points around for each lane.
+struct Nearest {
+    /// Their numbers, the nearest first.
+    numbers: [Singles; LISTED],
+    /// Squared distances of the first, of the second, and of the next one after the last.
+    first: Singles,
+    second: Singles,
+    next: Singles,
+}
+
+/// Finds the nearest points around for each lane.
 #[inline(always)]
-fn nearest_two<S: Simd>(
-    simd: S,
-    around: &Around,
-    points: &[wide::Singles; 3],
-) -> (wide::Singles, wide::Singles, wide::Singles) {
+fn nearest<S: Simd>(simd: S, around: &Around, points: &[Singles; 3]) -> Nearest {
     let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
-    let far = simd.splat(f32::MAX);
-    let (mut best, mut second, mut number) = (far, far, simd.splat(f32::from_bits(NONE)));
+    let mut squares = [simd.splat(f32::MAX); LISTED + 1];
+    let mut numbers = [simd.splat(f32::from_bits(NONE)); LISTED];
     let [x, y, z] = around.axes();
     for (((&x, &y), &z), &this) in x.iter().zip(y).zip(z).zip(around.numbers()) {
-        let squares = squared_distances(simd, x, y, z, lanes);
-        // two chains of one operation each: what is nearer waits for neither
-        let nearer = simd.le(squares, best);
-        second = simd.min(second, simd.max(best, squares));
-        best = simd.min(best, squares);
-        number = simd.select(nearer, simd.splat(this), number);
+        let mut square = squared_distances(simd, x, y, z, lanes);
+        if simd.bits(simd.le(square, squares[LISTED])) == 0 {
+            continue;
+        }
+        let mut number = simd.splat(this);
+        for n in 0..LISTED {
+            let nearer = simd.le(square, squares[n]);
+            let farther = simd.max(square, squares[n]);
+            squares[n] = simd.min(square, squares[n]);
+            square = farther;
+            let after = simd.select(nearer, numbers[n], number);
+            numbers[n] = simd.select(nearer, number, numbers[n]);
+            number = after;
+        }
+        squares[LISTED] = simd.min(square, squares[LISTED]);
     }
-    (simd.store(best), simd.store(second), simd.store(number))
+    Nearest {
+        numbers: numbers.map(|number| simd.store(number)),
+        first: simd.store(squares[0]),
+        second: simd.store(squares[1]),
+        next: simd.store(squares[LISTED]),
+    }
 }
 
-/// The same for one point in double precision, of equals the first in the cells' order.
+/// The squared distance and position of the nearest point around, of equals the first in the cells' order, and the squared
+/// distance of the next, in double precision.
 #[cold]
 fn exact_two(cells: &Cells, around: &Around, moved: Point) -> (f64, u32, f64) {
     let (mut best, mut position, mut second) = (f64::INFINITY, NONE, f64::INFINITY);

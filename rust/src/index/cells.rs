@@ -29,9 +29,10 @@ const BATCHES_PER_TASK: usize = 64;
 const POINTS_PER_PART: usize = 1 << 15;
 /// Most bits of a digit of the sort.
 const DIGIT_BITS: u32 = 10;
-/// Points from which distances between neighbours are estimated, and the part of the cloud that they are sought in.
+/// Points from which distances between neighbours are estimated, and the part of the cloud that they are sought in: an
+/// eighth, but at least and at most so many points.
 const REACH_SEEDS: usize = 16;
-const REACH_POINTS: usize = 4096;
+const REACH_POINTS: [usize; 2] = [1024, 4096];
 /// Distances below this count as this: their squares are lost in double precision.
 const SHORTEST: f64 = 1e-150;
 
@@ -475,7 +476,8 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
         let step = points.len().div_ceil(count).max(1);
         points.iter().step_by(step).copied().collect::<Vec<Point>>()
     };
-    let (seeds, part) = (every(REACH_SEEDS), every(REACH_POINTS));
+    let (seeds, part) =
+        (every(REACH_SEEDS), every((points.len() / 8).clamp(REACH_POINTS[0], REACH_POINTS[1])));
     // k points of all are as many of a part
     let few = (k * part.len()).div_ceil(points.len()).clamp(2.min(part.len()), part.len());
     let mut squares: Vec<f64> = seeds
@@ -593,7 +595,7 @@ pub(super) fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64>
 }
 
 /// The box around points.
-fn bounds(points: &[Point]) -> Bounds {
+pub fn bounds(points: &[Point]) -> Bounds {
     points
         .par_chunks(POINTS_PER_PART)
         .map(|points| {

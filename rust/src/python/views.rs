@@ -8,19 +8,64 @@ use super::arguments::{
 };
 use crate::{Point, Result, Seen, SightView};
 
-/// The points of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+/// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+#[pyfunction]
+pub(super) fn copy_depth<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, usize)> {
+    let depth = FloatArray::new("depth", depth)?;
+    let (shape, image) = (image_shape(&depth)?, depth.slice()?);
+    let (copy, dropped) = py.detach(|| crate::copy_depth(image))?;
+    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped))
+}
+
+/// The points of a depth image; see `strand.View.from_depth`.
 #[pyfunction]
 pub(super) fn unproject<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
     focal: [f64; 2],
     center: [f64; 2],
-) -> PyResult<(PointsArray<'py>, usize)> {
+) -> PyResult<PointsArray<'py>> {
     let depth = FloatArray::new("depth", depth)?;
-    let &[_, width] = depth.0.shape() else { return Err(wrong_shape("depth", "(H, W)", depth.0.shape())) };
-    let image = depth.slice()?;
-    let (points, dropped) = py.detach(|| crate::unproject(image, width, crate::Pinhole { focal, center }))?;
-    Ok((points_array(py, points)?, dropped))
+    let ([_, width], image) = (image_shape(&depth)?, depth.slice()?);
+    let points = py.detach(|| crate::unproject(image, width, crate::Pinhole { focal, center }));
+    points_array(py, points)
+}
+
+fn image_shape(depth: &FloatArray) -> PyResult<[usize; 2]> {
+    depth.0.shape().try_into().map_err(|_| wrong_shape("depth", "(H, W)", depth.0.shape()))
+}
+
+/// The points of depth images in an extraction range; see `strand.view.cropped`.
+#[pyfunction]
+pub(super) fn crop_images<'py>(
+    py: Python<'py>,
+    depths: Vec<Bound<'py, PyAny>>,
+    cameras: Vec<[[f64; 2]; 2]>,
+    poses: Vec<Bound<'py, PyAny>>,
+    low: Point,
+    high: Point,
+) -> PyResult<Vec<PointsArray<'py>>> {
+    require_same_length("cameras", cameras.len(), depths.len())?;
+    require_same_length("poses", poses.len(), depths.len())?;
+    let depths = FloatArray::all("depths", &depths)?;
+    let views = depths
+        .iter()
+        .zip(cameras)
+        .zip(&poses)
+        .map(|((depth, [focal, center]), pose)| {
+            Ok(crate::DepthView {
+                depth: depth.slice()?,
+                width: image_shape(depth)?[1].max(1),
+                camera: crate::Pinhole { focal, center },
+                pose: motion("poses", pose)?,
+            })
+        })
+        .collect::<PyResult<Vec<_>>>()?;
+    let found = py.detach(|| crate::crop_images(&views, [low, high]));
+    found.into_iter().map(|points| points_array(py, points)).collect()
 }
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
