@@ -71,7 +71,7 @@ pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
 pub use index::Tree;
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
-pub use sight::{Seen, Sight, SightView, hides};
+pub use sight::{Saw, Seen, Sight, SightView, hides};
 pub use spline::{Spline, arc_length};
 pub use straighten::straighten;
 pub use strips::{Strip, strip_radii};
