@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 
 use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
-use crate::geometry::{advance, squared_distance, sub};
-use crate::index::around::{Around, squared_distances};
+use crate::geometry::{advance, squared_distance};
+use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
+use crate::lattice::{Lattice, Sums};
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, LANES, Simd, Wide};
+use crate::wide::{self, BATCH, Simd, Wide};
 use crate::{Point, parallel};
 
 /// Cells to the reach of the average.
@@ -50,13 +51,14 @@ pub fn centerline(
     let slots = Slots::new(&mut means);
     parallel::run(|| {
         let cells = Cells::new(&surface, 2.0 * radius / CELLS);
-        let axis = cells.gather(|i| advance(surface[i], -radius, normals[indices[i]]));
+        // axis points are up to the reach, half a batch and a radius from its middle
+        let lattice = Lattice::new(cells.low(), 8.0 * radius.max(cells.size()));
+        let axis = Carried::new(&cells, lattice, |i| advance(surface[i], -radius, normals[indices[i]]));
         cells.batches().for_each_task(|batches| {
-            let (mut around, mut near) = (Around::default(), Vec::new());
+            let mut around = Around::default();
             for batch in batches {
-                let (near, around) = (&mut near, &mut around);
-                let averages =
-                    Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around, near };
+                let around = &mut around;
+                let averages = Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around };
                 let (counts, means) = wide::run(averages);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
@@ -81,13 +83,11 @@ pub fn centerline(
 /// Numbers of the points within a reach of each point of a batch, and the means of their axis points.
 struct Averages<'a> {
     cells: &'a Cells,
-    /// The axis point c of each point, in the cells' order.
-    axis: &'a [Point],
+    /// The axis point c of each point.
+    axis: &'a Carried,
     reach: f64,
     batch: &'a [u32],
     around: &'a mut Around,
-    /// Axis points relative to the batch.
-    near: &'a mut Vec<Point>,
 }
 
 impl Wide for Averages<'_> {
@@ -95,86 +95,60 @@ impl Wide for Averages<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> ([usize; BATCH], [Point; BATCH]) {
-        let Self { cells, axis, reach, batch, around, near } = self;
-        let frame = around.find_apart::<S, true>(simd, cells, &cells.bounds(batch), reach);
-        let origin = frame.origin;
-        near.clear();
-        near.extend(around.positions().map(|i| sub(axis[i], origin)));
-        // what is in reach of all points of the batch, in several sums, so that one need not wait for the other
-        let mut parts = [[0.0; 3]; 4];
-        let (fours, rest) = around.inside().as_chunks::<4>();
-        for four in fours {
-            for (part, number) in parts.iter_mut().zip(four) {
-                let c = axis[number.to_bits() as usize];
-                for k in 0..3 {
-                    part[k] += c[k] - origin[k];
-                }
-            }
-        }
-        for number in rest {
-            let c = axis[number.to_bits() as usize];
-            for k in 0..3 {
-                parts[0][k] += c[k] - origin[k];
-            }
-        }
-        let inside = around.inside().len();
-        let mut inside_sum = [0.0; 3];
-        for k in 0..3 {
-            inside_sum[k] = (parts[0][k] + parts[1][k]) + (parts[2][k] + parts[3][k]);
-        }
+        let Self { cells, axis, reach, batch, around } = self;
+        let (frame, origin) = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
-        let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat(1.0));
-        let (mut surely, mut maybe) = (simd.splat(0.0), simd.splat(0.0));
-        let (mut first, mut second) = ([simd.zero(); 3], [simd.zero(); 3]);
-        let [x, y, z] = around.axes();
-        for (((&x, &y), &z), c) in x.iter().zip(y).zip(z).zip(&*near) {
+        let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));
+        let (mut counts, mut unsure) = (simd.splat_whole(0), simd.mask(0));
+        let mut sums = Sums::new(simd);
+        let ([x, y, z], [c_x, c_y, c_z]) = (around.axes(), around.values());
+        for (((((&x, &y), &z), &c_x), &c_y), &c_z) in x.iter().zip(y).zip(z).zip(c_x).zip(c_y).zip(c_z) {
             let squares = squared_distances(simd, x, y, z, lanes);
-            let within = simd.le(squares, low);
-            surely = simd.select(within, simd.add(surely, one), surely);
-            maybe = simd.select(simd.le(squares, high), simd.add(maybe, one), maybe);
-            for k in 0..3 {
-                first[k] = simd.add_if(simd.half::<false>(within), first[k], c[k]);
-                second[k] = simd.add_if(simd.half::<true>(within), second[k], c[k]);
-            }
+            let (within, maybe) = (simd.le(squares, low), simd.le(squares, high));
+            unsure = simd.or(unsure, simd.xor(within, maybe));
+            counts = simd.add_whole_if(within, counts, one);
+            sums.add(simd, within, [c_x, c_y, c_z].map(|c| simd.splat_whole(c)));
         }
-        let (surely, maybe) = (simd.store(surely), simd.store(maybe));
-        let mut sums = [[0.0; 3]; BATCH];
-        for k in 0..3 {
-            let halves = [simd.store_half(first[k]), simd.store_half(second[k])];
-            for l in 0..BATCH {
-                sums[l][k] = halves[l / LANES][l % LANES];
-            }
-        }
-        let mut counts = surely.map(|count| count as usize);
+        let (counts, unsure, sums) = (simd.store_whole(counts), simd.bits(unsure), sums.finish(simd));
+        let inside = around.inside();
+        let mut result = ([0; BATCH], [[0.0; 3]; BATCH]);
         for (l, &position) in batch.iter().enumerate() {
-            if surely[l] != maybe[l] {
-                (counts[l], sums[l]) = exactly(cells, position as usize, reach, around, near);
+            let (mut count, mut sum) = (counts[l] as usize, sums.map(|lanes| lanes[l]));
+            if unsure & (1 << l) != 0 {
+                (count, sum) = exactly(cells, axis, position as usize, reach, around, origin);
             }
-            counts[l] += inside;
+            count += inside.count;
             for k in 0..3 {
-                sums[l][k] += inside_sum[k];
+                sum[k] += inside.sums[k];
             }
+            result.0[l] = count;
+            result.1[l] = axis.lattice().moved(frame.origin, sum, count);
         }
-        // the sums are relative to the batch
-        let means =
-            std::array::from_fn(|l| std::array::from_fn(|k| origin[k] + sums[l][k] / counts[l] as f64));
-        (counts, means)
+        result
     }
 }
 
-/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, in double
-/// precision.
+/// The number of points within a reach, of those that may be beyond, and the sum of their axis points above an origin,
+/// with distances in double precision.
 #[cold]
-fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around, near: &[Point]) -> (usize, Point) {
+fn exactly(
+    cells: &Cells,
+    axis: &Carried,
+    position: usize,
+    reach: f64,
+    around: &Around,
+    origin: [i32; 3],
+) -> (usize, [i64; 3]) {
     let center = cells.point(position);
-    let (mut count, mut sum) = (0, [0.0; 3]);
-    for (i, c) in around.positions().zip(near) {
+    let (mut count, mut sum) = (0, [0; 3]);
+    for i in around.positions() {
         if squared_distance(cells.point(i), center) <= reach * reach {
             count += 1;
+            let c = axis.at(i);
             for k in 0..3 {
-                sum[k] += c[k];
+                sum[k] += i64::from(c[k].wrapping_sub(origin[k]));
             }
         }
     }

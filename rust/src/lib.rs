@@ -40,6 +40,7 @@ mod geometry;
 mod icp;
 mod index;
 mod lanes;
+mod lattice;
 mod normals;
 mod parallel;
 #[cfg(feature = "python")]

@@ -6,6 +6,7 @@
 
 use super::cells::{Bounds, Cells, Sweep};
 use crate::Point;
+use crate::lattice::{Lattice, Sums};
 use crate::wide::{BATCH, Simd, Singles};
 
 /// Points around a batch, and what a task keeps from batch to batch.
@@ -16,9 +17,9 @@ pub struct Around {
     /// Their positions, as the bits of numbers.
     positions: Vec<f32>,
     count: usize,
-    /// Positions of those that are within reach of the whole box, if they are kept apart.
-    inside: Vec<f32>,
-    inside_count: usize,
+    /// Their values, if they carry any.
+    values: [Vec<i32>; 3],
+    inside: Inside,
 }
 
 /// The frame that a batch's single precision coordinates are in.
@@ -37,45 +38,102 @@ pub struct Frame {
 /// Numbers of the lanes.
 const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
+/// The points that are surely within reach of all of a box: how many, and the sums of what they carry.
+#[derive(Default, Clone, Copy)]
+pub struct Inside {
+    pub count: usize,
+    pub sums: [i64; 3],
+}
+
+/// Places that the points of a cloud carry, as whole numbers.
+pub struct Carried {
+    lattice: Lattice,
+    /// In the cells' order; each list longer than the points by a row of lanes.
+    values: [Vec<i32>; 3],
+}
+
+impl Carried {
+    /// A place for each point, of its index in the input.
+    pub fn new(cells: &Cells, lattice: Lattice, place: impl Fn(usize) -> Point + Sync) -> Self {
+        Self { lattice, values: cells.gather_axes(|i| lattice.number(place(i))) }
+    }
+
+    /// The number along each axis of what the point at a position of the cells' order carries.
+    #[inline(always)]
+    pub fn at(&self, position: usize) -> [i32; 3] {
+        std::array::from_fn(|k| self.values[k][position])
+    }
+
+    /// The lattice that the numbers are of.
+    pub fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+}
+
 impl Around {
     /// Finds what lies within `reach` of a box, and perhaps a little more.
     #[inline(always)]
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
-        self.find_apart::<S, false>(simd, cells, bounds, reach)
+        self.sweep.find(cells, bounds, reach);
+        let frame = Frame::new(cells, bounds, reach);
+        self.gather::<S, false>(simd, cells, bounds, reach, &frame, [(&[], 0); 3]);
+        frame
     }
 
-    /// The same, and keeps `APART` what is surely within reach of all of the box.
+    /// The same, together with what points carry, above what a place is worth; but what is surely within reach of all
+    /// of the box is only counted and summed.
     #[inline(always)]
-    pub fn find_apart<S: Simd, const APART: bool>(
+    pub fn find_carried<S: Simd>(
         &mut self,
         simd: S,
         cells: &Cells,
         bounds: &Bounds,
         reach: f64,
-    ) -> Frame {
+        carried: &Carried,
+    ) -> (Frame, [i32; 3]) {
         self.sweep.find(cells, bounds, reach);
-        let unit = 1.0 / cells.size();
-        let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
-        let extent = reach + bounds.diagonal();
-        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
-        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
-        let frame = Frame { origin, unit, slack, extent };
+        let frame = Frame::new(cells, bounds, reach);
+        let origin = carried.lattice.number(frame.origin);
+        let lists = std::array::from_fn(|k| (carried.values[k].as_slice(), origin[k]));
+        self.gather::<S, true>(simd, cells, bounds, reach, &frame, lists);
+        (frame, origin)
+    }
+
+    /// Gathers what the sweep found.
+    #[inline(always)]
+    fn gather<S: Simd, const CARRY: bool>(
+        &mut self,
+        simd: S,
+        cells: &Cells,
+        bounds: &Bounds,
+        reach: f64,
+        frame: &Frame,
+        carried: [(&[i32], i32); 3],
+    ) {
+        let &Frame { origin, unit, .. } = frame;
         let (nearest, farthest) = frame.limits(reach);
         let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
         let side = |k: usize| ((bounds.high[k] - origin[k]) * unit) as f32;
         let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
         let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
-        for values in self.near.iter_mut().chain([&mut self.positions, &mut self.inside]) {
+        for values in self.near.iter_mut().chain([&mut self.positions]) {
             if values.len() < most {
                 values.resize(2 * most, 0.0);
             }
         }
         let [to_x, to_y, to_z] = self.near.each_mut().map(|values| &mut values[..most]);
         let to_positions = &mut self.positions[..most];
-        let to_inside = &mut self.inside[..most];
-        let mut inside_count = 0;
+        if CARRY {
+            for values in &mut self.values {
+                if values.len() < most {
+                    values.resize(2 * most, 0);
+                }
+            }
+        }
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
+        let mut inside = Sums::new(simd);
+        let mut inside_count = 0;
         for run in &self.sweep.runs {
             // whole rows: the lists are longer than the points by a row
             let rows = run.start..run.start + run.len().next_multiple_of(BATCH);
@@ -90,16 +148,25 @@ impl Around {
                 let gaps = simd.add(simd.add(gap_x, gap_y), gap_z);
                 let in_run = (1u32 << (run.end - first).min(BATCH)) - 1;
                 let mut bits = simd.bits(simd.le(gaps, farthest)) & in_run;
-                let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
-                if APART {
+                if CARRY {
                     let [far_x, far_y, far_z] =
                         [far(simd, x, half[0]), far(simd, y, half[1]), far(simd, z, half[2])];
                     let fars = simd.add(simd.add(far_x, far_y), far_z);
-                    let inside = simd.bits(simd.le(fars, nearest)) & bits;
-                    simd.compress(inside, simd.load(&numbers), &mut to_inside[inside_count..]);
-                    inside_count += inside.count_ones() as usize;
-                    bits &= !inside;
+                    let within = simd.bits(simd.le(fars, nearest)) & bits;
+                    let mut values = [simd.splat_whole(0); 3];
+                    for k in 0..3 {
+                        let (list, origin) = carried[k];
+                        let row = list[first..].first_chunk().expect("a row");
+                        values[k] = simd.sub_whole(simd.load_whole(row), simd.splat_whole(origin));
+                    }
+                    inside.add(simd, simd.mask(within), values);
+                    inside_count += within.count_ones();
+                    bits &= !within;
+                    for k in 0..3 {
+                        simd.compress_whole(bits, values[k], &mut self.values[k][count..most]);
+                    }
                 }
+                let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
                 simd.compress(bits, x, &mut to_x[count..]);
                 simd.compress(bits, y, &mut to_y[count..]);
                 simd.compress(bits, z, &mut to_z[count..]);
@@ -108,8 +175,22 @@ impl Around {
             }
         }
         self.count = count;
-        self.inside_count = inside_count;
-        frame
+        self.inside = Inside {
+            count: inside_count as usize,
+            sums: inside.finish(simd).map(|lanes| lanes.iter().sum()),
+        };
+    }
+
+    /// What is surely within reach of all of the box, if points carry numbers.
+    #[inline(always)]
+    pub fn inside(&self) -> Inside {
+        self.inside
+    }
+
+    /// What the points carry, above the origin.
+    #[inline(always)]
+    pub fn values(&self) -> [&[i32]; 3] {
+        self.values.each_ref().map(|values| &values[..self.count])
     }
 
     /// How many points there are.
@@ -122,12 +203,6 @@ impl Around {
     #[inline(always)]
     pub fn positions(&self) -> impl ExactSizeIterator<Item = usize> {
         self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
-    }
-
-    /// The positions of those that are kept apart, as the bits of numbers.
-    #[inline(always)]
-    pub fn inside(&self) -> &[f32] {
-        &self.inside[..self.inside_count]
     }
 
     /// The positions of all, as the bits of numbers.
@@ -167,6 +242,17 @@ pub fn squared_distances<S: Simd>(simd: S, x: f32, y: f32, z: f32, batch: [S::F;
 }
 
 impl Frame {
+    /// About a box.
+    #[inline(always)]
+    fn new(cells: &Cells, bounds: &Bounds, reach: f64) -> Self {
+        let unit = 1.0 / cells.size();
+        let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
+        let extent = reach + bounds.diagonal();
+        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
+        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        Self { origin, unit, slack, extent }
+    }
+
     /// Points in lanes; lanes without a point have the first one.
     #[inline(always)]
     pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {

@@ -193,6 +193,11 @@ impl Cells {
         [part(a, block - a), part(b, a - b), (part(block, u64::BITS - block - 1) << BLOCK_BITS) | part(0, b)]
     }
 
+    /// The least coordinates.
+    pub fn low(&self) -> Point {
+        self.low
+    }
+
     /// How many points there are.
     pub fn len(&self) -> usize {
         self.order.len()
@@ -223,6 +228,18 @@ impl Cells {
     /// Values of the points put in the cells' order.
     pub fn gather<T: Send>(&self, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
         fill(self.len(), |position| value(self.order[position] as usize))
+    }
+
+    /// Three numbers of each point put in the cells' order, each list longer than the points by a row of lanes.
+    pub fn gather_axes(&self, value: impl Fn(usize) -> [i32; 3] + Sync) -> [Vec<i32>; 3] {
+        let mut lists: [Vec<i32>; 3] = std::array::from_fn(|_| vec![0; self.len() + BATCH]);
+        let [x, y, z] = lists.each_mut().map(|list| list[..self.len()].par_chunks_mut(POINTS_PER_PART));
+        self.order.par_chunks(POINTS_PER_PART).zip(x).zip(y).zip(z).for_each(|(((order, x), y), z)| {
+            for (((&i, x), y), z) in order.iter().zip(x).zip(y).zip(z) {
+                [*x, *y, *z] = value(i as usize);
+            }
+        });
+        lists
     }
 
     /// All points in batches of at most [`BATCH`] that are near each other.
