@@ -42,18 +42,28 @@ pub fn centerline(
     check_same_length("normals", normals.len(), "points", points.len())?;
     check_normals("normals", normals)?;
     check_positive("radius", radius)?;
-    let indices: Vec<usize> = (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).collect();
-    let surface = match indices.len() == points.len() {
-        true => Cow::Borrowed(points),
-        false => Cow::Owned(indices.iter().map(|&i| points[i]).collect()),
+    let partial = normals.contains(&[0.0; 3]);
+    // which points take part, if not all do
+    let taking: Vec<u32> = match partial {
+        true => (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).map(|i| i as u32).collect(),
+        false => Vec::new(),
     };
-    let mut means = vec![None; surface.len()];
+    let index = |i: usize| if partial { taking[i] as usize } else { i };
+    let surface = match partial {
+        true => Cow::Owned(taking.iter().map(|&i| points[i as usize]).collect()),
+        false => Cow::Borrowed(points),
+    };
+    // NaN where there is no mean
+    let mut means = vec![[0.0; 3]; surface.len()];
     let slots = Slots::new(&mut means);
     parallel::run(|| {
-        let cells = Cells::new(&surface, 2.0 * radius / CELLS);
+        let cells = Cells::new_in_parts(&surface, 2.0 * radius / CELLS);
         // axis points are up to the reach, half a batch and a radius from its middle
         let lattice = Lattice::new(cells.low(), 8.0 * radius.max(cells.size()));
-        let axis = Carried::new(&cells, lattice, |i| advance(surface[i], -radius, normals[indices[i]]));
+        let axis = Carried::new(&cells, lattice, |i| {
+            let i = index(i);
+            advance(points[i], -radius, normals[i])
+        });
         cells.batches().for_each_task(|batches| {
             let mut around = Around::default();
             for batch in batches {
@@ -62,22 +72,17 @@ pub fn centerline(
                 let (counts, means) = wide::run(averages);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
-                    let mean = (counts[l] >= min_neighbors).then_some(means[l]);
+                    let mean = if counts[l] >= min_neighbors { means[l] } else { [f64::NAN; 3] };
                     // SAFETY: every point is in one batch
                     unsafe { slots.put(cells.input_index(position), mean) };
                 }
             }
         });
     });
-    let count = means.iter().flatten().count();
-    let mut found = Centerline { points: Vec::with_capacity(count), indices: Vec::with_capacity(count) };
-    for (mean, i) in means.into_iter().zip(indices) {
-        if let Some(mean) = mean {
-            found.points.push(mean);
-            found.indices.push(i);
-        }
-    }
-    Ok(found)
+    let found = |i: &usize| !means[*i][0].is_nan();
+    let indices = (0..means.len()).filter(found).map(index).collect();
+    means.retain(|mean| !mean[0].is_nan());
+    Ok(Centerline { points: means, indices })
 }
 
 /// Numbers of the points within a reach of each point of a batch, and the means of their axis points.
