@@ -6,9 +6,8 @@ use crate::error::{Result, check_finite, check_normals, check_positive, check_sa
 use crate::geometry::{advance, squared_distance};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
-use crate::lattice::{Lattice, Sums};
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, Simd, Wide};
+use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
 use crate::{Point, parallel};
 
 /// Cells to the reach of the average.
@@ -58,9 +57,7 @@ pub fn centerline(
     let slots = Slots::new(&mut means);
     parallel::run(|| {
         let cells = Cells::new_in_parts(&surface, 2.0 * radius / CELLS);
-        // axis points are up to the reach, half a batch and a radius from its middle
-        let lattice = Lattice::new(cells.low(), 8.0 * radius.max(cells.size()));
-        let axis = Carried::new(&cells, lattice, |i| {
+        let axis = cells.gather_axes(|i| {
             let i = index(i);
             advance(points[i], -radius, normals[i])
         });
@@ -101,59 +98,55 @@ impl Wide for Averages<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> ([usize; BATCH], [Point; BATCH]) {
         let Self { cells, axis, reach, batch, around } = self;
-        let (frame, origin) = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
+        let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
         let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));
         let (mut counts, mut unsure) = (simd.splat_whole(0), simd.mask(0));
-        let mut sums = Sums::new(simd);
+        let (mut first, mut second) = ([simd.zero(); 3], [simd.zero(); 3]);
         let ([x, y, z], [c_x, c_y, c_z]) = (around.axes(), around.values());
         for (((((&x, &y), &z), &c_x), &c_y), &c_z) in x.iter().zip(y).zip(z).zip(c_x).zip(c_y).zip(c_z) {
             let squares = squared_distances(simd, x, y, z, lanes);
             let (within, maybe) = (simd.le(squares, low), simd.le(squares, high));
             unsure = simd.or(unsure, simd.xor(within, maybe));
             counts = simd.add_whole_if(within, counts, one);
-            sums.add(simd, within, [c_x, c_y, c_z].map(|c| simd.splat_whole(c)));
+            for (k, c) in [c_x, c_y, c_z].into_iter().enumerate() {
+                first[k] = simd.add_if(simd.half::<false>(within), first[k], c);
+                second[k] = simd.add_if(simd.half::<true>(within), second[k], c);
+            }
         }
-        let (counts, unsure, sums) = (simd.store_whole(counts), simd.bits(unsure), sums.finish(simd));
+        let (counts, unsure) = (simd.store_whole(counts), simd.bits(unsure));
+        let sums: [[Lanes; 2]; 3] =
+            std::array::from_fn(|k| [simd.store_half(first[k]), simd.store_half(second[k])]);
         let inside = around.inside();
         let mut result = ([0; BATCH], [[0.0; 3]; BATCH]);
         for (l, &position) in batch.iter().enumerate() {
-            let (mut count, mut sum) = (counts[l] as usize, sums.map(|lanes| lanes[l]));
+            let (mut count, mut sum) = (counts[l] as usize, sums.map(|halves| halves[l / LANES][l % LANES]));
             if unsure & (1 << l) != 0 {
-                (count, sum) = exactly(cells, axis, position as usize, reach, around, origin);
+                (count, sum) = exactly(cells, position as usize, reach, around);
             }
             count += inside.count;
-            for k in 0..3 {
-                sum[k] += inside.sums[k];
-            }
             result.0[l] = count;
-            result.1[l] = axis.lattice().moved(frame.origin, sum, count);
+            for k in 0..3 {
+                result.1[l][k] = frame.origin[k] + (sum[k] + inside.sums[k]) / count as f64;
+            }
         }
         result
     }
 }
 
-/// The number of points within a reach, of those that may be beyond, and the sum of their axis points above an origin,
-/// with distances in double precision.
+/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, with distances
+/// in double precision.
 #[cold]
-fn exactly(
-    cells: &Cells,
-    axis: &Carried,
-    position: usize,
-    reach: f64,
-    around: &Around,
-    origin: [i32; 3],
-) -> (usize, [i64; 3]) {
+fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around) -> (usize, Point) {
     let center = cells.point(position);
-    let (mut count, mut sum) = (0, [0; 3]);
-    for i in around.positions() {
+    let (mut count, mut sum) = (0, [0.0; 3]);
+    for (j, i) in around.positions().enumerate() {
         if squared_distance(cells.point(i), center) <= reach * reach {
             count += 1;
-            let c = axis.at(i);
             for k in 0..3 {
-                sum[k] += i64::from(c[k].wrapping_sub(origin[k]));
+                sum[k] += around.values()[k][j];
             }
         }
     }

@@ -40,7 +40,6 @@ mod geometry;
 mod icp;
 mod index;
 mod lanes;
-mod lattice;
 mod normals;
 mod parallel;
 #[cfg(feature = "python")]

@@ -22,7 +22,7 @@ pub trait Simd: Copy {
     type F: Copy;
     /// Double precision numbers of half the lanes.
     type D: Copy;
-    /// Whole numbers of all lanes, modulo 2³².
+    /// Whole numbers of all lanes.
     type I: Copy;
     /// Which lanes, and which of half of them.
     type M: Copy;
@@ -59,16 +59,22 @@ pub trait Simd: Copy {
     fn xor(self, a: Self::M, b: Self::M) -> Self::M;
     /// The mask of some bits.
     fn mask(self, bits: u32) -> Self::M;
-    fn load_whole(self, x: &Whole) -> Self::I;
     fn store_whole(self, x: Self::I) -> Whole;
     fn splat_whole(self, x: i32) -> Self::I;
-    fn sub_whole(self, a: Self::I, b: Self::I) -> Self::I;
     /// a + x in the lanes of the mask, a in the others.
     fn add_whole_if(self, mask: Self::M, a: Self::I, x: Self::I) -> Self::I;
-    /// As `compress`.
-    fn compress_whole(self, bits: u32, x: Self::I, to: &mut [i32]);
+    fn load_half(self, x: &Lanes) -> Self::D;
+    fn splat_half(self, x: f64) -> Self::D;
+    fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
+    /// As `compress`, of half the lanes.
+    fn compress_half(self, bits: u32, x: Self::D, to: &mut [f64]);
     /// a + x in the lanes of the mask, a in the others.
-    fn add_if(self, mask: Self::H, a: Self::D, x: f64) -> Self::D;
+    fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
+    /// The same with a number.
+    #[inline(always)]
+    fn add_if(self, mask: Self::H, a: Self::D, x: f64) -> Self::D {
+        self.add_half_if(mask, a, self.splat_half(x))
+    }
     fn store_half(self, x: Self::D) -> Lanes;
 }
 
@@ -196,10 +202,6 @@ impl Simd for Portable {
         std::array::from_fn(|l| bits & (1 << l) != 0)
     }
     #[inline(always)]
-    fn load_whole(self, x: &Whole) -> Whole {
-        *x
-    }
-    #[inline(always)]
     fn store_whole(self, x: Whole) -> Whole {
         x
     }
@@ -208,20 +210,28 @@ impl Simd for Portable {
         [x; BATCH]
     }
     #[inline(always)]
-    fn sub_whole(self, a: Whole, b: Whole) -> Whole {
-        std::array::from_fn(|l| a[l].wrapping_sub(b[l]))
-    }
-    #[inline(always)]
     fn add_whole_if(self, mask: [bool; BATCH], a: Whole, x: Whole) -> Whole {
         std::array::from_fn(|l| if mask[l] { a[l].wrapping_add(x[l]) } else { a[l] })
     }
     #[inline(always)]
-    fn compress_whole(self, bits: u32, x: Whole, to: &mut [i32]) {
+    fn load_half(self, x: &Lanes) -> Lanes {
+        *x
+    }
+    #[inline(always)]
+    fn splat_half(self, x: f64) -> Lanes {
+        [x; LANES]
+    }
+    #[inline(always)]
+    fn sub_half(self, a: Lanes, b: Lanes) -> Lanes {
+        std::array::from_fn(|l| a[l] - b[l])
+    }
+    #[inline(always)]
+    fn compress_half(self, bits: u32, x: Lanes, to: &mut [f64]) {
         compress(bits, &x, to);
     }
     #[inline(always)]
-    fn add_if(self, mask: [bool; LANES], a: Lanes, x: f64) -> Lanes {
-        std::array::from_fn(|l| if mask[l] { a[l] + x } else { a[l] })
+    fn add_half_if(self, mask: [bool; LANES], a: Lanes, x: Lanes) -> Lanes {
+        std::array::from_fn(|l| if mask[l] { a[l] + x[l] } else { a[l] })
     }
     #[inline(always)]
     fn store_half(self, x: Lanes) -> Lanes {
@@ -230,12 +240,12 @@ impl Simd for Portable {
 }
 
 #[inline(always)]
-fn compress<T: Copy>(mut bits: u32, x: &[T; BATCH], to: &mut [T]) {
+fn compress<T: Copy, const N: usize>(mut bits: u32, x: &[T; N], to: &mut [T]) {
     for slot in to {
         if bits == 0 {
             break;
         }
-        *slot = x[bits.trailing_zeros() as usize % BATCH];
+        *slot = x[bits.trailing_zeros() as usize % N];
         bits &= bits - 1;
     }
 }
@@ -349,10 +359,6 @@ mod x86 {
             bits as __mmask16
         }
         #[inline(always)]
-        fn load_whole(self, x: &Whole) -> __m512i {
-            unsafe { _mm512_loadu_epi32(x.as_ptr()) }
-        }
-        #[inline(always)]
         fn store_whole(self, x: __m512i) -> Whole {
             unsafe { std::mem::transmute::<__m512i, Whole>(x) }
         }
@@ -361,21 +367,29 @@ mod x86 {
             unsafe { _mm512_set1_epi32(x) }
         }
         #[inline(always)]
-        fn sub_whole(self, a: __m512i, b: __m512i) -> __m512i {
-            unsafe { _mm512_sub_epi32(a, b) }
-        }
-        #[inline(always)]
         fn add_whole_if(self, mask: __mmask16, a: __m512i, x: __m512i) -> __m512i {
             unsafe { _mm512_mask_add_epi32(a, mask, a, x) }
         }
         #[inline(always)]
-        fn compress_whole(self, bits: u32, x: __m512i, to: &mut [i32]) {
-            assert!(to.len() >= BATCH);
-            unsafe { _mm512_storeu_epi32(to.as_mut_ptr(), _mm512_maskz_compress_epi32(bits as __mmask16, x)) }
+        fn load_half(self, x: &Lanes) -> __m512d {
+            unsafe { _mm512_loadu_pd(x.as_ptr()) }
         }
         #[inline(always)]
-        fn add_if(self, mask: __mmask8, a: __m512d, x: f64) -> __m512d {
-            unsafe { _mm512_mask_add_pd(a, mask, a, _mm512_set1_pd(x)) }
+        fn splat_half(self, x: f64) -> __m512d {
+            unsafe { _mm512_set1_pd(x) }
+        }
+        #[inline(always)]
+        fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
+            unsafe { _mm512_sub_pd(a, b) }
+        }
+        #[inline(always)]
+        fn compress_half(self, bits: u32, x: __m512d, to: &mut [f64]) {
+            assert!(to.len() >= LANES);
+            unsafe { _mm512_storeu_pd(to.as_mut_ptr(), _mm512_maskz_compress_pd(bits as __mmask8, x)) }
+        }
+        #[inline(always)]
+        fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
+            unsafe { _mm512_mask_add_pd(a, mask, a, x) }
         }
         #[inline(always)]
         fn store_half(self, x: __m512d) -> Lanes {
@@ -485,20 +499,12 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn load_whole(self, x: &Whole) -> [__m256i; 2] {
-            unsafe { std::mem::transmute::<Whole, [__m256i; 2]>(*x) }
-        }
-        #[inline(always)]
         fn store_whole(self, x: [__m256i; 2]) -> Whole {
             unsafe { std::mem::transmute::<[__m256i; 2], Whole>(x) }
         }
         #[inline(always)]
         fn splat_whole(self, x: i32) -> [__m256i; 2] {
             unsafe { [_mm256_set1_epi32(x); 2] }
-        }
-        #[inline(always)]
-        fn sub_whole(self, a: [__m256i; 2], b: [__m256i; 2]) -> [__m256i; 2] {
-            unsafe { [_mm256_sub_epi32(a[0], b[0]), _mm256_sub_epi32(a[1], b[1])] }
         }
         #[inline(always)]
         fn add_whole_if(self, mask: [__m256; 2], a: [__m256i; 2], x: [__m256i; 2]) -> [__m256i; 2] {
@@ -511,18 +517,30 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn compress_whole(self, bits: u32, x: [__m256i; 2], to: &mut [i32]) {
-            super::compress(bits, &self.store_whole(x), to);
+        fn load_half(self, x: &Lanes) -> [__m256d; 2] {
+            unsafe { [_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x[LANES / 2..].as_ptr())] }
         }
         #[inline(always)]
-        fn add_if(self, mask: __m256, a: [__m256d; 2], x: f64) -> [__m256d; 2] {
+        fn splat_half(self, x: f64) -> [__m256d; 2] {
+            unsafe { [_mm256_set1_pd(x); 2] }
+        }
+        #[inline(always)]
+        fn sub_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+            unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn compress_half(self, bits: u32, x: [__m256d; 2], to: &mut [f64]) {
+            super::compress(bits, &self.store_half(x), to);
+        }
+        #[inline(always)]
+        fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {
             unsafe {
-                let (x, mask) = (_mm256_set1_pd(x), _mm256_castps_si256(mask));
+                let mask = _mm256_castps_si256(mask);
                 let low = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(mask));
                 let high = _mm256_cvtepi32_epi64(_mm256_extracti128_si256::<1>(mask));
                 [
-                    _mm256_blendv_pd(a[0], _mm256_add_pd(a[0], x), _mm256_castsi256_pd(low)),
-                    _mm256_blendv_pd(a[1], _mm256_add_pd(a[1], x), _mm256_castsi256_pd(high)),
+                    _mm256_blendv_pd(a[0], _mm256_add_pd(a[0], x[0]), _mm256_castsi256_pd(low)),
+                    _mm256_blendv_pd(a[1], _mm256_add_pd(a[1], x[1]), _mm256_castsi256_pd(high)),
                 ]
             }
         }

@@ -6,8 +6,7 @@
 
 use super::cells::{Bounds, Cells, Sweep};
 use crate::Point;
-use crate::lattice::{Lattice, Sums};
-use crate::wide::{BATCH, Simd, Singles};
+use crate::wide::{BATCH, LANES, Simd, Singles};
 
 /// Points around a batch, and what a task keeps from batch to batch.
 #[derive(Default)]
@@ -18,7 +17,7 @@ pub struct Around {
     positions: Vec<f32>,
     count: usize,
     /// Their values, if they carry any.
-    values: [Vec<i32>; 3],
+    values: [Vec<f64>; 3],
     inside: Inside,
 }
 
@@ -42,33 +41,11 @@ const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13
 #[derive(Default, Clone, Copy)]
 pub struct Inside {
     pub count: usize,
-    pub sums: [i64; 3],
+    pub sums: Point,
 }
 
-/// Places that the points of a cloud carry, as whole numbers.
-pub struct Carried {
-    lattice: Lattice,
-    /// In the cells' order; each list longer than the points by a row of lanes.
-    values: [Vec<i32>; 3],
-}
-
-impl Carried {
-    /// A place for each point, of its index in the input.
-    pub fn new(cells: &Cells, lattice: Lattice, place: impl Fn(usize) -> Point + Sync) -> Self {
-        Self { lattice, values: cells.gather_axes(|i| lattice.number(place(i))) }
-    }
-
-    /// The number along each axis of what the point at a position of the cells' order carries.
-    #[inline(always)]
-    pub fn at(&self, position: usize) -> [i32; 3] {
-        std::array::from_fn(|k| self.values[k][position])
-    }
-
-    /// The lattice that the numbers are of.
-    pub fn lattice(&self) -> Lattice {
-        self.lattice
-    }
-}
+/// What the points of a cloud carry, along each axis in the cells' order; each list longer than the points by a row.
+pub type Carried = [Vec<f64>; 3];
 
 impl Around {
     /// Finds what lies within `reach` of a box, and perhaps a little more.
@@ -76,12 +53,12 @@ impl Around {
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
         self.sweep.find(cells, bounds, reach);
         let frame = Frame::new(cells, bounds, reach);
-        self.gather::<S, false>(simd, cells, bounds, reach, &frame, [(&[], 0); 3]);
+        self.gather::<S, false>(simd, cells, bounds, reach, &frame, [&[]; 3]);
         frame
     }
 
-    /// The same, together with what points carry, above what a place is worth; but what is surely within reach of all
-    /// of the box is only counted and summed.
+    /// The same, together with the places that points carry, relative to the frame; but what is surely within reach of
+    /// all of the box is only counted and summed.
     #[inline(always)]
     pub fn find_carried<S: Simd>(
         &mut self,
@@ -90,13 +67,11 @@ impl Around {
         bounds: &Bounds,
         reach: f64,
         carried: &Carried,
-    ) -> (Frame, [i32; 3]) {
+    ) -> Frame {
         self.sweep.find(cells, bounds, reach);
         let frame = Frame::new(cells, bounds, reach);
-        let origin = carried.lattice.number(frame.origin);
-        let lists = std::array::from_fn(|k| (carried.values[k].as_slice(), origin[k]));
-        self.gather::<S, true>(simd, cells, bounds, reach, &frame, lists);
-        (frame, origin)
+        self.gather::<S, true>(simd, cells, bounds, reach, &frame, carried.each_ref().map(Vec::as_slice));
+        frame
     }
 
     /// Gathers what the sweep found.
@@ -108,7 +83,7 @@ impl Around {
         bounds: &Bounds,
         reach: f64,
         frame: &Frame,
-        carried: [(&[i32], i32); 3],
+        carried: [&[f64]; 3],
     ) {
         let &Frame { origin, unit, .. } = frame;
         let (nearest, farthest) = frame.limits(reach);
@@ -126,13 +101,13 @@ impl Around {
         if CARRY {
             for values in &mut self.values {
                 if values.len() < most {
-                    values.resize(2 * most, 0);
+                    values.resize(2 * most, 0.0);
                 }
             }
         }
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
-        let mut inside = Sums::new(simd);
+        let mut inside = [[simd.zero(); 2]; 3];
         let mut inside_count = 0;
         for run in &self.sweep.runs {
             // whole rows: the lists are longer than the points by a row
@@ -153,17 +128,21 @@ impl Around {
                         [far(simd, x, half[0]), far(simd, y, half[1]), far(simd, z, half[2])];
                     let fars = simd.add(simd.add(far_x, far_y), far_z);
                     let within = simd.bits(simd.le(fars, nearest)) & bits;
-                    let mut values = [simd.splat_whole(0); 3];
-                    for k in 0..3 {
-                        let (list, origin) = carried[k];
-                        let row = list[first..].first_chunk().expect("a row");
-                        values[k] = simd.sub_whole(simd.load_whole(row), simd.splat_whole(origin));
-                    }
-                    inside.add(simd, simd.mask(within), values);
-                    inside_count += within.count_ones();
                     bits &= !within;
+                    inside_count += within.count_ones();
+                    let mask = simd.mask(within);
                     for k in 0..3 {
-                        simd.compress_whole(bits, values[k], &mut self.values[k][count..most]);
+                        let origin = simd.splat_half(origin[k]);
+                        let row: &[f64; BATCH] = carried[k][first..].first_chunk().expect("a row");
+                        let [low, high] = [row[..LANES].as_chunks().0, row[LANES..].as_chunks().0];
+                        let low = simd.sub_half(simd.load_half(&low[0]), origin);
+                        let high = simd.sub_half(simd.load_half(&high[0]), origin);
+                        inside[k][0] = simd.add_half_if(simd.half::<false>(mask), inside[k][0], low);
+                        inside[k][1] = simd.add_half_if(simd.half::<true>(mask), inside[k][1], high);
+                        let to = &mut self.values[k][count..most];
+                        simd.compress_half(bits & 0xff, low, to);
+                        let to = &mut to[(bits & 0xff).count_ones() as usize..];
+                        simd.compress_half(bits >> LANES, high, to);
                     }
                 }
                 let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
@@ -177,19 +156,19 @@ impl Around {
         self.count = count;
         self.inside = Inside {
             count: inside_count as usize,
-            sums: inside.finish(simd).map(|lanes| lanes.iter().sum()),
+            sums: inside.map(|halves| halves.iter().flat_map(|&half| simd.store_half(half)).sum()),
         };
     }
 
-    /// What is surely within reach of all of the box, if points carry numbers.
+    /// What is surely within reach of all of the box, if points carry places.
     #[inline(always)]
     pub fn inside(&self) -> Inside {
         self.inside
     }
 
-    /// What the points carry, above the origin.
+    /// The places that the points carry, relative to the frame.
     #[inline(always)]
-    pub fn values(&self) -> [&[i32]; 3] {
+    pub fn values(&self) -> [&[f64]; 3] {
         self.values.each_ref().map(|values| &values[..self.count])
     }
 

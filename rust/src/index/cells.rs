@@ -102,25 +102,7 @@ impl Cells {
         };
         cells.sort::<BITS>(points, key, bits.iter().sum::<u32>());
         cells.number_rows();
-        let mut coordinates: [Vec<f64>; 3] =
-            std::array::from_fn(|_| Vec::with_capacity(points.len() + BATCH));
-        let [x, y, z] = coordinates
-            .each_mut()
-            .map(|values| values.spare_capacity_mut()[..points.len()].par_chunks_mut(POINTS_PER_PART));
-        cells.order.par_chunks(POINTS_PER_PART).zip(x).zip(y).zip(z).for_each(|(((order, x), y), z)| {
-            for (((&i, x), y), z) in order.iter().zip(x).zip(y).zip(z) {
-                let p = points[i as usize];
-                x.write(p[0]);
-                y.write(p[1]);
-                z.write(p[2]);
-            }
-        });
-        for values in &mut coordinates {
-            // SAFETY: all of them were written
-            unsafe { values.set_len(points.len()) };
-            values.extend([0.0; BATCH]);
-        }
-        cells.coordinates = coordinates;
+        cells.coordinates = cells.gather_axes(|i| points[i]);
         cells
     }
 
@@ -208,11 +190,6 @@ impl Cells {
         [part(a, block - a), part(b, a - b), (part(block, u64::BITS - block - 1) << BLOCK_BITS) | part(0, b)]
     }
 
-    /// The least coordinates.
-    pub fn low(&self) -> Point {
-        self.low
-    }
-
     /// How many points there are.
     pub fn len(&self) -> usize {
         self.order.len()
@@ -241,14 +218,24 @@ impl Cells {
     }
 
     /// Three numbers of each point put in the cells' order, each list longer than the points by a row of lanes.
-    pub fn gather_axes(&self, value: impl Fn(usize) -> [i32; 3] + Sync) -> [Vec<i32>; 3] {
-        let mut lists: [Vec<i32>; 3] = std::array::from_fn(|_| vec![0; self.len() + BATCH]);
-        let [x, y, z] = lists.each_mut().map(|list| list[..self.len()].par_chunks_mut(POINTS_PER_PART));
+    pub fn gather_axes(&self, value: impl Fn(usize) -> Point + Sync) -> [Vec<f64>; 3] {
+        let mut lists: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.len() + BATCH));
+        let [x, y, z] = lists
+            .each_mut()
+            .map(|list| list.spare_capacity_mut()[..self.len()].par_chunks_mut(POINTS_PER_PART));
         self.order.par_chunks(POINTS_PER_PART).zip(x).zip(y).zip(z).for_each(|(((order, x), y), z)| {
             for (((&i, x), y), z) in order.iter().zip(x).zip(y).zip(z) {
-                [*x, *y, *z] = value(i as usize);
+                let p = value(i as usize);
+                x.write(p[0]);
+                y.write(p[1]);
+                z.write(p[2]);
             }
         });
+        for list in &mut lists {
+            // SAFETY: all of them were written
+            unsafe { list.set_len(self.len()) };
+            list.extend([0.0; BATCH]);
+        }
         lists
     }
 
