@@ -105,13 +105,13 @@ impl Wide for Averages<'_> {
         let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));
         let (mut counts, mut unsure) = (simd.splat_whole(0), simd.mask(0));
         let (mut first, mut second) = ([simd.zero(); 3], [simd.zero(); 3]);
-        let ([x, y, z], [c_x, c_y, c_z]) = (around.axes(), around.values());
-        for (((((&x, &y), &z), &c_x), &c_y), &c_z) in x.iter().zip(y).zip(z).zip(c_x).zip(c_y).zip(c_z) {
+        let [x, y, z] = around.axes();
+        for (((&x, &y), &z), c) in x.iter().zip(y).zip(z).zip(around.values()) {
             let squares = squared_distances(simd, x, y, z, lanes);
             let (within, maybe) = (simd.le(squares, low), simd.le(squares, high));
             unsure = simd.or(unsure, simd.xor(within, maybe));
             counts = simd.add_whole_if(within, counts, one);
-            for (k, c) in [c_x, c_y, c_z].into_iter().enumerate() {
+            for (k, &c) in c.iter().enumerate() {
                 first[k] = simd.add_if(simd.half::<false>(within), first[k], c);
                 second[k] = simd.add_if(simd.half::<true>(within), second[k], c);
             }
@@ -142,11 +142,11 @@ impl Wide for Averages<'_> {
 fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around) -> (usize, Point) {
     let center = cells.point(position);
     let (mut count, mut sum) = (0, [0.0; 3]);
-    for (j, i) in around.positions().enumerate() {
+    for (i, c) in around.positions().zip(around.values()) {
         if squared_distance(cells.point(i), center) <= reach * reach {
             count += 1;
             for k in 0..3 {
-                sum[k] += around.values()[k][j];
+                sum[k] += c[k];
             }
         }
     }

@@ -66,8 +66,6 @@ pub trait Simd: Copy {
     fn load_half(self, x: &Lanes) -> Self::D;
     fn splat_half(self, x: f64) -> Self::D;
     fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
-    /// As `compress`, of half the lanes.
-    fn compress_half(self, bits: u32, x: Self::D, to: &mut [f64]);
     /// a + x in the lanes of the mask, a in the others.
     fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
     /// The same with a number.
@@ -226,10 +224,6 @@ impl Simd for Portable {
         std::array::from_fn(|l| a[l] - b[l])
     }
     #[inline(always)]
-    fn compress_half(self, bits: u32, x: Lanes, to: &mut [f64]) {
-        compress(bits, &x, to);
-    }
-    #[inline(always)]
     fn add_half_if(self, mask: [bool; LANES], a: Lanes, x: Lanes) -> Lanes {
         std::array::from_fn(|l| if mask[l] { a[l] + x[l] } else { a[l] })
     }
@@ -240,12 +234,12 @@ impl Simd for Portable {
 }
 
 #[inline(always)]
-fn compress<T: Copy, const N: usize>(mut bits: u32, x: &[T; N], to: &mut [T]) {
+fn compress(mut bits: u32, x: &Singles, to: &mut [f32]) {
     for slot in to {
         if bits == 0 {
             break;
         }
-        *slot = x[bits.trailing_zeros() as usize % N];
+        *slot = x[bits.trailing_zeros() as usize % BATCH];
         bits &= bits - 1;
     }
 }
@@ -381,11 +375,6 @@ mod x86 {
         #[inline(always)]
         fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
             unsafe { _mm512_sub_pd(a, b) }
-        }
-        #[inline(always)]
-        fn compress_half(self, bits: u32, x: __m512d, to: &mut [f64]) {
-            assert!(to.len() >= LANES);
-            unsafe { _mm512_storeu_pd(to.as_mut_ptr(), _mm512_maskz_compress_pd(bits as __mmask8, x)) }
         }
         #[inline(always)]
         fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
@@ -527,10 +516,6 @@ mod x86 {
         #[inline(always)]
         fn sub_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
             unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
-        }
-        #[inline(always)]
-        fn compress_half(self, bits: u32, x: [__m256d; 2], to: &mut [f64]) {
-            super::compress(bits, &self.store_half(x), to);
         }
         #[inline(always)]
         fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {

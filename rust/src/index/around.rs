@@ -6,7 +6,7 @@
 
 use super::cells::{Bounds, Cells, Sweep};
 use crate::Point;
-use crate::wide::{BATCH, LANES, Simd, Singles};
+use crate::wide::{BATCH, Simd, Singles};
 
 /// Points around a batch, and what a task keeps from batch to batch.
 #[derive(Default)]
@@ -17,7 +17,7 @@ pub struct Around {
     positions: Vec<f32>,
     count: usize,
     /// Their values, if they carry any.
-    values: [Vec<f64>; 3],
+    values: Vec<Point>,
     inside: Inside,
 }
 
@@ -98,13 +98,6 @@ impl Around {
         }
         let [to_x, to_y, to_z] = self.near.each_mut().map(|values| &mut values[..most]);
         let to_positions = &mut self.positions[..most];
-        if CARRY {
-            for values in &mut self.values {
-                if values.len() < most {
-                    values.resize(2 * most, 0.0);
-                }
-            }
-        }
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
         let mut inside = [[simd.zero(); 2]; 3];
@@ -130,19 +123,14 @@ impl Around {
                     let within = simd.bits(simd.le(fars, nearest)) & bits;
                     bits &= !within;
                     inside_count += within.count_ones();
-                    let mask = simd.mask(within);
-                    for k in 0..3 {
-                        let origin = simd.splat_half(origin[k]);
-                        let row: &[f64; BATCH] = carried[k][first..].first_chunk().expect("a row");
-                        let [low, high] = [row[..LANES].as_chunks().0, row[LANES..].as_chunks().0];
-                        let low = simd.sub_half(simd.load_half(&low[0]), origin);
-                        let high = simd.sub_half(simd.load_half(&high[0]), origin);
-                        inside[k][0] = simd.add_half_if(simd.half::<false>(mask), inside[k][0], low);
-                        inside[k][1] = simd.add_half_if(simd.half::<true>(mask), inside[k][1], high);
-                        let to = &mut self.values[k][count..most];
-                        simd.compress_half(bits & 0xff, low, to);
-                        let to = &mut to[(bits & 0xff).count_ones() as usize..];
-                        simd.compress_half(bits >> LANES, high, to);
+                    if within != 0 {
+                        add_row(
+                            simd,
+                            &mut inside,
+                            simd.mask(within),
+                            carried.map(|list| &list[first..]),
+                            origin,
+                        );
                     }
                 }
                 let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
@@ -151,6 +139,15 @@ impl Around {
                 simd.compress(bits, z, &mut to_z[count..]);
                 simd.compress(bits, simd.load(&numbers), &mut to_positions[count..]);
                 count += bits.count_ones() as usize;
+            }
+        }
+        if CARRY {
+            if self.values.len() < count {
+                self.values.resize(2 * count, [0.0; 3]);
+            }
+            for (value, number) in self.values.iter_mut().zip(&self.positions[..count]) {
+                let i = number.to_bits() as usize;
+                *value = std::array::from_fn(|k| carried[k][i] - origin[k]);
             }
         }
         self.count = count;
@@ -168,8 +165,8 @@ impl Around {
 
     /// The places that the points carry, relative to the frame.
     #[inline(always)]
-    pub fn values(&self) -> [&[f64]; 3] {
-        self.values.each_ref().map(|values| &values[..self.count])
+    pub fn values(&self) -> &[Point] {
+        &self.values[..self.count]
     }
 
     /// How many points there are.
@@ -194,6 +191,19 @@ impl Around {
     #[inline(always)]
     pub fn axes(&self) -> [&[f32]; 3] {
         self.near.each_ref().map(|values| &values[..self.count])
+    }
+}
+
+/// Adds the places of a row of lanes, relative to an origin.
+#[inline(always)]
+fn add_row<S: Simd>(simd: S, sums: &mut [[S::D; 2]; 3], mask: S::M, places: [&[f64]; 3], origin: Point) {
+    for k in 0..3 {
+        let ([low, high, ..], _) = places[k].as_chunks() else { unreachable!("lists end with a row more") };
+        let origin = simd.splat_half(origin[k]);
+        let (low, high) = (simd.load_half(low), simd.load_half(high));
+        let [first, second] = &mut sums[k];
+        *first = simd.add_half_if(simd.half::<false>(mask), *first, simd.sub_half(low, origin));
+        *second = simd.add_half_if(simd.half::<true>(mask), *second, simd.sub_half(high, origin));
     }
 }
 
