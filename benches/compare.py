@@ -225,6 +225,7 @@ class Peer:
     name: str
     run: Callable[[], Timed]
     compare: Callable[[Any, Any], tuple[bool, str]]
+    once: bool = False  # only in the first turn, where it takes long
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,6 @@ class Stage:
     name: str
     run: Callable[[], Timed]
     peers: list[Peer] = field(default_factory=list)
-    repeats: int | None = None  # fewer turns than asked for, where one takes long
     clouds: int = 1  # of as many points each
 
 
@@ -243,7 +243,9 @@ def stages(count: int, order: str, slow: bool) -> list[Stage]:
     within = o3d.geometry.KDTreeSearchParamRadius(FILTER_RADIUS)
     normals = strand.estimate_normals(points, radius=FILTER_RADIUS, viewpoint=viewpoint)
     axis_points, _ = strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)
-    scipy_peer = Peer("SciPy", lambda: scipy_centerline(points, normals), same_centerline)
+    scipy_peer = Peer(
+        "SciPy", lambda: scipy_centerline(points, normals), same_centerline, once=count > SCIPY_POINTS
+    )
     return [
         Stage(
             "radius filter",
@@ -277,7 +279,6 @@ def stages(count: int, order: str, slow: bool) -> list[Stage]:
             "centreline",
             lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
             [scipy_peer] if count <= (SLOW_SCIPY_POINTS if slow else SCIPY_POINTS) else [],
-            repeats=1 if slow and SCIPY_POINTS < count <= SLOW_SCIPY_POINTS else None,
         ),
         Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
     ]
@@ -310,9 +311,18 @@ class Line:
     bytes_per_point: float
 
 
-def take_turns(runs: list[Callable[[], Timed]], repeats: int) -> list[Turns]:
-    turns = [[run() for run in runs] for _ in range(repeats)]
-    return [Turns([turn[i][0] for turn in turns], turns[-1][i][1]) for i in range(len(runs))]
+def take_turns(
+    runs: list[Callable[[], Timed]], repeats: int, once: frozenset[int] = frozenset()
+) -> list[Turns]:
+    """Everyone's turns; those in `once` take part in the first only."""
+    seconds: list[list[float]] = [[] for _ in runs]
+    answers: list[Any] = [None] * len(runs)
+    for turn in range(repeats):
+        for i, run in enumerate(runs):
+            if turn == 0 or i not in once:
+                time_taken, answers[i] = run()
+                seconds[i].append(time_taken)
+    return [Turns(*both) for both in zip(seconds, answers, strict=True)]
 
 
 def status(name: str) -> int:
@@ -352,9 +362,10 @@ def on_one_thread(run: Callable[[], Timed]) -> Timed:
 
 def measured(stage: Stage, count: int, order: str, repeats: int) -> tuple[bool, list[str], Line]:
     """Whether the answers of a stage agree, its rows of the table, and its numbers."""
-    repeats = stage.repeats or (repeats if count < FEWER_POINTS else min(repeats, FEWER_REPEATS))
+    repeats = repeats if count < FEWER_POINTS else min(repeats, FEWER_REPEATS)
     peers = stage.peers if count <= PEER_POINTS else []
-    ours, *theirs = take_turns([stage.run, *(peer.run for peer in peers)], repeats)
+    once = frozenset(i for i, peer in enumerate(peers, start=1) if peer.once)
+    ours, *theirs = take_turns([stage.run, *(peer.run for peer in peers)], repeats, once)
     two, one = take_turns([stage.run, lambda: on_one_thread(stage.run)], min(repeats, 3))
     line = Line(
         stage.name,
