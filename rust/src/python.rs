@@ -5,9 +5,6 @@ mod curves;
 mod tubes;
 mod views;
 
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
@@ -18,6 +15,9 @@ use arguments::{
 };
 
 use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints, parallel};
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
