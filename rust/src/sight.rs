@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::depth::{Pinhole, pixels};
+use crate::depth::{Pinhole, has_return};
 use crate::error::{Result, check_finite, check_positive};
 use crate::geometry::{RigidMotion, advance, cross, dot, normalized, sub};
 use crate::{Point, parallel};
@@ -183,12 +183,18 @@ impl Saw<'_> {
                 points.par_chunks(POINTS_PER_TASK).map(project).collect()
             }
             Self::Image(depth, width, camera) => {
-                let rows = POINTS_PER_TASK.div_ceil(width.max(1));
+                let width = width.max(1);
+                let rows = POINTS_PER_TASK.div_ceil(width);
                 let project = |(band, depth): (usize, &[f64])| {
-                    let pixels = pixels(depth, width, band * rows);
-                    pixels.filter_map(|(u, v, z)| ray(camera.point(u, v, z))).collect()
+                    let mut rays = Vec::with_capacity(depth.len());
+                    for (row, v) in depth.chunks_exact(width).zip(band * rows..) {
+                        for (&z, u) in row.iter().zip(0u32..).filter(|(z, _)| has_return(**z)) {
+                            rays.extend(ray(camera.point(f64::from(u), v as f64, z)));
+                        }
+                    }
+                    rays
                 };
-                depth.par_chunks(rows * width.max(1)).enumerate().map(project).collect()
+                depth.par_chunks(rows * width).enumerate().map(project).collect()
             }
         }
     }
