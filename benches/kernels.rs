@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench kernels`, or a part of it: `cargo bench --bench kernels -- --quick normals/10000`.
 
+mod random;
+
 use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::time::Duration;
@@ -12,6 +14,8 @@ use strand::{
     IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, count_neighbors,
     estimate_normals, icp, radius_outlier_mask, trace_chains,
 };
+
+use random::generator;
 
 /// Of the rope, metres.
 const RADIUS: f64 = 0.0042;
@@ -48,17 +52,6 @@ impl Rope {
             rope.axis.push((axis + noise).into());
         }
         rope
-    }
-}
-
-/// Numbers in [0, 1), the same in every run (splitmix64, Steele et al. 2014).
-fn generator(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

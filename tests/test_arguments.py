@@ -11,6 +11,7 @@ import pytest
 import strand
 from strand import synthetic
 from strand._core import spline_through
+from strand.model import Alternative, Doubt
 from strand.tubefit import EndSighting
 
 R = 0.0042
@@ -30,6 +31,8 @@ FIT = {
     "radius_prior": (R, 1e-4),
     "band": (0.6, 0.4),
     "iterations": 3,
+    "tolerance": 0.1,
+    "previous": None,
     "min_bend": 1.5,
     "noise": 7e-4,
     "ends": (EndSighting(0, 0, LINE[0], np.array([-1.0, 0.0, 0.0]), 1e-3),),
@@ -45,7 +48,19 @@ FUNCTIONS = {
     ),
     "Chain": (strand.Chain, {"points": LINE, "radius": R, "closed": False, "radius_sd": 1e-5}),
     "Join": (strand.Join, {"place": LINE[0], "chains": (0,), "margin": 1.0}),
-    "Model": (strand.Model, {"chains": (CHAIN,), "poses": SCENE.poses, "timings": {}, "joins": ()}),
+    "Doubt": (Doubt, {"amount": 0.1, "about": "where", "reason": "hidden"}),
+    "Alternative": (Alternative, {"cost": 1.0, "chains": (LINE,)}),
+    "Model": (
+        strand.Model,
+        {
+            "chains": (CHAIN,),
+            "poses": SCENE.poses,
+            "timings": {},
+            "joins": (),
+            "doubts": (),
+            "alternatives": (),
+        },
+    ),
     "Curve": (strand.curve.Curve, {"control": LINE[::10].copy(), "start": 0.0, "stop": 3.0}),
     "estimate_radius": (strand.estimate_radius, {"views": CLOUDS}),
     "register_views": (strand.register_views, {"views": CLOUDS, "radius": R}),
@@ -66,6 +81,7 @@ FUNCTIONS = {
 }
 SIGNED = (
     ("Join", "margin"),
+    ("Alternative", "cost"),
     ("turntable_pose", "angle"),
     *(("rotation_xyz", angle) for angle in ("rx", "ry", "rz")),
     ("camera_pose", "azimuth"),
@@ -77,9 +93,15 @@ ACCEPTED = {
     ("fit_tubes", "radius_prior", "None"),
     ("fit_tubes", "noise", "None"),
     ("fit_tubes", "ends", "[]"),
+    ("fit_tubes", "previous", "None"),
     ("Join", "chains", "[]"),
     ("Model", "chains", "[]"),
     ("Model", "joins", "[]"),
+    ("Model", "doubts", "[]"),
+    ("Model", "alternatives", "[]"),
+    ("Doubt", "about", "'a'"),
+    ("Doubt", "reason", "'a'"),
+    ("Alternative", "chains", "[]"),
     ("render_depth", "chains", "[]"),
     ("scene", "name", "None"),
     *((name, argument, "-1.5") for name, argument in SIGNED),
@@ -112,6 +134,39 @@ def test_errors_name_the_argument(name):
 def test_sightings_of_ends_are_checked(argument, value, match):
     with pytest.raises(ValueError, match=match):
         replace(FIT["ends"][0], **{argument: value})
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Doubt(-0.1, "where", "hidden"), "amount: expected a number >= 0"),
+        (lambda: Doubt(0.1, 5, "hidden"), "about: expected text, got int"),
+        (lambda: Doubt(0.1, "where", b"hidden"), "reason: expected text, got bytes"),
+        (lambda: Doubt(0.1, "where", "hidden", LINE), r"place: expected shape \(3\)"),
+        (lambda: Alternative(np.inf, (LINE,)), "cost: expected a finite number"),
+        (lambda: Alternative(1.0, (LINE, LINE[:, :2])), r"chains\[1\]: expected shape \(N, 3\)"),
+        (lambda: Alternative(1.0, (np.full((2, 3), np.nan),)), r"chains\[0\]: expected finite"),
+        (lambda: strand.Model((), SCENE.poses, doubts=("a",)), r"doubts\[0\]: expected type Doubt, got str"),
+        (
+            lambda: strand.Model((), SCENE.poses, alternatives=[LINE]),
+            r"alternatives\[0\]: expected type Alternative, got ndarray",
+        ),
+    ],
+)
+def test_doubts_and_alternatives_that_make_no_sense_are_refused(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
+
+
+def test_doubts_and_alternatives_are_kept_as_tuples_of_float_arrays():
+    doubt = Doubt(np.float64(0.5), "where", "hidden", LINE[0].tolist())
+    other = Alternative(2, [LINE.tolist()])
+    model = strand.Model((), SCENE.poses, doubts=[doubt], alternatives=[other])
+    assert (model.doubts, model.alternatives) == ((doubt,), (other,))
+    assert type(doubt.amount) is float
+    assert other.cost == 2.0
+    for found, given in ((doubt.place, LINE[0]), (other.chains[0], LINE)):
+        np.testing.assert_array_equal(found, given)
 
 
 def test_a_sighting_of_a_view_that_is_not_there_is_refused():

@@ -11,6 +11,7 @@ import pytest
 
 import strand
 from strand import assembly, certainty, linking, pieces, tubes
+from strand.assembly import Assembly, Judged
 from strand.config import Linking
 from strand.synthetic import tangle
 from strand.visibility import Sight
@@ -267,6 +268,13 @@ def test_other_ways_are_given_with_what_they_cost_more(tmp_path):
             np.testing.assert_array_equal(some, others)
 
 
+def test_a_way_that_explains_nothing_is_no_alternative(paper_model):
+    nodes = [(chain.points, chain.closed) for chain in paper_model.chains]
+    assembly = Assembly(linking.Links((), {}), (), nodes, 0.0, ())
+    ways = [Judged(assembly, paper_model.stages["fit"], cost, 0.0) for cost in (2.0, 3.5, np.inf)]
+    assert [other.cost for other in tubes.alternatives([ways, ways[2:], []])] == [1.5]
+
+
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
 def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
     assert not any(warning.startswith("radius") for warning in paper_model.warnings)
@@ -286,7 +294,7 @@ def test_doubts_make_the_confidence(paper_model, tucked_under):
     scene = tucked_under
     for model in (paper_model, strand.reconstruct(scene.views, scene.radius, scene.bounds)):
         total = sum(doubt.amount for doubt in model.doubts)
-        assert model.confidence == pytest.approx(np.exp(-total), rel=0.03)
+        assert model.confidence == pytest.approx(np.exp(-0.01 - total), rel=1e-12)
         assert [doubt.amount for doubt in model.doubts] == sorted(
             (doubt.amount for doubt in model.doubts), reverse=True
         )

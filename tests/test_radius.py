@@ -14,6 +14,7 @@ from strand.config import Filter
 from strand.outliers import without_outliers
 from strand.radius import Radii, agreeing
 from strand.synthetic import camera_pose, render_depth, sense
+from strand.tubefit import unchecked_fit
 
 SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 CAMERA = np.array([0.0, 0.0, 0.4])
@@ -187,6 +188,28 @@ def test_one_view_says_how_little_it_knows():
     chain = model.chains[0]
     assert abs(chain.radius - scene.radius) < 2 * chain.radius_sd < 0.6 * scene.radius
     assert any(warning.startswith("radius: one view alone") for warning in model.warnings)
+
+
+def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(monkeypatch):
+    fitted = []
+
+    def counted(*arguments, **options):
+        fitted.append(options.get("along_ray", False))
+        return unchecked_fit(*arguments, **options)
+
+    monkeypatch.setattr(tubes, "unchecked_fit", counted)
+    views, bounds, _ = crossing(0.003, 0.006)
+    clouds = tubes.Clouds.of([view.crop(bounds) for view in views[2:3]], None)
+    # the last kind of rope is not there
+    radii = Radii(np.array([0.003, 0.006, 0.015]), np.array([0.0002, 0.0003, 0.001]), free=False, held=True)
+    few = clouds.thinned(0.003)
+    fit, present = tubes.fit_arcs(clouds, few, np.eye(4)[None], radii, strand.Config())
+    assert present.values.tolist() == fit.radii.tolist() == [0.003, 0.006]
+    # radii that are held need no fit along the rays
+    assert not any(fitted)
+    model = strand.reconstruct(views[2:3], None, bounds)
+    by_length = [chain.radius for chain in model.chains]
+    assert by_length == pytest.approx([0.003, 0.006], rel=0.1)
 
 
 @pytest.mark.parametrize(

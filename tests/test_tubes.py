@@ -435,3 +435,32 @@ def test_a_loop_that_the_points_show_is_not_stiffened_until_it_is_straight():
     )
     assert Curve.whole(fit.curves[0]).length == pytest.approx(Curve.whole(start).length, rel=0.01)
     assert fit.inlier.mean() > 0.9
+
+
+def test_a_fit_goes_on_from_an_earlier_one():
+    scene = strand.synthetic.scene("s", seed=3)
+    views = [view.crop(scene.bounds) for view in scene.views]
+    start = strand._core.spline_through(scene.truth[0], 1.5 * RADIUS, 2.0 * RADIUS)
+    fit = partial(
+        strand.fit_tubes,
+        [view.world_points for view in views],
+        [view.viewpoint for view in views],
+        radius=RADIUS,
+        reference=3,
+        pose_sd=(0.009, 0.0015),
+        along_ray=True,
+        iterations=30,
+    )
+    first = fit([start], [np.eye(4)] * len(views), uncertainty=False)
+    again = fit(first.curves, first.motions, previous=first)
+    anew = fit(first.curves, first.motions)
+    # what another search for the points' places changes is far below the curve's standard deviation
+    sd = np.sqrt(np.trace(again.covariances[0][:, 0], axis1=1, axis2=2)).mean()
+    assert np.abs(again.curves[0] - anew.curves[0])[3:-3].max() < sd
+    assert (again.inlier == anew.inlier).mean() > 0.999
+    lost = ~np.isfinite(first.residual)
+    assert not np.isfinite(again.residual[lost]).any()
+    with pytest.raises(ValueError, match="previous"):
+        fit([start], first.motions, previous=dataclasses.replace(first, points=first.points[1:]))
+    with pytest.raises(ValueError, match="feet"):
+        fit([start[:4]], first.motions, previous=first)

@@ -51,6 +51,7 @@ fn options() -> TubeFitOptions {
         residual: Residual::Distance,
         band: [0.6, 0.4],
         iterations: 20,
+        tolerance: 0.1,
         min_bend: 1.5,
         noise: None,
         bounds: None,
@@ -97,7 +98,7 @@ fn a_joint_fit_finds_poses_radius_and_axis() {
     let views: Vec<TubeView> = clouds
         .iter()
         .zip(CAMERAS)
-        .map(|(points, viewpoint)| TubeView { points, viewpoint, ends: &[] })
+        .map(|(points, viewpoint)| TubeView { points, viewpoint, ends: &[], feet: &[] })
         .collect();
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
     let curve = Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap();
@@ -144,7 +145,7 @@ fn straight(radius: f64, y: f64) -> Vec<Point> {
 #[test]
 fn ropes_have_a_radius_each() {
     let points = [straight(0.003, -0.02), straight(0.006, 0.02)].concat();
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[] }];
+    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
     let tube = |y: f64, rope: usize| {
         let nodes: Vec<Point> = (0..60).map(|i| [-0.14 + 0.0047 * f64::from(i), y, 0.0]).collect();
         Tube { curve: Spline::through(&nodes, 0.01, 0.0).unwrap(), rope }
@@ -178,7 +179,7 @@ fn a_string_bends_no_tighter_than_it_may() {
             points.push([s * cos - side * aside * sin, s * side * sin + aside * cos, RADIUS * up]);
         }
     }
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[] }];
+    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
     let nodes: Vec<Point> =
         (-30..=30).map(|i| 0.003 * f64::from(i)).map(|s| [s * cos, s.abs() * sin, 0.0]).collect();
     let tubes = [Tube { curve: Spline::through(&nodes, RADIUS, 0.0).unwrap(), rope: 0 }];
@@ -200,7 +201,7 @@ fn a_string_bends_no_tighter_than_it_may() {
 #[test]
 fn deviations_follow_the_noise_that_is_given() {
     let points = half_shell(CAMERAS[1]);
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[] }];
+    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
     let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, 0.0).unwrap(), rope: 0 }];
     let sd = |noise: f64| {
@@ -226,7 +227,7 @@ fn wrong_input_is_refused_by_name() {
     assert!(trace_tubes(&[], one, RADIUS, 4).unwrap().is_empty());
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
     let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap(), rope: 0 }];
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[] }];
+    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
     let still = [RigidMotion::identity()];
     let fit = |change: &dyn Fn(&mut TubeFitOptions)| {
         let mut options = TubeFitOptions { reference: Some(0), ..options() };
@@ -287,6 +288,7 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
                 points,
                 viewpoint,
                 ends: if use_ends { ends } else { &[] },
+                feet: &[],
             })
             .collect();
         fit_tubes(
@@ -306,7 +308,7 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
     let sd = |fit: &strand::TubeFit, view: usize| fit.uncertainty.as_ref().unwrap().poses[view][3][3].sqrt();
     assert!(sd(&with, 0) < 2e-4 && sd(&with, 2) > 1e-3 && sd(&without, 0) > 1e-3);
     let twice = [sighting(0.1), sighting(0.1)];
-    let views = [TubeView { points: &clouds[1], viewpoint: CAMERAS[1], ends: &twice }];
+    let views = [TubeView { points: &clouds[1], viewpoint: CAMERAS[1], ends: &twice, feet: &[] }];
     let one = TubeFitOptions { reference: None, ..options() };
     assert!(fit_tubes(&views, &[tube], &[RigidMotion::identity()], &[RADIUS], &one).is_err());
 }

@@ -26,6 +26,7 @@ __all__ = [
     "icp",
     "join_cost",
     "num_threads",
+    "occupied_cubes",
     "path_length",
     "radius_outlier_mask",
     "set_num_threads",
@@ -164,22 +165,24 @@ def fit_tubes(
     points: Sequence[ArrayLike],
     viewpoints: ArrayLike,
     curves: Sequence[ArrayLike],
-    ropes: Sequence[int],
-    motions: Sequence[ArrayLike],
-    radii: Sequence[float],
+    ropes: Sequence[int] | NDArray[np.int64],
+    motions: Sequence[ArrayLike] | NDArray[np.float64],
+    radii: Sequence[float] | NDArray[np.float64],
     *,
-    fit_curves: bool,
-    radius_prior: Sequence[Sequence[float]] | None,
+    fit_curves: bool = True,
+    radius_prior: Sequence[Sequence[float]] | NDArray[np.float64] | None = None,
     reference: int | None,
-    pose_sd: Sequence[float],
-    along_ray: bool,
-    band: Sequence[float],
-    iterations: int,
-    min_bend: float,
-    noise: float | None,
-    bounds: Sequence[Sequence[float]] | None,
-    ends: Sequence[tuple[int, int, Sequence[float], Sequence[float], float]],
-    uncertainty: bool,
+    pose_sd: Sequence[float] | NDArray[np.float64],
+    along_ray: bool = False,
+    band: Sequence[float] | NDArray[np.float64] = (0.6, 0.4),
+    iterations: int = 12,
+    tolerance: float = 0.1,
+    min_bend: float = 1.5,
+    noise: float | None = None,
+    bounds: Sequence[Sequence[float]] | tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ends: Sequence[tuple[int, int, NDArray[np.float64], NDArray[np.float64], float]],
+    feet: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None,
+    uncertainty: bool = True,
 ) -> dict[str, Any]: ...
 def strip_radii(
     points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int
@@ -212,6 +215,7 @@ def crowded(
     places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
 ) -> NDArray[np.bool_]: ...
 def usual_neighbors(points: ArrayLike, radius: float) -> int: ...
+def occupied_cubes(points: Sequence[ArrayLike], side: float) -> int: ...
 def copy_depth(depth: ArrayLike) -> tuple[NDArray[np.float64], int]: ...
 def unproject(
     depth: ArrayLike, focal: tuple[float, float], center: tuple[float, float]

@@ -108,6 +108,19 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def text(name: str, value: Any) -> str:
+    """Return `value` as a str.
+
+    Raises
+    ------
+    TypeError
+        If it is no text.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{name}: expected text, got {type(value).__name__}")
+    return str(value)
+
+
 def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
     """Return what a sequence holds.
 

@@ -23,13 +23,13 @@ _DIRECTIONS, _LONGEST, _TIGHTEST, _BISECTIONS = 16, 2.0, 0.4, 30
 _ROOM, _NOWHERE = 1.5, 2.0
 
 
-def _turns(nodes: Array) -> tuple[Array, Array, Array]:
-    """Return lengths of the steps, turns between them, radians, and the lengths that turns stand for."""
+def _curvature(nodes: Array) -> Array:
+    """Return the curvature at the inner nodes, 1/m: turns between steps over the lengths they stand for."""
     steps = np.diff(nodes, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     units = steps / np.maximum(lengths, 1e-12)[:, None]
     turns = np.arccos(np.clip((units[1:] * units[:-1]).sum(axis=1), -1.0, 1.0))
-    return lengths, turns, np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12)
+    return np.asarray(turns / np.maximum(0.5 * (lengths[1:] + lengths[:-1]), 1e-12))
 
 
 def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linking) -> float:
@@ -127,8 +127,7 @@ def _bowed(
                 low, high = np.where(short, height, low), np.where(short, high, height)
             room = way + _ROOM * (bowed - way)
             for nodes, farther in zip(bowed, room, strict=True):
-                _, turns, along = _turns(nodes)
-                if (turns / along).max() > _TIGHTEST / radius:
+                if _curvature(nodes).max() > _TIGHTEST / radius:
                     continue
                 if _nowhere(nodes, radius, sight, bounds) > SEEN_THROUGH:
                     continue

@@ -139,12 +139,12 @@ def doubts(
 
 
 def confidence(found: Sequence[Doubt]) -> float:
-    """How likely the answer is right: exp(-d), where d adds up all doubts."""
+    """How likely the answer is right: exp(-0.01 - d), where d adds up all doubts."""
     return float(np.exp(-_ALWAYS - sum(doubt.amount for doubt in found)))
 
 
-def worth_a_warning(margin: float) -> float:
-    """How great a doubt is that a join of this margin raises."""
+def doubt_of_margin(margin: float) -> float:
+    """How great a doubt a join of this margin raises."""
     return _JOINS * float(np.exp(-max(margin, 0.0) / _SCALE))
 
 
@@ -155,7 +155,7 @@ def _of_join(join: Join) -> Doubt:
         else f"it may go on at {np.round(join.alternative, 3).tolist()}"
     )
     reason = f"{other} (margin {join.margin:.1f})"
-    return Doubt(worth_a_warning(join.margin), "how the string runs", reason, join.place)
+    return Doubt(doubt_of_margin(join.margin), "how the string runs", reason, join.place)
 
 
 def _of_decision(judged: Sequence[Judged]) -> list[Doubt]:

@@ -10,6 +10,7 @@ import numpy as np
 from strand import _core
 from strand.curve import Curve
 from strand.tubefit import TubeFit
+from strand.view import Array
 from strand.visibility import Sight
 
 # how far inside an end the density of its points is taken, in radii
@@ -154,10 +155,12 @@ def pixel_width(count: int, length: float, sine: float, radius: float) -> float:
     return math.sqrt(2.0 * radius * length / count / sine)
 
 
-def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
-    """Return the standard deviation of where a string ends along itself.
+def end_deviations(
+    fit: TubeFit, number: int, part: Curve, mine: np.ndarray, place: Array
+) -> tuple[float, float]:
+    """Return the standard deviations of where a string begins and ends along itself.
 
-    In each view the end is uncertain by a pixel's width over the square root of 12, as rows of pixels may end
+    In each view an end is uncertain by a pixel's width over the square root of 12, as rows of pixels may end
     together, and by its shape, see `seen_excess`: the former independently, the latter not. Views count by
     their points near the end.
 
@@ -168,29 +171,35 @@ def end_deviation(fit: TubeFit, number: int, part: Curve, late: bool) -> float:
         Of the curve.
     part : Curve
         The stretch of it that is string.
-    late : bool
-        Whether the end in question is that of greater arc length.
+    mine : (M,) ndarray of int
+        Numbers of the points that lie on it.
+    place : (M,) ndarray
+        Arc length of each along the stretch, metres.
 
     Returns
     -------
-    float
+    start, stop : float
         Metres; a radius if no point is near.
     """
     radius = fit.radius(number)
     length = min(_INSIDE * radius, part.length)
-    mine = np.flatnonzero(fit.inlier & (fit.curve == number))
-    place = part.arc_length(fit.parameter[mine])
-    near = mine[(part.length - place if late else place) < length]
-    views, to_camera = fit.view[near], fit.to_camera[near]
-    tangent = part.at([part.length if late else 0.0])[1][0]
-    outward = tangent if late else -tangent
-    total, variance, doubts = 0, 0.0, 0.0
-    for view in np.unique(views):
-        seen = to_camera[views == view]
-        count = len(seen)
-        cosine = float(np.clip(seen.mean(axis=0) @ outward, -0.99, 0.99))
-        width = pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
-        total += count
-        variance += count**2 * width**2 / 12.0
-        doubts += count * seen_excess(cosine, fit.band(number) / radius)[1] * radius
-    return math.hypot(math.sqrt(variance), doubts) / total if total else radius
+    first, last = part.at([0.0, part.length])[1]
+
+    def deviation(near: np.ndarray, outward: Array) -> float:
+        views, to_camera = fit.view[near], fit.to_camera[near]
+        total, variance, doubts = 0, 0.0, 0.0
+        for view, count in enumerate(np.bincount(views).tolist()):
+            if not count:
+                continue
+            cosine = float(to_camera[views == view].sum(axis=0) @ outward) / count
+            cosine = min(max(cosine, -0.99), 0.99)
+            width = pixel_width(count, length, math.sqrt(1.0 - cosine**2), radius)
+            total += count
+            variance += count**2 * width**2 / 12.0
+            doubts += count * seen_excess(cosine, fit.band(number) / radius)[1] * radius
+        return math.hypot(math.sqrt(variance), doubts) / total if total else radius
+
+    return (
+        deviation(mine[place < length], -first),
+        deviation(mine[part.length - place < length], last),
+    )

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from strand.arguments import positive
 from strand.view import Array
 
 # a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
@@ -59,20 +60,14 @@ class Known:
         if length is None:
             return cls(ropes, bounds=bounds)
         several = np.asarray(length, dtype=object)
-        for value in several.ravel():
-            if isinstance(value, (bool, np.bool_)) or not isinstance(
-                value, (int, float, np.integer, np.floating)
-            ):
-                raise TypeError(f"length: expected a number of metres, or one for each rope, got {length!r}")
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"length: expected positive numbers of metres, got {length!r}")
+        lengths = [positive("length", value) for value in several.ravel()]
         if several.ndim == 0:
-            return cls(ropes, (float(several[()]),), True, bounds)
+            return cls(ropes, tuple(lengths), True, bounds)
         if several.ndim != 1 or not len(several):
             raise ValueError(f"length: expected one length or one for each rope, got {length!r}")
         if ropes is not None and len(several) != ropes:
             raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(several)}")
-        return cls(len(several), tuple(sorted(map(float, several), reverse=True)), bounds=bounds)
+        return cls(len(several), tuple(sorted(lengths, reverse=True)), bounds=bounds)
 
     def of_a_kind(self) -> Known:
         """Return what it says of strings that are only some of all."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand import io
-from strand.arguments import as_array, flag, not_negative, number, several, whole
+from strand.arguments import as_array, flag, not_negative, number, several, text, whole
 from strand.curve import Curve
 from strand.nextview import best_camera
 from strand.topology import runs
@@ -286,7 +286,7 @@ class Doubt:
     Attributes
     ----------
     amount : float
-        The confidence is exp(-d), where d adds up all doubts' amounts.
+        The confidence is exp(-0.01 - d), where d adds up all doubts' amounts; 0 or above.
     about : str
         What is uncertain.
     reason : str
@@ -299,6 +299,13 @@ class Doubt:
     about: str
     reason: str
     place: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "amount", not_negative("amount", self.amount))
+        object.__setattr__(self, "about", text("about", self.about))
+        object.__setattr__(self, "reason", text("reason", self.reason))
+        if self.place is not None:
+            object.__setattr__(self, "place", finite_array("place", self.place, (3,)))
 
     def __str__(self) -> str:
         where = "" if self.place is None else f" at {np.round(self.place, 3).tolist()}"
@@ -319,6 +326,12 @@ class Alternative:
 
     cost: float
     chains: tuple[Array, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cost", number("cost", self.cost))
+        each = several("chains", self.chains, "arrays")
+        nodes = tuple(finite_array(f"chains[{i}]", one, (None, 3)) for i, one in enumerate(each))
+        object.__setattr__(self, "chains", nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,11 +377,17 @@ class Model:
     alternatives: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("chains", Chain), ("warnings", str), ("joins", Join)):
+        for name, kind in (
+            ("chains", Chain),
+            ("warnings", str),
+            ("joins", Join),
+            ("doubts", Doubt),
+            ("alternatives", Alternative),
+        ):
             held = several(name, getattr(self, name), kind.__name__)
             for i, one in enumerate(held):
                 if not isinstance(one, kind):
-                    raise TypeError(f"{name}[{i}]: expected a {kind.__name__}, got {type(one).__name__}")
+                    raise TypeError(f"{name}[{i}]: expected type {kind.__name__}, got {type(one).__name__}")
             object.__setattr__(self, name, held)
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
@@ -515,13 +534,13 @@ def _join(data: dict[str, Any]) -> Join:
 def _doubt(data: dict[str, Any]) -> Doubt:
     """Make a doubt of what `Model.save` wrote."""
     place = None if data["place"] is None else np.asarray(data["place"], dtype=np.float64)
-    return Doubt(float(data["amount"]), str(data["about"]), str(data["reason"]), place)
+    return Doubt(data["amount"], data["about"], data["reason"], place)
 
 
 def _alternative(data: dict[str, Any]) -> Alternative:
     """Make an alternative of what `Model.save` wrote."""
     chains = tuple(np.asarray(nodes, dtype=np.float64).reshape(-1, 3) for nodes in data["chains"])
-    return Alternative(float(data["cost"]), chains)
+    return Alternative(data["cost"], chains)
 
 
 def load(path: str | os.PathLike[str]) -> Model:

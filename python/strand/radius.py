@@ -75,27 +75,9 @@ class Radii:
         """Return for each fitted radius the number of the one that it is nearest to."""
         return [int(np.abs(np.log(self.values / value)).argmin()) for value in fitted]
 
-    def deviation(self, fitted: Array, sd: Array, sigma: float, capped: bool = True) -> Array:
-        """Return the standard deviations of fitted radii, with what noise does to them beside its scatter.
-
-        Points that scatter independently would give a radius better than the tube's outline is seen.
-
-        Parameters
-        ----------
-        fitted, sd : (K,) ndarray
-            Radii and what the fit says of their standard deviations, metres.
-        sigma : float
-            Standard deviation of the fit's residuals, metres.
-        capped : bool
-            Of radii that were given, return no more than what is not known of them.
-
-        Returns
-        -------
-        (K,) ndarray
-            Metres.
-        """
-        found = np.hypot(sd, _PULL * sigma**2 / fitted)
-        return np.minimum(found, self.sd) if capped and not self.free else found
+    def capped(self, sd: Array) -> Array:
+        """Return deviations of fitted radii, of given ones at most what is not known of them, metres."""
+        return sd if self.free else np.minimum(sd, self.sd)
 
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:
@@ -172,6 +154,26 @@ def estimate_radius(
     near = np.abs(size[:, None] - np.sort(modes)) < _APART / 2.0
     radii, footprint = np.array([np.median(strips[close], axis=0) for close in near.T]).T
     return radii, np.hypot(_WIDTH_SD * radii, 0.5 * footprint)
+
+
+def fitted_deviation(fitted: Array, sd: Array, sigma: float) -> Array:
+    """Return the standard deviations of fitted radii, with what noise does to them beside its scatter.
+
+    Points that scatter independently would give a radius better than the tube's outline is seen.
+
+    Parameters
+    ----------
+    fitted, sd : (K,) ndarray
+        Radii and what the fit says of their standard deviations, metres.
+    sigma : float
+        Standard deviation of the fit's residuals, metres.
+
+    Returns
+    -------
+    (K,) ndarray
+        Metres.
+    """
+    return np.hypot(sd, _PULL * sigma**2 / fitted)
 
 
 def agreeing(radii: Array, sd: Array) -> list[int]:

@@ -67,6 +67,7 @@ def end_sightings(
         for number, part in enumerate(parts)
     ]
     cameras = [moved(centre[None], motion)[0] for centre, motion in zip(viewpoints, fit.motions, strict=True)]
+    backwards = np.linalg.inv(fit.motions)
     found: list[EndSighting] = []
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None or ring:
@@ -74,13 +75,15 @@ def end_sightings(
         r = fit.radius(number)
         whole = Curve.whole(part.control)
         first, last = whole.arc_length([part.start, part.stop])
-        place = whole.arc_length(fit.parameter)
-        mine = fit.inlier & (fit.curve == number)
+        mine = np.flatnonzero(fit.inlier & (fit.curve == number))
+        place = whole.arc_length(fit.parameter[mine])
         for late in (False, True):
             end = 2 * number + late
             # from the end inwards
             inwards = last - place if late else place - first
-            near = mine & (np.abs(inwards) < (_INSIDE[1] + 1.0) * r)
+            at_end = np.abs(inwards) < (_INSIDE[1] + 1.0) * r
+            near, inwards = mine[at_end], inwards[at_end]
+            views = fit.view[near]
             stretch = part.length - 0.5 * r * np.arange(9) if late else 0.5 * r * np.arange(9)
             inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
             outward = tangents[0] if late else -tangents[0]
@@ -91,14 +94,14 @@ def end_sightings(
                 cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
                 if not _COSINES[0] < cosine < _COSINES[1] or _core.hides(others, inside, camera, _HIDDEN * r):
                     continue
-                back = np.linalg.inv(fit.motions[view])
+                back = backwards[view]
                 if bounds is not None and _leaves(
                     moved(inside[:1] + 2.0 * r * np.outer([0, 1], outward), back), bounds
                 ):
                     continue
-                points = np.flatnonzero(near & (fit.view == view))
-                sine = math.sqrt(1.0 - cosine**2)
-                measured = _end(inwards[points], _surface(fit, camera, points, tangents[0]), r, sine)
+                seen_here = views == view
+                surface = _surface(camera - fit.points[near[seen_here]], tangents[0])
+                measured = _end(inwards[seen_here], surface, r, math.sqrt(1.0 - cosine**2))
                 if measured is None:
                     continue
                 offset, width = measured
@@ -135,9 +138,8 @@ def _leaves(places: Array, bounds: tuple[Array, Array]) -> bool:
     return bool(((places < bounds[0]) | (places > bounds[1])).any())
 
 
-def _surface(fit: TubeFit, camera: Array, points: np.ndarray, tangent: Array) -> Array:
-    """Length of string, but for a factor, that each point's pixel stands for."""
-    ray = camera - fit.points[points]
+def _surface(ray: Array, tangent: Array) -> Array:
+    """Length of string, but for a factor, that the pixel at the end of each ray stands for."""
     square = (ray * ray).sum(axis=1)
     along = (ray @ tangent) ** 2
     return np.asarray(square / np.sqrt(np.maximum(1.0 - along / square, 0.01)))

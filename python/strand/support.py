@@ -8,7 +8,7 @@ import numpy as np
 
 from strand.config import Config
 from strand.curve import Curve, basis
-from strand.ends import end_deviation
+from strand.ends import end_deviations
 from strand.model import Chain
 from strand.tubefit import TubeFit
 from strand.view import Array
@@ -40,14 +40,15 @@ def described(
         if part is None:
             continue
         s = part.nodes(config.tubes.node_spacing * fit.radius(number))
-        mine = fit.inlier & (fit.curve == number)
-        counts, views = _seen(part.arc_length(fit.parameter[mine]), fit.view[mine], s)
+        mine = np.flatnonzero(fit.inlier & (fit.curve == number))
+        place = part.arc_length(fit.parameter[mine])
+        counts, views = _seen(place, fit.view[mine], s)
         places, tangents, _ = part.at(s)
         covariance = node_covariance(fit.covariances[number], part.parameter(s))
         if not ring:
             # nodes divide the way from end to end: they go along with the ends
             share = s / part.length
-            start, stop = (end_deviation(fit, number, part, late) for late in (False, True))
+            start, stop = end_deviations(fit, number, part, mine, place)
             along = ((1.0 - share) * start) ** 2 + (share * stop) ** 2
             covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
         # a ring's last node is its first again
@@ -73,8 +74,8 @@ def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np
     nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
     counts = np.bincount(nearest, minlength=len(nodes))
     cameras = int(view.max(initial=0)) + 1
-    pairs = np.unique(nearest * cameras + view)
-    return counts, np.bincount(pairs // cameras, minlength=len(nodes))
+    pairs = np.bincount(nearest * cameras + view, minlength=len(nodes) * cameras)
+    return counts, np.count_nonzero(pairs.reshape(len(nodes), cameras), axis=1)
 
 
 def node_covariance(covariance: Array, parameter: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -148,10 +149,12 @@ def fit_tubes(
     along_ray: bool = False,
     band: tuple[float, float] = (0.6, 0.4),
     iterations: int = 12,
+    tolerance: float = 0.1,
     min_bend: float = 1.5,
     noise: float | None = None,
     bounds: tuple[Array, Array] | None = None,
     ends: Sequence[EndSighting] = (),
+    previous: TubeFit | None = None,
     uncertainty: bool = True,
 ) -> TubeFit:
     """Fit tubes around curves to the points of all views, together with the views' poses.
@@ -191,6 +194,9 @@ def fit_tubes(
         of the noise, which keep 95 % of the efficiency of least squares.
     iterations : int
         Most Gauss-Newton steps.
+    tolerance : float
+        After a step of less than this, in standard deviations of the unknowns, there is no other; after one
+        of less than 0.1, another changes nothing that the data tell.
     min_bend : float
         The tightest bend of a curve: its radius of curvature, in radii.
     noise : float, optional
@@ -201,6 +207,9 @@ def fit_tubes(
         tube lies within two standard deviations of its faces have no part.
     ends : sequence of EndSighting
         Where views see strings end: fixes them along straight strings.
+    previous : TubeFit, optional
+        An earlier fit to the same points, from whose curves this one goes on: points start at the feet that
+        it found for them.
     uncertainty : bool
         Work out standard deviations and covariances, and hold views at the reported poses in directions that
         the data leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
@@ -258,27 +267,63 @@ def fit_tubes(
             raise TypeError(f"ends[{i}]: expected an EndSighting, got {type(seen).__name__}")
         if seen.view >= len(clouds):
             raise ValueError(f"ends[{i}]: expected the number of one of {len(clouds)} views, got {seen.view}")
-    box = None if bounds is None else extraction_range(bounds)
-    found = _core.fit_tubes(
+    if previous is not None:
+        if not isinstance(previous, TubeFit):
+            raise TypeError(f"previous: expected a TubeFit or None, got {type(previous).__name__}")
+        if len(previous.points) != sum(map(len, clouds)):
+            raise ValueError(
+                f"previous: expected a fit to these {sum(map(len, clouds))} points, "
+                f"got one to {len(previous.points)}"
+            )
+    return unchecked_fit(
         clouds,
         centres,
         started,
-        numbers.tolist(),
         corrections,
-        radii.tolist(),
+        radii,
+        numbers,
         fit_curves=flag("fit_curves", fit_curves),
-        radius_prior=None if prior is None else prior.tolist(),
+        radius_prior=prior,
         reference=reference,
-        pose_sd=pairs["pose_sd"].tolist(),
+        pose_sd=pairs["pose_sd"],
         along_ray=flag("along_ray", along_ray),
-        band=pairs["band"].tolist(),
+        band=pairs["band"],
         iterations=whole("iterations", iterations, 0, 2**63 - 1),
+        tolerance=positive("tolerance", tolerance),
         min_bend=positive("min_bend", min_bend),
         noise=None if noise is None else positive("noise", noise),
-        bounds=None if box is None else [corner.tolist() for corner in box],
-        ends=[
-            (seen.view, seen.end, seen.place.tolist(), seen.outward.tolist(), seen.sd) for seen in sightings
-        ],
+        bounds=None if bounds is None else extraction_range(bounds),
+        ends=sightings,
+        previous=previous,
         uncertainty=flag("uncertainty", uncertainty),
     )
-    return TubeFit(ropes=numbers.astype(np.int64), **found)
+
+
+def unchecked_fit(
+    points: Sequence[Array],
+    viewpoints: Array,
+    curves: Sequence[Array],
+    motions: Sequence[Array] | Array,
+    radii: Array,
+    ropes: Sequence[int] | NDArray[np.int64],
+    *,
+    ends: Sequence[EndSighting] = (),
+    previous: TubeFit | None = None,
+    **how: Any,
+) -> TubeFit:
+    """Fit as `fit_tubes` does, whose arguments these are, arrays that need no more checks."""
+    feet = None
+    if previous is not None:
+        feet = np.where(np.isfinite(previous.residual), previous.curve, -1), previous.parameter
+    found = _core.fit_tubes(
+        points,
+        viewpoints,
+        curves,
+        ropes,
+        motions,
+        radii,
+        ends=[(seen.view, seen.end, seen.place, seen.outward, seen.sd) for seen in ends],
+        feet=feet,
+        **how,
+    )
+    return TubeFit(ropes=np.asarray(ropes, dtype=np.int64), **found)

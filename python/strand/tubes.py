@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from strand import _core
 from strand._core import NotEnoughDataError
 from strand.assembly import Judged, decide, explanation_cost, reopened
-from strand.certainty import branches, doubts, joins_of, worth_a_warning
+from strand.certainty import branches, doubt_of_margin, doubts, joins_of
 from strand.config import Config, Poses
 from strand.curve import Curve
 from strand.ends import string_parts, with_hidden_ends
@@ -22,13 +22,13 @@ from strand.known import Known
 from strand.model import Alternative, Chain, Join
 from strand.orientation import started
 from strand.pieces import left_over
-from strand.radius import Radii, agreeing
+from strand.radius import Radii, agreeing, fitted_deviation
 from strand.selection import best_explaining
 from strand.sightings import end_sightings
 from strand.slack import as_long, bowed
 from strand.stages import Found, Run
 from strand.support import described
-from strand.tubefit import EndSighting, TubeFit, fit_tubes
+from strand.tubefit import EndSighting, TubeFit, unchecked_fit
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 from strand.visibility import Sight
 
@@ -36,6 +36,12 @@ from strand.visibility import Sight
 _REFERENCE_NODES = 8
 # mean number of points in a cube of two radii that is enough to trace arcs; strings are fitted to all points
 _ENOUGH = 20
+# arcs traced where views were off by less than this, in radii, are not traced again
+_SETTLED = 0.15
+# of fits that others follow, in standard deviations of the unknowns
+_TOLERANCE = 0.3
+# so many points of each view tell its pose well enough to trace arcs
+_POSED = 250
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN, _STRING_MARGIN = 1.0, 2.0
 
@@ -75,13 +81,16 @@ class Clouds:
         viewpoints = np.array([view.viewpoint for view in views])
         return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
 
+    def every(self, step: int) -> Clouds:
+        """Return every n-th point of each view."""
+        return replace(self, points=[cloud[::step] for cloud in self.points])
+
     def thinned(self, radius: float) -> Clouds:
         """Return every n-th point of each view, n as large as tracing allows."""
-        cells = np.floor(np.concatenate(self.points) / (2.0 * radius)).astype(np.int64)
-        # cells far apart may share a number, which hardly changes how many there are
-        occupied = len(np.unique(cells @ np.array([1, 1 << 20, 1 << 40])))
-        step = max(round(len(cells) / (_ENOUGH * occupied)), 1)
-        return replace(self, points=[cloud[::step] for cloud in self.points])
+        count = sum(map(len, self.points))
+        occupied = _core.occupied_cubes(self.points, 2.0 * radius)
+        step = max(round(count / (_ENOUGH * max(occupied, 1))), 1)
+        return self.every(step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +117,12 @@ class Arcs:
 def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int, config: Config) -> Arcs:
     """Trace arcs of each radius through the points of all views at corrected poses."""
     points = [moved(cloud, motion) for cloud, motion in zip(clouds.points, motions, strict=True)]
-    cameras = [
-        np.tile(moved(centre[None], motion), (len(cloud), 1))
-        for centre, motion, cloud in zip(clouds.viewpoints, motions, clouds.points, strict=True)
-    ]
+    centres = [moved(centre[None], motion) for centre, motion in zip(clouds.viewpoints, motions, strict=True)]
+    cameras = np.repeat(np.concatenate(centres), list(map(len, points)), axis=0)
+    together = np.concatenate(points)
     nodes, ropes = [], []
     for rope, radius in enumerate(radii):
-        arcs = _core.trace_tubes(np.concatenate(points), np.concatenate(cameras), radius, min_nodes=min_nodes)
+        arcs = _core.trace_tubes(together, cameras, radius, min_nodes=min_nodes)
         nodes += [arc for arc, _ in arcs]
         ropes += [rope] * len(arcs)
     if not nodes:
@@ -146,13 +154,13 @@ def _fit(
     **how: Any,
 ) -> TubeFit:
     """Fit curves and poses, with what every fit of a run has in common."""
-    return fit_tubes(
+    return unchecked_fit(
         clouds.points,
         clouds.viewpoints,
         curves,
         motions,
         radii,
-        ropes=ropes,
+        ropes,
         pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
         # a view alone has no pose to find
         reference=clouds.reference if len(clouds.points) > 1 else None,
@@ -178,7 +186,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
     if any(long):
         arcs = arcs.only(long)
     fit = _fit(
-        clouds,
+        clouds.every(max(sum(map(len, clouds.points)) // (_POSED * len(clouds.points)), 1)),
         _splines(arcs, radii, config, 0.0),
         arcs.ropes,
         still,
@@ -187,6 +195,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
         fit_curves=False,
         band=(1.0, 0.5),
         iterations=10,
+        tolerance=_TOLERANCE,
         uncertainty=False,
     )
     return fit.motions
@@ -195,9 +204,9 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
 def fit_arcs(
     clouds: Clouds, few: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
 ) -> tuple[TubeFit, Radii]:
-    """Trace arcs and fit them with the poses, more than once; radii that are free last.
+    """Trace arcs and fit them with the poses, again if the poses were far off; radii that are free last.
 
-    `few` is `clouds` thinned: arcs are traced in it, and only the last fits are to all points.
+    `few` is `clouds` thinned: arcs are traced in it.
 
     Returns the last fit, and those of the radii that some arc has.
 
@@ -206,25 +215,29 @@ def fit_arcs(
     strand.NotEnoughDataError
         If there is nothing like a tube of these radii in the points.
     """
-    fit = None
-    for last in (False,) * (config.tubes.rounds - 1) + (True,):
+    # which of several given radii an arc has, its points say in the end
+    told_apart = len(radii.values) > 1 and not radii.free and not radii.held
+    for _ in range(config.tubes.rounds):
         arcs = trace(few, motions, radii.values, 3, config)
-        if radii.free:
+        if not told_apart:
             radii, arcs = _present(radii, arcs)
         fit = _fit(
-            clouds if last else few,
+            clouds,
             _splines(arcs, radii.values, config, _ARC_MARGIN),
             arcs.ropes,
             motions,
             radii.values,
             config,
-            iterations=12 if last else 8,
+            iterations=12,
+            tolerance=0.1 if uncertainty else _TOLERANCE,
             bounds=clouds.bounds if radii.free else None,
-            uncertainty=uncertainty and last,
+            uncertainty=uncertainty,
         )
+        shift = _shift(few, motions, fit.motions)
         motions = fit.motions
-    assert fit is not None
-    if len(radii.values) > 1 and not radii.free:
+        if shift < _SETTLED * float(radii.values.min()):
+            break
+    if told_apart:
         return _kinds_from_points(clouds, arcs, fit, radii, config, uncertainty)
     if not radii.free:
         return fit, radii
@@ -237,6 +250,15 @@ def fit_arcs(
         few = clouds.thinned(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
     return fit, radii
+
+
+def _shift(clouds: Clouds, before: Array, after: Array) -> float:
+    """How far corrections of the poses moved the farthest point, metres."""
+    far = 0.0
+    for cloud, some, other in zip(clouds.points, before, after, strict=True):
+        apart = other[:3] - some[:3]
+        far = max(far, float(np.linalg.norm(cloud @ apart[:, :3].T + apart[:, 3], axis=1).max()))
+    return far
 
 
 def _with_radii(
@@ -294,6 +316,7 @@ def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
         config,
         band=(0.5, 0.4),
         iterations=8,
+        tolerance=_TOLERANCE,
         uncertainty=False,
     )
 
@@ -342,6 +365,7 @@ def _on_sample(
             config,
             band=(0.5, 0.4),
             iterations=12,
+            tolerance=_TOLERANCE,
             uncertainty=False,
         )
         return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
@@ -407,11 +431,12 @@ def all_joins(ways: Sequence[Sequence[Judged]], chains: Sequence[Chain], config:
 
 
 def alternatives(ways: Sequence[Sequence[Judged]]) -> tuple[Alternative, ...]:
-    """Return the ways that are not the answer, the best first."""
+    """Return the ways that are not the answer, the best first, but those that explain nothing."""
     others = [
         Alternative(other.cost - judged[0].cost, tuple(nodes for nodes, _ in other.assembly.chains))
         for judged in filter(None, ways)
         for other in judged[1:]
+        if np.isfinite(other.cost)
     ]
     return tuple(sorted(others, key=lambda other: other.cost))
 
@@ -428,6 +453,7 @@ def fit_strings(
         ropes, start, radii = list(range(len(ropes))), start[ropes], radii.only(ropes)
     curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
     ends: list[EndSighting] = []
+    fit: TubeFit | None = None
 
     def fitted(uncertainty: bool) -> TubeFit:
         return _fit(
@@ -441,8 +467,10 @@ def fit_strings(
             along_ray=True,
             band=(0.5, 0.5),
             iterations=30 if radii.free else 20,
+            tolerance=0.1 if uncertainty else _TOLERANCE,
             bounds=clouds.bounds if radii.free else None,
             ends=ends,
+            previous=fit,
             uncertainty=uncertainty,
         )
 
@@ -551,7 +579,7 @@ def find_strings(
     if radii.held:
         radii_sd = radii.sd[strings.ropes]
     else:
-        radii_sd = radii.deviation(fit.radii, fit.radii_sd, fit.sigma)[fit.ropes]
+        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.ropes]
     whole = with_hidden_ends(fit, found, closed, sight)
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
@@ -569,7 +597,7 @@ def find_strings(
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     stages = {"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit}
     poses = [motion @ view.pose for motion, view in zip(fit.motions, views, strict=True)]
-    least = worth_a_warning(config.linking.margin)
+    least = doubt_of_margin(config.linking.margin)
     run.warnings.extend(str(doubt) for doubt in uncertain if doubt.amount > least)
     for number, trunk, place in branches(chains, sight):
         run.warnings.append(
@@ -658,7 +686,7 @@ def _once_round(curve: Curve, margin: float) -> Curve:
 def _warn_of_pulled_radii(fit: TubeFit, radii: Radii, run: Run) -> None:
     """Name radii that were given and that the points pull away from farther than noise does."""
     pull = fit.radii - radii.values
-    limit = _PULLED * np.hypot(radii.sd, radii.deviation(fit.radii, fit.radii_sd, fit.sigma, capped=False))
+    limit = _PULLED * np.hypot(radii.sd, fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))
     for k in np.flatnonzero(np.abs(pull) > limit):
         run.warnings.append(
             f"radius: {radii.values[k] * 1e3:.3g} mm was given, but the string looks "

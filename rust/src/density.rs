@@ -1,13 +1,20 @@
 //! How densely points lie.
 
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
 use crate::error::{Result, check_finite, check_positive};
+use crate::geometry::cell_of;
 use crate::index::Grid;
 use crate::{Point, parallel};
 
-/// So many points, evenly among all, tell as much as all of them.
-const SAMPLE: usize = 1000;
+/// The median over so many points, evenly among all, is within a few percent of that over all of them.
+const SAMPLE: usize = 250;
+/// Of the sample, looked at by one task.
+const POINTS_PER_TASK: usize = 25;
 
-/// The usual number of other points within `radius` of a point: the median over a thousand of them, 0 for no points.
+/// The usual number of other points within `radius` of a point: the median over a sample of them, 0 for no points.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
@@ -15,18 +22,42 @@ pub fn usual_neighbors(points: &[Point], radius: f64) -> Result<usize> {
     check_finite("points", points)?;
     check_positive("radius", radius)?;
     let step = points.len().div_ceil(SAMPLE).max(1);
-    let grid = parallel::run(|| Grid::new(points, radius));
-    let others = |position: usize| {
-        let mut count = 0;
-        grid.visit_around(position, |_, _, _| {
-            count += 1;
-            true
-        });
-        count - 1
-    };
-    let mut counts: Vec<usize> = (0..points.len()).step_by(step).map(others).collect();
+    let mut counts: Vec<usize> = parallel::run(|| {
+        let grid = Grid::new(points, radius);
+        let others = |position: usize| {
+            let mut count = 0;
+            grid.visit_around(position, |_, _, _| {
+                count += 1;
+                true
+            });
+            count - 1
+        };
+        (0..points.len()).into_par_iter().step_by(step).with_min_len(POINTS_PER_TASK).map(others).collect()
+    });
     let middle = counts.len() / 2;
     Ok(if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 })
+}
+
+/// How many cubes of an even lattice hold points.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `side` is not positive.
+pub fn occupied_cubes(points: &[&[Point]], side: f64) -> Result<usize> {
+    check_positive("side", side)?;
+    for points in points {
+        check_finite("points", points)?;
+    }
+    let mut cubes = HashSet::new();
+    let mut last = None;
+    for &p in points.iter().copied().flatten() {
+        let cube = Some(cell_of(p, side));
+        // neighbours in an image are mostly in one cube
+        if cube != last {
+            cubes.extend(cube);
+            last = cube;
+        }
+    }
+    Ok(cubes.len())
 }
 
 #[cfg(test)]
@@ -40,5 +71,14 @@ mod tests {
         assert_eq!(usual_neighbors(&points[..1], 1.05).unwrap(), 0);
         assert_eq!(usual_neighbors(&[], 1.05).unwrap(), 0);
         assert!(usual_neighbors(&points, 0.0).is_err());
+    }
+
+    #[test]
+    fn cubes_count_once() {
+        let points: Vec<Point> = (-50..50).map(|i| [f64::from(i) * 0.1 + 0.05, 0.0, 7.0]).collect();
+        assert_eq!(occupied_cubes(&[&points, &points[..7], &[]], 1.0).unwrap(), 10);
+        assert_eq!(occupied_cubes(&[], 1.0).unwrap(), 0);
+        assert!(occupied_cubes(&[&points], 0.0).is_err());
+        assert!(occupied_cubes(&[&[[f64::NAN; 3]]], 1.0).is_err());
     }
 }

@@ -66,15 +66,14 @@ pub fn string_parts(
     places
         .into_iter()
         .enumerate()
-        .map(|(number, mut s)| {
+        .map(|(number, s)| {
             if s.len() < FEWEST {
                 return None;
             }
-            s.sort_unstable_by(f64::total_cmp);
             let (curve, radius) = (&curves[number], radii[tubes[number].rope]);
             let length = curve.length();
             let start = end(&s, length, radius);
-            let backwards: Vec<f64> = s.iter().rev().map(|s| length - s).collect();
+            let backwards: Vec<f64> = s.iter().map(|s| length - s).collect();
             let stop = length - end(&backwards, length, radius);
             (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
         })
@@ -90,7 +89,7 @@ pub fn crowded(places: &[(Point, usize, f64)], contact: f64, own: f64) -> Vec<bo
     places.iter().map(|one| places.iter().any(|other| crowds(one, other))).collect()
 }
 
-/// Arc length at which ascending places of points begin.
+/// Arc length at which places of points, in any order and at least two, begin.
 fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     let width = BIN * radius;
     let bins = (length / width) as usize + 1;
@@ -107,15 +106,22 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     let about = (first as f64 + 0.5) * width;
     let near = about + INSIDE[0] * radius;
     let far = (about + INSIDE[1] * radius).min(length - about).max(near + radius);
-    let before = |limit: f64| s.partition_point(|&s| s < limit);
-    let inside = before(far) - before(near);
-    let beyond = before(near) - s.partition_point(|&s| s <= about - REACH * radius).min(before(near));
+    let within = |low: f64, high: f64| s.iter().filter(|&&s| low <= s && s < high).count();
+    let inside = within(near, far);
+    let beyond = s.iter().filter(|&&s| about - REACH * radius < s && s < near).count();
     if inside == 0 {
         return about;
     }
     let density = inside as f64 / (far - near);
     // where another strand hides part of the inside, the density is too low: no end lies beyond all points
-    let end = (near - beyond as f64 / density).max(s[1] - 1.0 / density);
+    let [_, second] =
+        s.iter().fold(
+            [f64::INFINITY; 2],
+            |[first, second], &s| {
+                if s < first { [s, first] } else { [first, second.min(s)] }
+            },
+        );
+    let end = (near - beyond as f64 / density).max(second - 1.0 / density);
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
 }
 

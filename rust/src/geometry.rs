@@ -47,6 +47,16 @@ pub fn squared_distance(a: Point, b: Point) -> f64 {
     dot(d, d)
 }
 
+/// The cube of an even lattice that a place lies in. Cubes on faces below 0 begin one early; rounding down is a call.
+#[inline]
+pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
+    let inverse = 1.0 / cell;
+    p.map(|x| {
+        let cells = x * inverse;
+        cells as i64 - i64::from(cells < 0.0)
+    })
+}
+
 /// Mean of points; the origin for none.
 ///
 /// Summed in order, so the same points give the same bits.

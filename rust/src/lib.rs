@@ -61,7 +61,7 @@ pub use bridge::{bending, bridge, end_direction, join_cost};
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
 pub use crop::{DepthView, crop, crop_images};
-pub use density::usual_neighbors;
+pub use density::{occupied_cubes, usual_neighbors};
 pub use depth::{Pinhole, copy_depth, unproject};
 pub use ends::{OnTube, crowded, string_parts};
 pub use error::{Error, Result};
@@ -74,5 +74,7 @@ pub use sight::{Seen, Sight, SightView, hides};
 pub use spline::{Spline, arc_length};
 pub use straighten::straighten;
 pub use strips::{Strip, strip_radii};
-pub use tubefit::{EndSighting, Foot, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed};
+pub use tubefit::{
+    EndSighting, Foot, OnCurve, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed,
+};
 pub use tubes::{Arc, trace_tubes};

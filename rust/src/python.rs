@@ -10,7 +10,9 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use arguments::{FloatArray, Rows, count, motion, number, points_array, require_same_length, viewpoints};
+use arguments::{
+    FloatArray, PointsArray, Rows, count, motion, number, points_array, require_same_length, viewpoints,
+};
 
 use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints, parallel};
 
@@ -132,7 +134,7 @@ fn estimate_normals_each<'py>(
     py: Python<'py>,
     clouds: Vec<Bound<'py, PyAny>>,
     radius: f64,
-) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+) -> PyResult<Vec<PointsArray<'py>>> {
     let clouds = FloatArray::all("clouds", &clouds)?;
     let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
     let (near, camera) = (Neighbors::Within(radius), Viewpoints::One([0.0; 3]));
@@ -445,7 +447,6 @@ fn register_in_turn(
 ///     If a shape is wrong, a coordinate is not finite, a normal is neither of unit length nor zero, or
 ///     `radius` is not positive.
 #[pyfunction]
-#[allow(clippy::type_complexity)]
 #[pyo3(signature = (points, normals, radius, min_neighbors, *, nonfinite = "raise"))]
 fn centerline<'py>(
     py: Python<'py>,
@@ -454,7 +455,7 @@ fn centerline<'py>(
     radius: &Bound<'py, PyAny>,
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>)> {
+) -> PyResult<(PointsArray<'py>, Bound<'py, PyArray1<i64>>)> {
     let (points, normals) = (FloatArray::new("points", points)?, FloatArray::new("normals", normals)?);
     let (points, normals) = (points.rows("points", "(N, 3)")?, normals.rows("normals", "(N, 3)")?);
     require_same_length("normals", normals.len(), points.len())?;
@@ -568,6 +569,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::straighten, module)?)?;
     module.add_function(wrap_pyfunction!(views::hides, module)?)?;
     module.add_function(wrap_pyfunction!(views::usual_neighbors, module)?)?;
+    module.add_function(wrap_pyfunction!(views::occupied_cubes, module)?)?;
     module.add_function(wrap_pyfunction!(curves::crowded, module)?)?;
     module.add_function(wrap_pyfunction!(radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(count_neighbors, module)?)?;

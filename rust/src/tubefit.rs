@@ -33,8 +33,8 @@ const EFFICIENT: f64 = 4.685;
 /// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their feet
 /// move on from where they were.
 const SETTLED: f64 = 2.0;
-/// After a step of less than this, in standard deviations of the unknowns, another changes nothing that the data tell.
-const TOLERANCE: f64 = 0.1;
+/// Steps before the limit beyond which residuals do not count follows their scatter.
+const CLOSE: usize = 2;
 /// The data fix a direction of a pose where its standard deviation is under this share of the reported pose's, as they
 /// then say more than the report; in the others the view is held there, this many times as precisely as it was reported,
 /// in at most so many more steps.
@@ -60,6 +60,17 @@ pub struct TubeView<'a> {
     pub viewpoint: Point,
     /// Where it sees strings end.
     pub ends: &'a [EndSighting],
+    /// Where an earlier fit left the points if this one goes on from its curves, None where no tube is near; else empty.
+    pub feet: &'a [Option<OnCurve>],
+}
+
+/// A place of one of the curves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnCurve {
+    /// Number of the curve.
+    pub curve: usize,
+    /// The curve's parameter there.
+    pub parameter: f64,
 }
 
 /// Where one camera sees a string end: the only thing that it sees of the way along a straight string.
@@ -102,6 +113,9 @@ pub struct TubeFitOptions {
     pub band: [f64; 2],
     /// Most Gauss–Newton steps.
     pub iterations: usize,
+    /// After a step of less than this, in standard deviations of the unknowns, there is no other; after one of less than
+    /// 0.1, another changes nothing that the data tell.
+    pub tolerance: f64,
     /// The tightest bend of a curve: its radius of curvature, in radii. A curve that bends more tightly is made stiffer,
     /// as far as its points allow.
     pub min_bend: f64,
@@ -195,13 +209,6 @@ struct State<'a> {
     noise: f64,
 }
 
-/// A place of one of the curves.
-#[derive(Clone, Copy)]
-struct OnCurve {
-    curve: usize,
-    parameter: f64,
-}
-
 /// Fits curves, poses and radius to the points of all views.
 ///
 /// Gauss–Newton with Tukey's loss whose limit shrinks from `band[0]` to `band[1]`, but not below where it
@@ -234,6 +241,14 @@ pub fn fit_tubes(
         if numbers.windows(2).any(|pair| pair[0] == pair[1]) {
             return Err(Error::invalid("ends", "a view sees an end once"));
         }
+    }
+    for foot in views.iter().flat_map(|view| view.feet).flatten() {
+        if tubes.get(foot.curve).is_none_or(|tube| !(0.0..=tube.curve.end()).contains(&foot.parameter)) {
+            return Err(Error::invalid("feet", "expected parameters of the curves"));
+        }
+    }
+    if views.iter().any(|view| view.feet.len() != if going_on(views) { view.points.len() } else { 0 }) {
+        return Err(Error::invalid("feet", "expected one for each point, or none for all views"));
     }
     if tubes.is_empty() || tubes.iter().any(|tube| tube.curve.control.len() < 4) {
         return Err(Error::invalid(
@@ -269,6 +284,7 @@ pub fn fit_tubes(
     for band in options.band {
         check_positive("band", band)?;
     }
+    check_positive("tolerance", options.tolerance)?;
     check_positive("min_bend", options.min_bend)?;
     if let Some(noise) = options.noise {
         check_positive("noise", noise)?;
@@ -330,7 +346,8 @@ fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
 
 impl State<'_> {
     fn run(&mut self, options: &TubeFitOptions) -> Result<TubeFit> {
-        let mut iteration = 0;
+        // the limit beyond which residuals do not count need not begin wide again
+        let mut iteration = if self.goes_on() { CLOSE } else { 0 };
         let mut step = f64::INFINITY;
         let mut terms: Vec<ViewTerms> = Vec::new();
         loop {
@@ -338,7 +355,7 @@ impl State<'_> {
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
             let bands: Vec<f64> = (self.radii.iter())
                 .map(|r| {
-                    let least = if iteration > 2 { EFFICIENT * self.noise } else { 0.6 * r };
+                    let least = if iteration > CLOSE { EFFICIENT * self.noise } else { 0.6 * r };
                     (planned * r).max(least).min(1.2 * r)
                 })
                 .collect();
@@ -351,11 +368,16 @@ impl State<'_> {
             }
             step = self.step(&terms, options)?;
             iteration += 1;
-            if !self.stiffen(options) && iteration > 4 && step < TOLERANCE {
+            if !self.stiffen(options) && iteration > CLOSE + 1 && step < options.tolerance {
                 let terms = self.terms(options, &bands, Some(terms));
                 return self.result(terms, &bands, iteration, options);
             }
         }
+    }
+
+    /// Whether an earlier fit left the points near their feet.
+    fn goes_on(&self) -> bool {
+        going_on(self.views)
     }
 
     /// Holds views at the reported poses in directions that the data leave open; says whether there are any.
@@ -399,7 +421,7 @@ impl State<'_> {
                 let step = self.step(&terms, options)?;
                 terms = self.terms(options, bands, Some(terms));
                 iterations += 1;
-                if step < TOLERANCE {
+                if step < options.tolerance {
                     break;
                 }
             }
@@ -421,10 +443,10 @@ impl State<'_> {
         let mut sizes = Vec::new();
         let mut along_rays = Vec::new();
         for (curve, near) in terms.iter().flat_map(ViewTerms::on_curves).filter(|(_, near)| near.inlier) {
-            let size = self.radius(curve) * f64::from(near.residual.abs());
+            let size = self.radius(curve) as f32 * near.residual.abs();
             sizes.push(size);
             if options.residual == Residual::Ray && options.noise.is_none() {
-                along_rays.push(size / f64::from(near.facing.max(0.4)));
+                along_rays.push(size / near.facing.max(0.4));
             }
         }
         if sizes.len() > 50 {
@@ -512,12 +534,17 @@ impl State<'_> {
     }
 }
 
+/// Whether the feet of all points are those of an earlier fit.
+fn going_on(views: &[TubeView]) -> bool {
+    views.iter().any(|view| !view.feet.is_empty())
+}
+
 fn smallest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Standard deviation of values about zero, from the median of their sizes.
-fn robust_sd(mut sizes: Vec<f64>) -> f64 {
+fn robust_sd(mut sizes: Vec<f32>) -> f64 {
     let middle = sizes.len() / 2;
-    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+    1.4826 * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
 }

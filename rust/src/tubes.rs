@@ -18,10 +18,12 @@ const PATCH: f64 = 2.6;
 const LEAST_SCORE: f64 = 0.25;
 /// Seeds nearer than this to a node are skipped, in radii.
 const CLEARANCE: f64 = 0.7;
+/// Nodes nearer than this to another arc, or to their own from farther back, have run into it, in radii.
+const COLLISION: f64 = 0.6;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
 /// Sides of the cubes that give a seed each, in radii: the second only where the first left points free.
-const SEED_CUBES: [f64; 2] = [2.4, 0.8];
+const SEED_CUBES: [f64; 3] = [4.8, 2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
@@ -130,9 +132,15 @@ impl Tracer {
                 continue;
             }
             let density = support.inliers as f64 / 3.0;
-            let ahead = self.march(tubelet, density, &[]);
-            let passed: Vec<Point> = ahead.iter().skip(3).map(|step| step.0.center).collect();
-            let back = self.march(tubelet.reversed(), density, &passed);
+            let (ahead, mut back) =
+                rayon::join(|| self.march(tubelet, density), || self.march(tubelet.reversed(), density));
+            // of a ring each way is all the way round
+            let limit = (COLLISION * self.radius).powi(2);
+            let passed =
+                |node: Point| ahead.iter().skip(3).any(|step| squared_distance(step.0.center, node) < limit);
+            if let Some(met) = back.iter().position(|step| passed(step.0.center)) {
+                back.truncate(met);
+            }
             let mut steps: Vec<(Tubelet, f64)> = back.into_iter().rev().collect();
             steps.push((tubelet, density));
             steps.extend(ahead);
@@ -206,8 +214,8 @@ impl Tracer {
         Some(Seed { tubelet, support })
     }
 
-    /// Follows the axis one way; `passed` are further nodes that may not be run into.
-    fn march(&self, start: Tubelet, density: f64, passed: &[Point]) -> Vec<(Tubelet, f64)> {
+    /// Follows the axis one way.
+    fn march(&self, start: Tubelet, density: f64) -> Vec<(Tubelet, f64)> {
         let r = self.radius;
         let mut steps: Vec<(Tubelet, f64)> = Vec::new();
         let (mut last, mut usual) = (start, density);
@@ -218,7 +226,7 @@ impl Tracer {
             let ahead = patch.support_ahead(&tubelet);
             let straight = dot(tubelet.tangent, last.tangent) > 0.5f64.cos();
             let jump = squared_distance(tubelet.center, expected.center).sqrt();
-            let limit = (0.6 * r).powi(2);
+            let limit = (COLLISION * r).powi(2);
             let collides = |node: &Point| squared_distance(*node, tubelet.center) < limit;
             let own = steps.len().saturating_sub(8);
             if ahead < (0.22 * usual).max(3.0)
@@ -226,7 +234,6 @@ impl Tracer {
                 || jump >= 0.6 * r
                 || support.inside as f64 >= 0.5 * support.inliers as f64 + 2.0
                 || self.nodes.iter().any(collides)
-                || passed.iter().any(collides)
                 || steps[..own].iter().any(|step| collides(&step.0.center))
             {
                 return steps;

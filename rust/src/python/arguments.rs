@@ -8,6 +8,9 @@ use pyo3::prelude::*;
 
 use crate::{Point, RigidMotion};
 
+/// An (N, 3) array that is handed back.
+pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
+
 /// A C-ordered float64 array made of an argument; borrowed where it already is one.
 pub(super) struct FloatArray<'py>(pub(super) PyReadonlyArrayDyn<'py, f64>);
 
@@ -173,7 +176,7 @@ pub(super) fn viewpoints<'a>(array: &'a FloatArray, count: usize) -> PyResult<(P
     Ok((one.ok_or_else(|| wrong_shape("viewpoint", SHAPE, array.0.shape()))?, None))
 }
 
-pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<Bound<'_, PyArray2<f64>>> {
+pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
     let rows = points.len();
     PyArray1::from_vec(py, points.into_flattened()).reshape([rows, 3])
 }

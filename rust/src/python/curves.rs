@@ -1,9 +1,9 @@
 //! Bindings of curves: splines, where strings end along them, polylines and bridges between these.
 
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, points_array, require_same_length};
+use super::arguments::{FloatArray, PointsArray, points_array, require_same_length};
 use crate::{ByLength, OnTube, Point, Spline, Tube};
 
 /// Fit a uniform cubic B-spline through ordered nodes by least squares.
@@ -36,7 +36,7 @@ pub(super) fn spline_through<'py>(
     nodes: &Bound<'py, PyAny>,
     spacing: f64,
     extension: f64,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+) -> PyResult<PointsArray<'py>> {
     let nodes = FloatArray::new("nodes", nodes)?;
     let nodes = nodes.rows("nodes", "(M, 3)")?;
     let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
@@ -45,12 +45,11 @@ pub(super) fn spline_through<'py>(
 
 /// Positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
 #[pyfunction]
-#[allow(clippy::type_complexity)]
 pub(super) fn spline_places<'py>(
     py: Python<'py>,
     control: &Bound<'py, PyAny>,
     parameters: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<(PointsArray<'py>, PointsArray<'py>, PointsArray<'py>)> {
     let (spline, parameters) = (spline("control", control)?, FloatArray::new("parameter", parameters)?);
     let parameters = parameters.slice()?;
     let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(parameters.len()));
@@ -173,7 +172,7 @@ pub(super) fn bridge<'py>(
     span: f64,
     spacing: f64,
     reach: [f64; 2],
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+) -> PyResult<PointsArray<'py>> {
     let (before, after) = (FloatArray::new("before", before)?, FloatArray::new("after", after)?);
     let (before, after) = (before.rows("before", "(K, 3)")?, after.rows("after", "(K, 3)")?);
     points_array(py, crate::bridge(before, after, span, spacing, reach))
@@ -186,7 +185,7 @@ pub(super) fn straighten<'py>(
     nodes: &Bound<'py, PyAny>,
     radius: f64,
     span: f64,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+) -> PyResult<PointsArray<'py>> {
     let nodes = FloatArray::new("nodes", nodes)?;
     points_array(py, crate::straighten(nodes.rows("nodes", "(M, 3)")?, radius, span))
 }

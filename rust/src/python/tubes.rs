@@ -1,12 +1,15 @@
 //! Bindings of the tube kernels.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arguments::{FloatArray, Rows, count, motion, number, points_array, viewpoints, wrong_shape};
-use crate::{Error, Point, RigidMotion, Viewpoints};
+use super::arguments::{
+    FloatArray, PointsArray, Rows, count, motion, number, points_array, require_same_length, viewpoints,
+    wrong_shape,
+};
+use crate::{Error, OnCurve, Point, RigidMotion, Viewpoints};
 
 /// Estimate a string's radius at places of what one camera saw, from how wide it looks.
 ///
@@ -82,7 +85,6 @@ pub(super) fn strip_radii<'py>(
 #[pyfunction]
 #[pyo3(signature = (points, viewpoint, radius, *, min_nodes = None, nonfinite = "raise"),
        text_signature = "(points, viewpoint, radius, *, min_nodes=4, nonfinite='raise')")]
-#[allow(clippy::type_complexity)]
 pub(super) fn trace_tubes<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
@@ -90,7 +92,7 @@ pub(super) fn trace_tubes<'py>(
     radius: &Bound<'py, PyAny>,
     min_nodes: Option<&Bound<'py, PyAny>>,
     nonfinite: &str,
-) -> PyResult<Vec<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>> {
+) -> PyResult<Vec<(PointsArray<'py>, Bound<'py, PyArray1<f64>>)>> {
     let array = FloatArray::new("points", points)?;
     let points = array.rows("points", "(N, 3)")?;
     let radius = number("radius", radius)?;
@@ -110,8 +112,9 @@ pub(super) fn trace_tubes<'py>(
 
 /// Fit curves, poses and radii to the points of all views; see `strand.fit_tubes`.
 #[pyfunction]
-#[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves, radius_prior, reference, pose_sd, along_ray,
-                    band, iterations, min_bend, noise, bounds, ends, uncertainty))]
+#[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves = true, radius_prior = None, reference,
+                    pose_sd, along_ray = false, band = [0.6, 0.4], iterations = 12, tolerance = 0.1, min_bend = 1.5, noise = None,
+                    bounds = None, ends, feet = None, uncertainty = true))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -128,10 +131,12 @@ pub(super) fn fit_tubes<'py>(
     along_ray: bool,
     band: [f64; 2],
     iterations: usize,
+    tolerance: f64,
     min_bend: f64,
     noise: Option<f64>,
     bounds: Option<[Point; 2]>,
     ends: Vec<(usize, usize, Point, Point, f64)>,
+    feet: Option<(PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, f64>)>,
     uncertainty: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arrays = FloatArray::all("points", &points)?;
@@ -158,6 +163,7 @@ pub(super) fn fit_tubes<'py>(
         residual: if along_ray { crate::Residual::Ray } else { crate::Residual::Distance },
         band,
         iterations,
+        tolerance,
         min_bend,
         noise,
         bounds,
@@ -170,12 +176,21 @@ pub(super) fn fit_tubes<'py>(
             .ok_or_else(|| PyValueError::new_err(format!("ends: there is no view {view}")))?;
         seen.push(crate::EndSighting { end, place, outward, sd });
     }
+    let feet = feet.as_ref().map_or(Ok(Vec::new()), |(curve, parameter)| {
+        let (curve, parameter) = (curve.as_slice()?, parameter.as_slice()?);
+        require_same_length("feet", parameter.len(), curve.len())?;
+        let foot = |(&curve, &parameter): (&i64, &f64)| {
+            usize::try_from(curve).ok().map(|curve| OnCurve { curve, parameter })
+        };
+        Ok::<Vec<Option<OnCurve>>, PyErr>(curve.iter().zip(parameter).map(foot).collect())
+    })?;
     let (fit, (placed, to_camera)) = py.detach(|| {
-        let views: Vec<crate::TubeView> = points
-            .iter()
-            .zip(viewpoints)
-            .zip(&sightings)
-            .map(|((&points, &viewpoint), ends)| crate::TubeView { points, viewpoint, ends })
+        let mut feet = &feet[..];
+        let views: Vec<crate::TubeView> = (points.iter().zip(viewpoints).zip(&sightings))
+            .map(|((&points, &viewpoint), ends)| {
+                let feet = feet.split_off(..points.len().min(feet.len())).unwrap_or_default();
+                crate::TubeView { points, viewpoint, ends, feet }
+            })
             .collect();
         let fit = crate::fit_tubes(&views, &tubes, &motions, &radii, &options)?;
         let placed = crate::placed(&views, &fit.motions);

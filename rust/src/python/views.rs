@@ -3,10 +3,10 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motion, point, points_array, require_same_length, wrong_shape};
-use crate::{Point, Seen, SightView};
-
-type Rows<'py> = Bound<'py, PyArray2<f64>>;
+use super::arguments::{
+    FloatArray, PointsArray, motion, point, points_array, require_same_length, wrong_shape,
+};
+use crate::{Point, Result, Seen, SightView};
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
 #[pyfunction]
@@ -27,7 +27,7 @@ pub(super) fn unproject<'py>(
     depth: &Bound<'py, PyAny>,
     focal: [f64; 2],
     center: [f64; 2],
-) -> PyResult<Rows<'py>> {
+) -> PyResult<PointsArray<'py>> {
     let depth = FloatArray::new("depth", depth)?;
     let ([_, width], image) = (image_shape(&depth)?, depth.slice()?);
     let points = py.detach(|| crate::unproject(image, width, crate::Pinhole { focal, center }));
@@ -47,7 +47,7 @@ pub(super) fn crop_images<'py>(
     poses: Vec<Bound<'py, PyAny>>,
     low: Point,
     high: Point,
-) -> PyResult<Vec<Rows<'py>>> {
+) -> PyResult<Vec<PointsArray<'py>>> {
     require_same_length("cameras", cameras.len(), depths.len())?;
     require_same_length("poses", poses.len(), depths.len())?;
     let depths = FloatArray::all("depths", &depths)?;
@@ -78,7 +78,7 @@ pub(super) fn crop<'py>(
     low: Point,
     high: Point,
     colors: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(Rows<'py>, Option<Rows<'py>>)> {
+) -> PyResult<(PointsArray<'py>, Option<PointsArray<'py>>)> {
     let points = FloatArray::new("points", points)?;
     let (points, pose) = (points.rows("points", "(N, 3)")?, motion("pose", pose)?);
     let kept = py.detach(|| crate::crop(points, &pose, [low, high]));
@@ -100,6 +100,14 @@ pub(super) fn usual_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius:
     Ok(py.detach(|| crate::usual_neighbors(points, radius))?)
 }
 
+/// How many cubes of an even lattice hold points of some clouds.
+#[pyfunction]
+pub(super) fn occupied_cubes(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
+    let arrays = FloatArray::all("points", &points)?;
+    let points: Vec<&[Point]> = arrays.iter().map(|a| a.rows("points", "(N, 3)")).collect::<PyResult<_>>()?;
+    Ok(py.detach(|| crate::occupied_cubes(&points, side))?)
+}
+
 /// Whether places hide a stretch of string from a camera.
 #[pyfunction]
 pub(super) fn hides(
@@ -111,6 +119,15 @@ pub(super) fn hides(
     let (others, stretch) = (FloatArray::new("others", others)?, FloatArray::new("stretch", stretch)?);
     let (others, stretch) = (others.rows("others", "(N, 3)")?, stretch.rows("stretch", "(M, 3)")?);
     Ok(crate::hides(others, stretch, point("camera", camera)?, distance))
+}
+
+/// An answer for each of several places.
+fn each<'py>(
+    places: &Bound<'py, PyAny>,
+    ask: impl FnOnce(&[Point]) -> Result<Vec<bool>>,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let array = FloatArray::new("places", places)?;
+    Ok(PyArray1::from_vec(places.py(), ask(array.rows("places", "(N, 3)")?)?))
 }
 
 /// What all views saw, for questions about places; see `strand.visibility.Sight`.
@@ -166,37 +183,22 @@ impl Sight {
     }
 
     /// (N,) Whether the views say that there is no string.
-    fn empty<'py>(
-        &self,
-        py: Python<'py>,
-        places: &Bound<'py, PyAny>,
-        radius: f64,
-    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let places = FloatArray::new("places", places)?;
-        Ok(PyArray1::from_vec(py, self.0.empty(places.rows("places", "(N, 3)")?, radius)?))
+    fn empty<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        each(places, |places| self.0.empty(places, radius))
     }
 
     /// (N,) Whether some view saw through the facing side of a tube.
     fn seen_through<'py>(
         &self,
-        py: Python<'py>,
         places: &Bound<'py, PyAny>,
         direction: Point,
         radius: f64,
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let places = FloatArray::new("places", places)?;
-        let through = self.0.seen_through(places.rows("places", "(N, 3)")?, direction, radius)?;
-        Ok(PyArray1::from_vec(py, through))
+        each(places, |places| self.0.seen_through(places, direction, radius))
     }
 
     /// (N,) Whether no view could have seen a string there.
-    fn hidden<'py>(
-        &self,
-        py: Python<'py>,
-        places: &Bound<'py, PyAny>,
-        radius: f64,
-    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let places = FloatArray::new("places", places)?;
-        Ok(PyArray1::from_vec(py, self.0.hidden(places.rows("places", "(N, 3)")?, radius)?))
+    fn hidden<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        each(places, |places| self.0.hidden(places, radius))
     }
 }

@@ -114,14 +114,15 @@ struct Eye<'a> {
 }
 
 impl State<'_> {
-    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on.
+    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on, or
+    /// at first on those that an earlier fit found, if there was one.
     pub(super) fn terms(
         &self,
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
     ) -> Vec<ViewTerms> {
-        let search = known.is_none().then(|| Search::new(self, options.residual));
+        let search = (known.is_none() && !self.goes_on()).then(|| Search::new(self, options.residual));
         let spans = Spans::new(self, options, bands);
         let in_view = |(view, known): (usize, Option<ViewTerms>)| {
             let motion = &self.motions[view];
@@ -133,16 +134,19 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
             };
-            let (order, mut places, mut near) = match (&search, known) {
-                (None, Some(known)) => {
+            let (order, mut places, mut near) = match (known, &search) {
+                (Some(known), _) => {
                     let places = known.places();
                     (known.order, places, known.near)
                 }
-                (Some(search), _) => {
-                    let (order, places) = eye.searched(search, &spans);
+                (None, Some(search)) => {
+                    let (order, places) = by_span(eye.searched(search).iter().flatten(), &spans);
                     (order, places, Vec::new())
                 }
-                (None, None) => Default::default(),
+                (None, None) => {
+                    let (order, places) = by_span(self.views[view].feet, &spans);
+                    (order, places, Vec::new())
+                }
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
                 newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
@@ -217,21 +221,15 @@ impl ViewTerms {
 }
 
 impl Eye<'_> {
-    /// The points that some tube is near to, sorted by span, and where.
-    fn searched(&self, search: &Search, spans: &Spans) -> (Vec<u32>, Vec<OnSpan>) {
-        let places: Vec<Vec<Option<OnCurve>>> = self
-            .points
+    /// For each point, task by task, the place that explains it best.
+    fn searched(&self, search: &Search) -> Vec<Vec<Option<OnCurve>>> {
+        self.points
             .par_chunks(POINTS_PER_TASK)
             .map(|points| {
                 let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
                 places(search, &moved, self.camera)
             })
-            .collect();
-        let (order, starts) = (0u32..)
-            .zip(places.iter().flatten())
-            .filter_map(|(i, place)| place.map(|place| (i, spans.of(place))))
-            .unzip();
-        sorted(order, starts, spans.spans.len())
+            .collect()
     }
 
     #[inline(always)]
@@ -264,6 +262,16 @@ impl Eye<'_> {
         }
         Three::load(&block)
     }
+}
+
+/// The points that some tube is near to, sorted by span, and where.
+fn by_span<'a>(
+    places: impl IntoIterator<Item = &'a Option<OnCurve>>,
+    spans: &Spans,
+) -> (Vec<u32>, Vec<OnSpan>) {
+    let (order, starts) =
+        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, spans.of(place)))).unzip();
+    sorted(order, starts, spans.spans.len())
 }
 
 /// Sorts points by the span that they are on; those of one span stay in their order.

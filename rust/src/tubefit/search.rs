@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{OnCurve, Residual, State};
 use crate::Point;
-use crate::geometry::{dot, normalized, sub};
+use crate::geometry::{cell_of, dot, normalized, sub};
 use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 
 /// Distance between the places of a curve that points are compared with, in radii.
@@ -38,27 +38,41 @@ impl Search {
         let reach = REACH * state.radii.iter().copied().fold(0.0, f64::max);
         let cell = 2.0 * reach;
         let mut samples = Vec::new();
-        let mut listed: Vec<([i64; 3], usize)> = Vec::new();
+        let mut numbers: HashMap<[i64; 3], usize> = HashMap::new();
+        let mut lists: Vec<([i64; 3], Vec<usize>)> = Vec::new();
+        // neighbouring samples mostly reach into the same cells
+        let (mut corners, mut reached) = ([[i64::MAX; 3]; 2], Vec::new());
         for (curve, spline) in state.curves.iter().enumerate() {
             for parameter in spline.parameters(SAMPLING * state.radius(curve)) {
                 let place = spline.at(parameter);
-                let [low, high] = [-reach, reach].map(|by| cell_of(place.position.map(|x| x + by), cell));
-                for x in low[0]..=high[0] {
-                    for y in low[1]..=high[1] {
-                        for z in low[2]..=high[2] {
-                            listed.push(([x, y, z], samples.len()));
+                let now = [-reach, reach].map(|by| cell_of(place.position.map(|x| x + by), cell));
+                if now != corners {
+                    corners = now;
+                    let [low, high] = corners;
+                    reached.clear();
+                    for x in low[0]..=high[0] {
+                        for y in low[1]..=high[1] {
+                            for z in low[2]..=high[2] {
+                                let number = *numbers.entry([x, y, z]).or_insert(lists.len());
+                                if number == lists.len() {
+                                    lists.push(([x, y, z], Vec::new()));
+                                }
+                                reached.push(number);
+                            }
                         }
                     }
+                }
+                for &number in &reached {
+                    lists[number].1.push(samples.len());
                 }
                 samples.push((place, state.radius(curve), OnCurve { curve, parameter }));
             }
         }
-        listed.sort_unstable();
         let mut cells = HashMap::new();
         let mut blocks: Vec<Block> = Vec::new();
-        for list in listed.chunk_by(|a, b| a.0 == b.0) {
+        for (of, list) in lists {
             let first = blocks.len();
-            let middle = list[0].0.map(|x| (x as f64 + 0.5) * cell);
+            let middle = of.map(|x| (x as f64 + 0.5) * cell);
             for numbers in list.chunks(LANES) {
                 let mut block = Block {
                     position: [Lanes::all(f32::MAX.sqrt()); 3],
@@ -66,7 +80,7 @@ impl Search {
                     radius: Lanes::all(0.0),
                     places: [OnCurve { curve: 0, parameter: 0.0 }; LANES],
                 };
-                for (l, &(_, number)) in numbers.iter().enumerate() {
+                for (l, &number) in numbers.iter().enumerate() {
                     let (place, radius, on_curve) = &samples[number];
                     let (x, tangent) = (sub(place.position, middle), normalized(place.first));
                     for k in 0..3 {
@@ -78,7 +92,7 @@ impl Search {
                 }
                 blocks.push(block);
             }
-            cells.insert(list[0].0, first..blocks.len());
+            cells.insert(of, first..blocks.len());
         }
         let least_facing = if residual == Residual::Ray { -0.6 } else { -0.05 };
         Self { cell, cells, blocks, reach: (reach * reach) as f32, least_facing }
@@ -148,14 +162,4 @@ fn cheapest<V: Eight>(search: &Search, blocks: &[Block], p: [f32; 3], to_camera:
         i += 1.0;
     }
     (best.store(), number.store())
-}
-
-/// The cell of a place. Cells on faces below 0 begin one early, which does not matter; rounding down is a call.
-#[inline]
-fn cell_of(p: Point, cell: f64) -> [i64; 3] {
-    let inverse = 1.0 / cell;
-    p.map(|x| {
-        let cells = x * inverse;
-        cells as i64 - i64::from(cells < 0.0)
-    })
 }
