@@ -1,11 +1,14 @@
 """Compare strand's kernels with their peers on the same arrays in one process, and print a table.
 
-python benches/compare.py [--points 12000 100000 1000000 10000000] [--repeats 7] [--slow]
-    [--markdown FILE] [--plot FILE]
+python benches/compare.py [--points 12000 100000 1000000 10000000] [--orders random along] [--repeats 7]
+    [--slow] [--markdown FILE] [--plot FILE]
+
+The clouds are of a rope. Their points come in random order, as those of several views or of a filtered cloud
+do, and then in order along the rope, which is the friendliest order: what is near is near in memory too.
 
 strand and its peers run by turns (A B C A B C ...), so that whatever else the machine does falls on all of
-them; a time is the median of the turns, a ratio that of the least times. It covers a kernel's work with its
-search structures, not the making of the peers' own point clouds from the arrays. Answers are compared as
+them; a time is the median of the turns, a ratio that of the least times. A time covers a kernel's work with
+its search structures, not the making of the peers' own point clouds from the arrays. Answers are compared as
 well: the exit code is 1 if any of them differ. A second table has strand's times on one thread over those on
 two, the memory at the peak of a kernel's work above what was there before (its answer is part of it), and the
 exponents b of t = a n^b fitted to the times. Runs on Linux.
@@ -58,6 +61,8 @@ CENTERLINE_NEIGHBORS = 20
 NEAR, FAR = RADIUS, 2.5 * RADIUS  # of the tracing
 SCIPY_POINTS, SLOW_SCIPY_POINTS = 12_000, 100_000  # SciPy's centreline takes 13 s for 100000 points
 PEER_POINTS = 1_000_000  # above this the peers take minutes and gigabytes
+FEWER_POINTS, FEWER_REPEATS = 1_000_000, 3  # from this many points on a turn takes many seconds
+ORDERS = {"random": "random", "along": "along the rope"}
 SCIPY_LOT = 1000  # queries at a time: SciPy's neighbours are Python integers
 M_MMAP_THRESHOLD = -3  # of mallopt
 PAUSE = 0.02  # seconds before each run: the threads of OpenMP and BLAS spin for a while after their work
@@ -77,6 +82,14 @@ def rope(count: int, seed: int) -> Array:
     up = np.array([0.0, 0.0, 1.0])
     surface = axis + RADIUS * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
     return np.asarray(surface + rng.normal(scale=NOISE, size=(count, 3)))
+
+
+def cloud(count: int, seed: int, order: str) -> Array:
+    """The rope's points in one of `ORDERS`."""
+    points = rope(count, seed)
+    if order == "random":
+        np.random.default_rng(seed).shuffle(points)
+    return points
 
 
 def misplaced(points: Array) -> Array:
@@ -212,6 +225,7 @@ class Peer:
     name: str
     run: Callable[[], Timed]
     compare: Callable[[Any, Any], tuple[bool, str]]
+    once: bool = False  # only in the first turn, where it takes long
 
 
 @dataclass(frozen=True)
@@ -219,18 +233,19 @@ class Stage:
     name: str
     run: Callable[[], Timed]
     peers: list[Peer] = field(default_factory=list)
-    repeats: int | None = None  # fewer turns than asked for, where one takes long
     clouds: int = 1  # of as many points each
 
 
-def stages(count: int, slow: bool) -> list[Stage]:
-    points, source = rope(count, seed=1), misplaced(rope(count, seed=2))
+def stages(count: int, order: str, slow: bool) -> list[Stage]:
+    points, source = cloud(count, 1, order), misplaced(cloud(count, 2, order))
     viewpoint = np.array([0.0, 0.0, 1.0])
     nearest = o3d.geometry.KDTreeSearchParamKNN(NEAREST)
     within = o3d.geometry.KDTreeSearchParamRadius(FILTER_RADIUS)
     normals = strand.estimate_normals(points, radius=FILTER_RADIUS, viewpoint=viewpoint)
     axis_points, _ = strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)
-    scipy_peer = Peer("SciPy", lambda: scipy_centerline(points, normals), same_centerline)
+    scipy_peer = Peer(
+        "SciPy", lambda: scipy_centerline(points, normals), same_centerline, once=count > SCIPY_POINTS
+    )
     return [
         Stage(
             "radius filter",
@@ -264,7 +279,6 @@ def stages(count: int, slow: bool) -> list[Stage]:
             "centreline",
             lambda: timed(lambda: strand.centerline(points, normals, RADIUS, CENTERLINE_NEIGHBORS)),
             [scipy_peer] if count <= (SLOW_SCIPY_POINTS if slow else SCIPY_POINTS) else [],
-            repeats=1 if slow and SCIPY_POINTS < count <= SLOW_SCIPY_POINTS else None,
         ),
         Stage("tracing", lambda: timed(lambda: strand.trace_chains(axis_points, NEAR, FAR))),
     ]
@@ -287,18 +301,28 @@ class Turns:
 
 @dataclass(frozen=True)
 class Line:
-    """One stage at one number of points: times of everyone, and what strand alone needs."""
+    """One stage at one number of points in one order: times of everyone, and what strand alone needs."""
 
     stage: str
     count: int
+    order: str
     seconds: dict[str, float]  # by library, medians
     one_thread: float  # least seconds of strand on one thread over those on two
     bytes_per_point: float
 
 
-def take_turns(runs: list[Callable[[], Timed]], repeats: int) -> list[Turns]:
-    turns = [[run() for run in runs] for _ in range(repeats)]
-    return [Turns([turn[i][0] for turn in turns], turns[-1][i][1]) for i in range(len(runs))]
+def take_turns(
+    runs: list[Callable[[], Timed]], repeats: int, once: frozenset[int] = frozenset()
+) -> list[Turns]:
+    """Everyone's turns; those in `once` take part in the first only."""
+    seconds: list[list[float]] = [[] for _ in runs]
+    answers: list[Any] = [None] * len(runs)
+    for turn in range(repeats):
+        for i, run in enumerate(runs):
+            if turn == 0 or i not in once:
+                time_taken, answers[i] = run()
+                seconds[i].append(time_taken)
+    return [Turns(*both) for both in zip(seconds, answers, strict=True)]
 
 
 def status(name: str) -> int:
@@ -309,18 +333,18 @@ def status(name: str) -> int:
     raise RuntimeError(f"/proc/self/status has no {name}")
 
 
-def peak_bytes(name: str, count: int) -> int:
+def peak_bytes(name: str, count: int, order: str) -> int:
     """Memory at the peak of a stage above what was there before, in a process of its own."""
-    command = [sys.executable, __file__, "--points", str(count), "--peak", name]
+    command = [sys.executable, __file__, "--points", str(count), "--orders", order, "--peak", name]
     return int(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
 
-def own_peak_bytes(name: str, count: int) -> int:
+def own_peak_bytes(name: str, count: int, order: str) -> int:
     """The same, of this process."""
     libc = ctypes.CDLL(None)
     # blocks go back to the system when they are freed, so that none of them is there before
     libc.mallopt(M_MMAP_THRESHOLD, 1 << 16)
-    run = next(stage.run for stage in stages(count, slow=False) if stage.name == name)
+    run = next(stage.run for stage in stages(count, order, slow=False) if stage.name == name)
     libc.malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
     before = status("VmRSS")
@@ -336,20 +360,22 @@ def on_one_thread(run: Callable[[], Timed]) -> Timed:
         strand.set_num_threads(THREADS)
 
 
-def measured(stage: Stage, count: int, repeats: int) -> tuple[bool, list[str], Line]:
+def measured(stage: Stage, count: int, order: str, repeats: int) -> tuple[bool, list[str], Line]:
     """Whether the answers of a stage agree, its rows of the table, and its numbers."""
-    repeats = stage.repeats or repeats
+    repeats = repeats if count < FEWER_POINTS else min(repeats, FEWER_REPEATS)
     peers = stage.peers if count <= PEER_POINTS else []
-    ours, *theirs = take_turns([stage.run, *(peer.run for peer in peers)], repeats)
+    once = frozenset(i for i, peer in enumerate(peers, start=1) if peer.once)
+    ours, *theirs = take_turns([stage.run, *(peer.run for peer in peers)], repeats, once)
     two, one = take_turns([stage.run, lambda: on_one_thread(stage.run)], min(repeats, 3))
     line = Line(
         stage.name,
         count,
+        order,
         {"strand": ours.median, **{p.name: t.median for p, t in zip(peers, theirs, strict=True)}},
         two.ratio(one),
-        peak_bytes(stage.name, count) / (count * stage.clouds),
+        peak_bytes(stage.name, count, order) / (count * stage.clouds),
     )
-    start = f"| {count} | {stage.name} | {ours.median * 1e3:.1f} |"
+    start = f"| {count} | {ORDERS[order]} | {stage.name} | {ours.median * 1e3:.1f} |"
     if not peers:
         return True, [f"{start} {'left out' if stage.peers else ''} | | | |"], line
     good, rows = True, []
@@ -370,26 +396,27 @@ def exponent(lines: list[Line]) -> float:
 
 
 def scaling(lines: list[Line]) -> list[str]:
-    """The table of what strand needs, a row for each stage."""
+    """The table of what strand needs, a row for each stage and order."""
     counts = sorted({line.count for line in lines})
     several = len(counts) > 1
     head = [f"1 thread / {THREADS}, {count}" for count in counts] + [
         f"bytes a point, {count}" for count in counts
     ]
     table = [
-        f"| stage | {'exponent | ' if several else ''}{' | '.join(head)} |",
-        f"|---|{'---|' * (len(head) + several)}",
+        f"| stage | order | {'exponent | ' if several else ''}{' | '.join(head)} |",
+        f"|---|---|{'---|' * (len(head) + several)}",
     ]
-    for stage in dict.fromkeys(line.stage for line in lines):
-        own = sorted((line for line in lines if line.stage == stage), key=lambda line: line.count)
+    for stage, order in dict.fromkeys((line.stage, line.order) for line in lines):
+        own = [line for line in lines if (line.stage, line.order) == (stage, order)]
+        own.sort(key=lambda line: line.count)
         cells = [f"{line.one_thread:.2f}" for line in own] + [f"{line.bytes_per_point:.0f}" for line in own]
         fit = f"{exponent(own):.2f} | " if several else ""
-        table.append(f"| {stage} | {fit}{' | '.join(cells)} |")
+        table.append(f"| {stage} | {ORDERS[order]} | {fit}{' | '.join(cells)} |")
     return table
 
 
 def draw(lines: list[Line], path: Path) -> None:
-    """Times over numbers of points, both logarithmic, a panel for each stage."""
+    """Times over numbers of points, both logarithmic, a panel for each stage; dashed along the rope."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -399,11 +426,19 @@ def draw(lines: list[Line], path: Path) -> None:
     figure, axes = pyplot.subplots(
         2, math.ceil(len(names) / 2), figsize=(11, 6.5), sharex=True, squeeze=False
     )
+    colors = {"strand": "C0", "Open3D": "C1", "small_gicp": "C2", "SciPy": "C3"}
+    styles = {"random": "-o", "along": "--."}
     for axis, name in zip(axes.flat, names, strict=False):
-        own = [line for line in lines if line.stage == name]
-        for library in dict.fromkeys(library for line in own for library in line.seconds):
-            found = [(line.count, line.seconds[library] * 1e3) for line in own if library in line.seconds]
-            axis.loglog(*zip(*found, strict=True), marker="o", label=library)
+        for order, style in styles.items():
+            own = [line for line in lines if (line.stage, line.order) == (name, order)]
+            for library in dict.fromkeys(library for line in own for library in line.seconds):
+                found = [(line.count, line.seconds[library] * 1e3) for line in own if library in line.seconds]
+                # the same colour in both orders, named once for peers
+                label = f"{library}, {ORDERS[order]}" if library == "strand" else library
+                named = library == "strand" or order == lines[0].order
+                axis.loglog(
+                    *zip(*found, strict=True), style, color=colors[library], label=label if named else None
+                )
         axis.set(title=name, xlabel="points", ylabel="ms")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
@@ -414,6 +449,7 @@ def draw(lines: list[Line], path: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, nargs="+", default=[12_000, 100_000, 1_000_000, 10_000_000])
+    parser.add_argument("--orders", nargs="+", choices=ORDERS, default=list(ORDERS), help="of the points")
     parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
     parser.add_argument("--markdown", type=Path, help="write the table to this file too")
     parser.add_argument("--plot", type=Path, help="write a plot of the times to this file")
@@ -422,25 +458,26 @@ def main() -> int:
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
     if arguments.peak:
-        print(own_peak_bytes(arguments.peak, arguments.points[0]))
+        print(own_peak_bytes(arguments.peak, arguments.points[0], arguments.orders[0]))
         return 0
     lines = [
         f"{THREADS} threads each: strand {strand.__version__} (set_num_threads), Open3D {o3d.__version__} "
         f"(processors it may use), small_gicp {version('small_gicp')} (num_threads), "
         f"SciPy {version('scipy')} (workers).",
         "",
-        "| points | stage | strand ms | peer | peer ms | peer / strand | answers |",
-        "|---|---|---|---|---|---|---|",
+        "| points | order | stage | strand ms | peer | peer ms | peer / strand | answers |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     print(*lines, sep="\n", flush=True)
     good, all_measured = True, []
     for count in arguments.points:
-        for stage in stages(count, arguments.slow):
-            agree, more, line = measured(stage, count, arguments.repeats)
-            print(*more, sep="\n", flush=True)
-            good &= agree
-            lines += more
-            all_measured.append(line)
+        for order in arguments.orders:
+            for stage in stages(count, order, arguments.slow):
+                agree, more, line = measured(stage, count, order, arguments.repeats)
+                print(*more, sep="\n", flush=True)
+                good &= agree
+                lines += more
+                all_measured.append(line)
     more = ["", *scaling(all_measured)]
     print(*more, sep="\n", flush=True)
     lines += more

@@ -462,5 +462,5 @@ def test_a_fit_goes_on_from_an_earlier_one():
     assert not np.isfinite(again.residual[lost]).any()
     with pytest.raises(ValueError, match="previous"):
         fit([start], first.motions, previous=dataclasses.replace(first, points=first.points[1:]))
-    with pytest.raises(ValueError, match="feet"):
+    with pytest.raises(ValueError, match="previous"):
         fit([start[:4]], first.motions, previous=first)

@@ -16,11 +16,15 @@ __all__ = [
     "bending",
     "bridge",
     "centerline",
+    "copy_depth",
     "count_neighbors",
+    "count_neighbors_each",
     "crop",
+    "crop_images",
     "crowded",
     "end_direction",
     "estimate_normals",
+    "estimate_normals_each",
     "fit_tubes",
     "hides",
     "icp",
@@ -29,6 +33,7 @@ __all__ = [
     "occupied_cubes",
     "path_length",
     "radius_outlier_mask",
+    "register_in_turn",
     "set_num_threads",
     "spline_places",
     "spline_through",
@@ -49,7 +54,10 @@ class NotEnoughDataError(StrandError): ...
 @final
 class Sight:
     def __new__(
-        cls, points: Sequence[ArrayLike], about: Sequence[ArrayLike], poses: Sequence[ArrayLike]
+        cls,
+        saw: Sequence[ArrayLike | tuple[ArrayLike, tuple[float, float], tuple[float, float]]],
+        about: Sequence[ArrayLike],
+        poses: Sequence[ArrayLike],
     ) -> Sight: ...
     def states(self, places: ArrayLike, radius: float) -> NDArray[np.int64]: ...
     def empty(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...

@@ -246,7 +246,8 @@ class Tubes:
     spacing : float
         Length of a spline's spans, in string radii.
     rounds : int
-        How often arcs are traced in all views and fitted, before they are linked.
+        How often arcs are traced in all views and fitted at most, before they are linked: again only where
+        that moved the poses much.
     min_arc : float
         Arcs shorter than this are left out, in string radii.
     node_spacing : float

@@ -270,10 +270,11 @@ def fit_tubes(
     if previous is not None:
         if not isinstance(previous, TubeFit):
             raise TypeError(f"previous: expected a TubeFit or None, got {type(previous).__name__}")
-        if len(previous.points) != sum(map(len, clouds)):
+        sizes = [len(control) for control in previous.curves]
+        if len(previous.points) != sum(map(len, clouds)) or sizes != list(map(len, started)):
             raise ValueError(
-                f"previous: expected a fit to these {sum(map(len, clouds))} points, "
-                f"got one to {len(previous.points)}"
+                f"previous: expected a fit of {len(started)} curves of as many control points as these to "
+                f"{sum(map(len, clouds))} points, got one of {len(sizes)} to {len(previous.points)}"
             )
     return unchecked_fit(
         clouds,

@@ -431,17 +431,25 @@ class View:
         return cropped([self], extraction_range(bounds))[0]
 
 
+def saw(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
+    """Return a view's depth image, focal lengths and centre if nobody asked for its points; else these."""
+    if "points" in view.__dict__:
+        return view.points
+    image = view.__dict__["_image"]
+    return image.depth, image.focal, image.centre
+
+
 def cropped(views: Sequence[View], bounds: tuple[Array, Array]) -> list[View]:
     """Keep the points of views inside a checked extraction range, as `View.crop` does."""
     # what of an image lies outside is not un-projected
     images = {
-        i: view.__dict__["_image"]
-        for i, view in enumerate(views)
-        if "points" not in view.__dict__ and view.colors is None
+        i: what
+        for i, (view, what) in enumerate(zip(views, map(saw, views), strict=True))
+        if isinstance(what, tuple) and view.colors is None
     }
     found = _core.crop_images(
-        [image.depth for image in images.values()],
-        [(image.focal, image.centre) for image in images.values()],
+        [depth for depth, *_ in images.values()],
+        [(focal, centre) for _, focal, centre in images.values()],
         [views[i].pose for i in images],
         *bounds,
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand import _core
-from strand.view import Array, View
+from strand.view import Array, View, saw
 
 UNKNOWN, HIDDEN, SUPPORTED, EMPTY = range(4)
 
@@ -41,7 +41,7 @@ class Sight:
         Sight
         """
         return cls(
-            _core.Sight([view.points for view in views], [view.points for view in about or views], poses)
+            _core.Sight([saw(view) for view in views], [view.points for view in about or views], poses)
         )
 
     def states(self, places: Array, radius: float) -> np.ndarray:

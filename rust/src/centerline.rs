@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 
 use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
-use crate::geometry::{advance, squared_distance, sub};
-use crate::index::around::{Around, squared_distances};
+use crate::geometry::{advance, squared_distance};
+use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, LANES, Simd, Wide};
+use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
 use crate::{Point, parallel};
 
 /// Cells to the reach of the average.
@@ -41,53 +41,55 @@ pub fn centerline(
     check_same_length("normals", normals.len(), "points", points.len())?;
     check_normals("normals", normals)?;
     check_positive("radius", radius)?;
-    let indices: Vec<usize> = (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).collect();
-    let surface = match indices.len() == points.len() {
-        true => Cow::Borrowed(points),
-        false => Cow::Owned(indices.iter().map(|&i| points[i]).collect()),
+    let partial = normals.contains(&[0.0; 3]);
+    // which points take part, if not all do
+    let taking: Vec<u32> = match partial {
+        true => (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).map(|i| i as u32).collect(),
+        false => Vec::new(),
     };
-    let mut means = vec![None; surface.len()];
+    let index = |i: usize| if partial { taking[i] as usize } else { i };
+    let surface = match partial {
+        true => Cow::Owned(taking.iter().map(|&i| points[i as usize]).collect()),
+        false => Cow::Borrowed(points),
+    };
+    // NaN where there is no mean
+    let mut means = vec![[0.0; 3]; surface.len()];
     let slots = Slots::new(&mut means);
     parallel::run(|| {
-        let cells = Cells::new(&surface, 2.0 * radius / CELLS);
-        let axis = cells.gather(|i| advance(surface[i], -radius, normals[indices[i]]));
+        let cells = Cells::new_in_parts(&surface, 2.0 * radius / CELLS);
+        let axis = cells.gather_axes(|i| {
+            let i = index(i);
+            advance(points[i], -radius, normals[i])
+        });
         cells.batches().for_each_task(|batches| {
-            let (mut around, mut near) = (Around::default(), Vec::new());
+            let mut around = Around::default();
             for batch in batches {
-                let (near, around) = (&mut near, &mut around);
-                let averages =
-                    Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around, near };
+                let around = &mut around;
+                let averages = Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around };
                 let (counts, means) = wide::run(averages);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
-                    let mean = (counts[l] >= min_neighbors).then_some(means[l]);
+                    let mean = if counts[l] >= min_neighbors { means[l] } else { [f64::NAN; 3] };
                     // SAFETY: every point is in one batch
                     unsafe { slots.put(cells.input_index(position), mean) };
                 }
             }
         });
     });
-    let count = means.iter().flatten().count();
-    let mut found = Centerline { points: Vec::with_capacity(count), indices: Vec::with_capacity(count) };
-    for (mean, i) in means.into_iter().zip(indices) {
-        if let Some(mean) = mean {
-            found.points.push(mean);
-            found.indices.push(i);
-        }
-    }
-    Ok(found)
+    let found = |i: &usize| !means[*i][0].is_nan();
+    let indices = (0..means.len()).filter(found).map(index).collect();
+    means.retain(|mean| !mean[0].is_nan());
+    Ok(Centerline { points: means, indices })
 }
 
 /// Numbers of the points within a reach of each point of a batch, and the means of their axis points.
 struct Averages<'a> {
     cells: &'a Cells,
-    /// The axis point c of each point, in the cells' order.
-    axis: &'a [Point],
+    /// The axis point c of each point.
+    axis: &'a Carried,
     reach: f64,
     batch: &'a [u32],
     around: &'a mut Around,
-    /// Axis points relative to the batch.
-    near: &'a mut Vec<Point>,
 }
 
 impl Wide for Averages<'_> {
@@ -95,82 +97,52 @@ impl Wide for Averages<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> ([usize; BATCH], [Point; BATCH]) {
-        let Self { cells, axis, reach, batch, around, near } = self;
-        let frame = around.find_apart::<S, true>(simd, cells, &cells.bounds(batch), reach);
-        let origin = frame.origin;
-        near.clear();
-        near.extend(around.positions().map(|i| sub(axis[i], origin)));
-        // what is in reach of all points of the batch, in several sums, so that one need not wait for the other
-        let mut parts = [[0.0; 3]; 4];
-        let (fours, rest) = around.inside().as_chunks::<4>();
-        for four in fours {
-            for (part, number) in parts.iter_mut().zip(four) {
-                let c = axis[number.to_bits() as usize];
-                for k in 0..3 {
-                    part[k] += c[k] - origin[k];
-                }
-            }
-        }
-        for number in rest {
-            let c = axis[number.to_bits() as usize];
-            for k in 0..3 {
-                parts[0][k] += c[k] - origin[k];
-            }
-        }
-        let inside = around.inside().len();
-        let mut inside_sum = [0.0; 3];
-        for k in 0..3 {
-            inside_sum[k] = (parts[0][k] + parts[1][k]) + (parts[2][k] + parts[3][k]);
-        }
+        let Self { cells, axis, reach, batch, around } = self;
+        let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
-        let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat(1.0));
-        let (mut surely, mut maybe) = (simd.splat(0.0), simd.splat(0.0));
+        let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));
+        let (mut counts, mut unsure) = (simd.splat_whole(0), simd.mask(0));
         let (mut first, mut second) = ([simd.zero(); 3], [simd.zero(); 3]);
         let [x, y, z] = around.axes();
-        for (((&x, &y), &z), c) in x.iter().zip(y).zip(z).zip(&*near) {
+        for (((&x, &y), &z), c) in x.iter().zip(y).zip(z).zip(around.values()) {
             let squares = squared_distances(simd, x, y, z, lanes);
-            let within = simd.le(squares, low);
-            surely = simd.select(within, simd.add(surely, one), surely);
-            maybe = simd.select(simd.le(squares, high), simd.add(maybe, one), maybe);
-            for k in 0..3 {
-                first[k] = simd.add_if(simd.half::<false>(within), first[k], c[k]);
-                second[k] = simd.add_if(simd.half::<true>(within), second[k], c[k]);
+            let (within, maybe) = (simd.le(squares, low), simd.le(squares, high));
+            unsure = simd.or(unsure, simd.xor(within, maybe));
+            counts = simd.add_whole_if(within, counts, one);
+            for (k, &c) in c.iter().enumerate() {
+                first[k] = simd.add_if(simd.half::<false>(within), first[k], c);
+                second[k] = simd.add_if(simd.half::<true>(within), second[k], c);
             }
         }
-        let (surely, maybe) = (simd.store(surely), simd.store(maybe));
-        let mut sums = [[0.0; 3]; BATCH];
-        for k in 0..3 {
-            let halves = [simd.store_half(first[k]), simd.store_half(second[k])];
-            for l in 0..BATCH {
-                sums[l][k] = halves[l / LANES][l % LANES];
-            }
-        }
-        let mut counts = surely.map(|count| count as usize);
+        let (counts, unsure) = (simd.store_whole(counts), simd.bits(unsure));
+        let sums: [[Lanes; 2]; 3] =
+            std::array::from_fn(|k| [simd.store_half(first[k]), simd.store_half(second[k])]);
+        let inside = around.inside();
+        let mut result = ([0; BATCH], [[0.0; 3]; BATCH]);
         for (l, &position) in batch.iter().enumerate() {
-            if surely[l] != maybe[l] {
-                (counts[l], sums[l]) = exactly(cells, position as usize, reach, around, near);
+            let (mut count, mut sum) = (counts[l] as usize, sums.map(|halves| halves[l / LANES][l % LANES]));
+            if unsure & (1 << l) != 0 {
+                (count, sum) = exactly(cells, position as usize, reach, around);
             }
-            counts[l] += inside;
+            count += inside.count;
+            result.0[l] = count;
             for k in 0..3 {
-                sums[l][k] += inside_sum[k];
+                result.1[l][k] = frame.origin[k] + (sum[k] + inside.sums[k]) / count as f64;
             }
         }
-        // the sums are relative to the batch
-        let means =
-            std::array::from_fn(|l| std::array::from_fn(|k| origin[k] + sums[l][k] / counts[l] as f64));
-        (counts, means)
+        result
     }
 }
 
-/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, in double
-/// precision.
+/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, with distances
+/// in double precision.
 #[cold]
-fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around, near: &[Point]) -> (usize, Point) {
+fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around) -> (usize, Point) {
     let center = cells.point(position);
     let (mut count, mut sum) = (0, [0.0; 3]);
-    for (i, c) in around.positions().zip(near) {
+    for (i, c) in around.positions().zip(around.values()) {
         if squared_distance(cells.point(i), center) <= reach * reach {
             count += 1;
             for k in 0..3 {

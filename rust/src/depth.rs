@@ -45,6 +45,15 @@ pub fn copy_depth(depth: &[f64]) -> Result<(Vec<f64>, usize)> {
     Ok((copy, dropped))
 }
 
+/// Columns, rows and depths of the pixels of some rows that have a return; the first row's number is given.
+#[inline(always)]
+pub(crate) fn pixels(depth: &[f64], width: usize, first_row: usize) -> impl Iterator<Item = (f64, f64, f64)> {
+    depth.chunks_exact(width.max(1)).zip(first_row..).flat_map(|(row, v)| {
+        let seen = row.iter().zip(0u32..).filter(|(z, _)| has_return(**z));
+        seen.map(move |(&z, u)| (f64::from(u), v as f64, z))
+    })
+}
+
 /// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
 pub fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
     let mut points = Vec::with_capacity(depth.len());

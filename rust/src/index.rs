@@ -13,8 +13,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::Point;
+use crate::error::{Result, check_finite};
 use crate::geometry::{dot, squared_distance, sub};
+use crate::index::cells::sort_words;
+use crate::{Point, parallel};
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
@@ -95,19 +97,43 @@ impl Grid {
             points: Vec::new(),
             order: Vec::new(),
         };
-        let mut keyed: Vec<(u64, u32)> =
-            points.iter().enumerate().map(|(i, &p)| (key(grid.cell(p)), i as u32)).collect();
-        keyed.par_sort_unstable();
-        for (position, &(key, _)) in keyed.iter().enumerate() {
-            if grid.keys.last() != Some(&key) {
+        let mut last = None;
+        for (position, (key, i)) in grid.sorted(points, high).into_iter().enumerate() {
+            if last != Some(key) {
+                last = Some(key);
                 grid.keys.push(key);
                 grid.starts.push(position);
             }
+            grid.order.push(i);
         }
         grid.starts.push(points.len());
-        grid.order = keyed.iter().map(|&(_, i)| i).collect();
         grid.points = grid.gather(points);
         grid
+    }
+
+    /// The keys of the points' cells and their indices, in order; `high` are the greatest coordinates.
+    fn sorted(&self, points: &[Point], high: Point) -> Vec<(u64, u32)> {
+        let keyed = || points.iter().zip(0u32..).map(|(&p, i)| (self.cell(p), i));
+        let bits = |number: u64| u64::BITS - number.leading_zeros();
+        let index_bits = bits(points.len() as u64);
+        let [x_bits, y_bits, z_bits] = if points.is_empty() { [0; 3] } else { self.cell(high).map(bits) };
+        let key_bits = x_bits + y_bits + z_bits;
+        if key_bits + index_bits > u64::BITS {
+            let mut sorted: Vec<(u64, u32)> = keyed().map(|(cell, i)| (key(cell), i)).collect();
+            sorted.par_sort_unstable();
+            return sorted;
+        }
+        // a cell and an index in one word
+        let words = keyed()
+            .map(|([x, y, z], i)| (((((x << y_bits) | y) << z_bits) | z) << index_bits) | u64::from(i));
+        let part = |word: u64, shift: u32, bits: u32| (word >> shift) & ((1 << bits) - 1);
+        let split = |word: u64| {
+            let z = part(word, index_bits, z_bits);
+            let y = part(word, index_bits + z_bits, y_bits);
+            let x = part(word, index_bits + z_bits + y_bits, x_bits);
+            (key([x, y, z]), part(word, 0, index_bits) as u32)
+        };
+        sort_words(words.collect(), index_bits, key_bits).into_iter().map(split).collect()
     }
 
     /// Values of the points, put in the grid's order.
@@ -202,9 +228,16 @@ impl Sweep {
     }
 }
 
-/// A k-d tree over finite points, halved across the longest side of their box down to small leaves.
+/// A k-d tree over points: their nearest to places anywhere.
 ///
-/// The points are kept in the leaves' order, and a subtree is a run of them.
+/// Points are halved across the longest side of their box down to small leaves, which suits long thin clouds. They are
+/// kept in the leaves' order, and a subtree is a run of them.
+///
+/// ```
+/// let tree = strand::Tree::new(&[[0.0; 3], [1.0, 0.0, 0.0]])?;
+/// assert_eq!(tree.nearest_within([0.9, 0.0, 0.0], 1.0).map(|(index, _)| index), Some(1));
+/// # Ok::<(), strand::Error>(())
+/// ```
 pub struct Tree {
     /// Cuts, each before those of its lower and then of its upper half.
     cuts: Vec<Cut>,
@@ -273,7 +306,16 @@ impl Found for SeveralNearest {
 
 impl Tree {
     /// Builds the tree.
-    pub fn new(points: &[Point]) -> Self {
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
+    pub fn new(points: &[Point]) -> Result<Self> {
+        check_finite("points", points)?;
+        Ok(parallel::run(|| Self::of_finite(points)))
+    }
+
+    /// Builds the tree of points that are known to be finite.
+    pub(crate) fn of_finite(points: &[Point]) -> Self {
         let mut keyed: Vec<(Point, u32)> = points.iter().zip(0..).map(|(&p, i)| (p, i)).collect();
         let cuts = halve(&mut keyed);
         let (points, order): (Vec<Point>, Vec<u32>) = keyed.into_iter().unzip();
@@ -281,7 +323,7 @@ impl Tree {
         Self { cuts, points, order, low, high }
     }
 
-    /// The nearest point whose squared distance is not above `limit`: its index and squared distance.
+    /// The nearest point to a place whose squared distance from it is not above `limit`: its index and that distance.
     #[inline]
     pub fn nearest_within(&self, center: Point, limit: f64) -> Option<(usize, f64)> {
         let mut found = Nearest(limit.next_up(), None);
@@ -289,7 +331,7 @@ impl Tree {
         found.1.map(|position| (self.order[position] as usize, found.0))
     }
 
-    /// The `count` nearest points, nearest first: their indices.
+    /// The `count` nearest points to a place, nearest first: their indices.
     pub fn nearest(&self, center: Point, count: NonZeroUsize) -> impl Iterator<Item = usize> {
         let count = count.get().min(self.points.len());
         let mut several = SeveralNearest { found: Vec::with_capacity(count), count };
@@ -409,7 +451,7 @@ mod tests {
 
         #[test]
         fn a_tree_finds_what_brute_force_finds(points in cloud(), center in prop::array::uniform3(-3.0f64..3.0), count in 1usize..40) {
-            let tree = Tree::new(&points);
+            let tree = Tree::of_finite(&points);
             let mut expected: Vec<f64> = points.iter().map(|&p| squared_distance(p, center)).collect();
             expected.sort_by(f64::total_cmp);
             let found: Vec<f64> = tree
@@ -426,7 +468,7 @@ mod tests {
     #[test]
     fn many_coincident_points_are_no_trouble() {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
-        assert_eq!(Tree::new(&points).nearest([0.0; 3], NonZeroUsize::new(7).unwrap()).count(), 7);
+        assert_eq!(Tree::of_finite(&points).nearest([0.0; 3], NonZeroUsize::new(7).unwrap()).count(), 7);
         let mut count = 0;
         Grid::new(&points, 0.1).visit_around(17, |_, _, _| {
             count += 1;

@@ -16,6 +16,9 @@ use arguments::{
 
 use crate::{Error, IcpOptions, Neighbors, Objective, RigidMotion, Stop, Viewpoints, parallel};
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
 

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::depth::{Pinhole, pixels};
 use crate::error::{Result, check_finite, check_positive};
 use crate::geometry::{RigidMotion, advance, cross, dot, normalized, sub};
 use crate::{Point, parallel};
@@ -36,13 +37,21 @@ pub enum Seen {
 /// One view, for [`Sight::new`].
 #[derive(Debug, Clone, Copy)]
 pub struct SightView<'a> {
-    /// All that it saw, what lies beyond the strings too, in the camera frame, metres: that a ray reached the table says
-    /// that nothing was before it.
-    pub points: &'a [Point],
+    /// All that it saw, what lies beyond the strings too: that a ray reached the table says that nothing was before it.
+    pub saw: Saw<'a>,
     /// What it will be asked about: directions far from all of it are left out.
     pub about: &'a [Point],
     /// Camera to world.
     pub pose: RigidMotion,
+}
+
+/// What one camera saw.
+#[derive(Debug, Clone, Copy)]
+pub enum Saw<'a> {
+    /// Points in the camera frame, metres.
+    Points(&'a [Point]),
+    /// A depth image: depths row by row, metres, how many make a row, and the camera.
+    Image(&'a [f64], usize, Pinhole),
 }
 
 /// What all views saw, for questions about places.
@@ -165,6 +174,26 @@ pub fn hides(others: &[Point], stretch: &[Point], camera: Point, distance: f64) 
     })
 }
 
+impl Saw<'_> {
+    /// The rays to all points that have one, task by task.
+    fn rays(&self, ray: impl Fn(Point) -> Option<Ray> + Sync) -> Vec<Vec<Ray>> {
+        match *self {
+            Self::Points(points) => {
+                let project = |points: &[Point]| points.iter().filter_map(|&p| ray(p)).collect();
+                points.par_chunks(POINTS_PER_TASK).map(project).collect()
+            }
+            Self::Image(depth, width, camera) => {
+                let rows = POINTS_PER_TASK.div_ceil(width.max(1));
+                let project = |(band, depth): (usize, &[f64])| {
+                    let pixels = pixels(depth, width, band * rows);
+                    pixels.filter_map(|(u, v, z)| ray(camera.point(u, v, z))).collect()
+                };
+                depth.par_chunks(rows * width.max(1)).enumerate().map(project).collect()
+            }
+        }
+    }
+}
+
 impl Buffer {
     /// Grids one view; none if it has hardly any points.
     fn new(view: &SightView) -> Option<Self> {
@@ -172,10 +201,7 @@ impl Buffer {
         let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
         let (low, high) = (asked.0.map(|x| (x - MARGIN) as f32), asked.1.map(|x| (x + MARGIN) as f32));
         let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
-        let project = |points: &[Point]| -> Vec<Ray> {
-            points.iter().filter_map(|&p| Ray::to(p, &axes)).filter(near).collect()
-        };
-        let rays: Vec<Vec<Ray>> = view.points.par_chunks(POINTS_PER_TASK).map(project).collect();
+        let rays = view.saw.rays(|p| Ray::to(p, &axes).filter(near));
         let count = rays.iter().map(Vec::len).sum();
         if count < FEWEST {
             return None;
@@ -329,7 +355,7 @@ mod tests {
     fn places_are_supported_hidden_empty_or_unknown() {
         let points = wall_and_bar();
         let pose = RigidMotion::identity();
-        let sight = Sight::new(&[SightView { points: &points, about: &points, pose }]).unwrap();
+        let sight = Sight::new(&[SightView { saw: Saw::Points(&points), about: &points, pose }]).unwrap();
         let places = [[0.0, 0.1, 0.51], [0.0, 0.1, 0.8], [0.1, 0.1, 0.5], [0.0, 0.0, -1.0], [0.9, 0.0, 1.0]];
         let seen = sight.seen(0, &places, 0.01).unwrap();
         let around = sight.seen_through(&places, [0.0, 1.0, 0.0], 0.01).unwrap();
@@ -340,9 +366,35 @@ mod tests {
     }
 
     #[test]
+    fn a_depth_image_says_what_its_points_say() {
+        let camera = Pinhole { focal: [90.0, 80.0], center: [99.0, 101.0] };
+        let depth: Vec<f64> = (0..200 * 210)
+            .map(|i| match (i % 200, i / 200) {
+                (u, _) if u % 17 == 3 => f64::NAN,
+                (u, v) if u + v < 150 => 0.5,
+                _ => 1.0,
+            })
+            .collect();
+        let points = crate::unproject(&depth, 200, camera);
+        let pose = RigidMotion { translation: [0.1, 0.0, -0.2].into(), ..RigidMotion::identity() };
+        let views = [Saw::Image(&depth, 200, camera), Saw::Points(&points)].map(|saw| SightView {
+            saw,
+            about: &points,
+            pose,
+        });
+        let sight = Sight::new(&views).unwrap();
+        let places: Vec<Point> = points.iter().step_by(7).map(|p| [p[0] + 0.1, p[1], 0.6]).collect();
+        let seen = sight.seen(0, &places, 0.01).unwrap();
+        assert_eq!(seen, sight.seen(1, &places, 0.01).unwrap());
+        for kind in [Seen::Hidden, Seen::Empty] {
+            assert!(seen.contains(&kind));
+        }
+    }
+
+    #[test]
     fn a_view_of_hardly_any_points_knows_nothing() {
         let points = [[0.0, 0.0, 1.0]; 3];
-        let view = SightView { points: &points, about: &points, pose: RigidMotion::identity() };
+        let view = SightView { saw: Saw::Points(&points), about: &points, pose: RigidMotion::identity() };
         let sight = Sight::new(&[view]).unwrap();
         assert_eq!(sight.seen(0, &points, 0.1).unwrap(), [Seen::Unknown; 3]);
         assert!(sight.seen(0, &points, 0.0).is_err());

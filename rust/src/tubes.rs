@@ -22,7 +22,7 @@ const CLEARANCE: f64 = 0.7;
 const COLLISION: f64 = 0.6;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
-/// Sides of the cubes that give a seed each, in radii: the second only where the first left points free.
+/// Sides of the cubes that give a seed each, in radii: each size only where arcs from larger ones left points free.
 const SEED_CUBES: [f64; 3] = [4.8, 2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
@@ -46,11 +46,11 @@ pub struct Arc {
 
 /// Traces arcs of tubes of a known radius through surface points.
 ///
-/// Tubelets are fitted at seeds 2.4 r apart, in several directions. From the best one that is still free the
+/// Tubelets are fitted at seeds 4.8 r apart, in several directions. From the best one that is still free the
 /// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
 /// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
-/// reached. An arc claims its points, and the next best seed follows; then seeds 0.8 r apart among the points that
-/// are left free. Arcs of fewer than `min_nodes` nodes are left out.
+/// reached. An arc claims its points, and the next best seed follows; then seeds 2.4 r and 0.8 r apart among the
+/// points that are left free. Arcs of fewer than `min_nodes` nodes are left out.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for

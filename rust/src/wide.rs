@@ -13,6 +13,8 @@ pub const BATCH: usize = 2 * LANES;
 pub type Lanes = [f64; LANES];
 /// Single precision numbers of all lanes.
 pub type Singles = [f32; BATCH];
+/// Whole numbers of all lanes.
+pub type Whole = [i32; BATCH];
 
 /// Operations on all lanes at once; no NaN among them.
 pub trait Simd: Copy {
@@ -20,6 +22,8 @@ pub trait Simd: Copy {
     type F: Copy;
     /// Double precision numbers of half the lanes.
     type D: Copy;
+    /// Whole numbers of all lanes.
+    type I: Copy;
     /// Which lanes, and which of half of them.
     type M: Copy;
     type H: Copy;
@@ -50,8 +54,25 @@ pub trait Simd: Copy {
     /// The first or the second half.
     fn half<const SECOND: bool>(self, mask: Self::M) -> Self::H;
     fn zero(self) -> Self::D;
+    /// Lanes of either mask, and of only one of them.
+    fn or(self, a: Self::M, b: Self::M) -> Self::M;
+    fn xor(self, a: Self::M, b: Self::M) -> Self::M;
+    /// The mask of some bits.
+    fn mask(self, bits: u32) -> Self::M;
+    fn store_whole(self, x: Self::I) -> Whole;
+    fn splat_whole(self, x: i32) -> Self::I;
     /// a + x in the lanes of the mask, a in the others.
-    fn add_if(self, mask: Self::H, a: Self::D, x: f64) -> Self::D;
+    fn add_whole_if(self, mask: Self::M, a: Self::I, x: Self::I) -> Self::I;
+    fn load_half(self, x: &Lanes) -> Self::D;
+    fn splat_half(self, x: f64) -> Self::D;
+    fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
+    /// a + x in the lanes of the mask, a in the others.
+    fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
+    /// The same with a number.
+    #[inline(always)]
+    fn add_if(self, mask: Self::H, a: Self::D, x: f64) -> Self::D {
+        self.add_half_if(mask, a, self.splat_half(x))
+    }
     fn store_half(self, x: Self::D) -> Lanes;
 }
 
@@ -100,6 +121,7 @@ struct Portable;
 impl Simd for Portable {
     type F = Singles;
     type D = Lanes;
+    type I = Whole;
     type M = [bool; BATCH];
     type H = [bool; LANES];
 
@@ -166,8 +188,44 @@ impl Simd for Portable {
         [0.0; LANES]
     }
     #[inline(always)]
-    fn add_if(self, mask: [bool; LANES], a: Lanes, x: f64) -> Lanes {
-        std::array::from_fn(|l| if mask[l] { a[l] + x } else { a[l] })
+    fn or(self, a: [bool; BATCH], b: [bool; BATCH]) -> [bool; BATCH] {
+        std::array::from_fn(|l| a[l] | b[l])
+    }
+    #[inline(always)]
+    fn xor(self, a: [bool; BATCH], b: [bool; BATCH]) -> [bool; BATCH] {
+        std::array::from_fn(|l| a[l] ^ b[l])
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> [bool; BATCH] {
+        std::array::from_fn(|l| bits & (1 << l) != 0)
+    }
+    #[inline(always)]
+    fn store_whole(self, x: Whole) -> Whole {
+        x
+    }
+    #[inline(always)]
+    fn splat_whole(self, x: i32) -> Whole {
+        [x; BATCH]
+    }
+    #[inline(always)]
+    fn add_whole_if(self, mask: [bool; BATCH], a: Whole, x: Whole) -> Whole {
+        std::array::from_fn(|l| if mask[l] { a[l].wrapping_add(x[l]) } else { a[l] })
+    }
+    #[inline(always)]
+    fn load_half(self, x: &Lanes) -> Lanes {
+        *x
+    }
+    #[inline(always)]
+    fn splat_half(self, x: f64) -> Lanes {
+        [x; LANES]
+    }
+    #[inline(always)]
+    fn sub_half(self, a: Lanes, b: Lanes) -> Lanes {
+        std::array::from_fn(|l| a[l] - b[l])
+    }
+    #[inline(always)]
+    fn add_half_if(self, mask: [bool; LANES], a: Lanes, x: Lanes) -> Lanes {
+        std::array::from_fn(|l| if mask[l] { a[l] + x[l] } else { a[l] })
     }
     #[inline(always)]
     fn store_half(self, x: Lanes) -> Lanes {
@@ -190,7 +248,7 @@ fn compress(mut bits: u32, x: &Singles, to: &mut [f32]) {
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::{BATCH, LANES, Lanes, Simd, Singles, Wide};
+    use super::{BATCH, LANES, Lanes, Simd, Singles, Whole, Wide};
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2,lzcnt,popcnt")]
     pub fn with_avx512<W: Wide>(work: W) -> W::Output {
@@ -209,6 +267,7 @@ mod x86 {
     impl Simd for Avx512 {
         type F = __m512;
         type D = __m512d;
+        type I = __m512i;
         type M = __mmask16;
         type H = __mmask8;
 
@@ -282,8 +341,44 @@ mod x86 {
             unsafe { _mm512_setzero_pd() }
         }
         #[inline(always)]
-        fn add_if(self, mask: __mmask8, a: __m512d, x: f64) -> __m512d {
-            unsafe { _mm512_mask_add_pd(a, mask, a, _mm512_set1_pd(x)) }
+        fn or(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+            a | b
+        }
+        #[inline(always)]
+        fn xor(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+            a ^ b
+        }
+        #[inline(always)]
+        fn mask(self, bits: u32) -> __mmask16 {
+            bits as __mmask16
+        }
+        #[inline(always)]
+        fn store_whole(self, x: __m512i) -> Whole {
+            unsafe { std::mem::transmute::<__m512i, Whole>(x) }
+        }
+        #[inline(always)]
+        fn splat_whole(self, x: i32) -> __m512i {
+            unsafe { _mm512_set1_epi32(x) }
+        }
+        #[inline(always)]
+        fn add_whole_if(self, mask: __mmask16, a: __m512i, x: __m512i) -> __m512i {
+            unsafe { _mm512_mask_add_epi32(a, mask, a, x) }
+        }
+        #[inline(always)]
+        fn load_half(self, x: &Lanes) -> __m512d {
+            unsafe { _mm512_loadu_pd(x.as_ptr()) }
+        }
+        #[inline(always)]
+        fn splat_half(self, x: f64) -> __m512d {
+            unsafe { _mm512_set1_pd(x) }
+        }
+        #[inline(always)]
+        fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
+            unsafe { _mm512_sub_pd(a, b) }
+        }
+        #[inline(always)]
+        fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
+            unsafe { _mm512_mask_add_pd(a, mask, a, x) }
         }
         #[inline(always)]
         fn store_half(self, x: __m512d) -> Lanes {
@@ -298,6 +393,7 @@ mod x86 {
     impl Simd for Avx2 {
         type F = [__m256; 2];
         type D = [__m256d; 2];
+        type I = [__m256i; 2];
         type M = [__m256; 2];
         type H = __m256;
 
@@ -372,14 +468,64 @@ mod x86 {
             unsafe { [_mm256_setzero_pd(); 2] }
         }
         #[inline(always)]
-        fn add_if(self, mask: __m256, a: [__m256d; 2], x: f64) -> [__m256d; 2] {
+        fn or(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            unsafe { [_mm256_or_ps(a[0], b[0]), _mm256_or_ps(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn xor(self, a: [__m256; 2], b: [__m256; 2]) -> [__m256; 2] {
+            unsafe { [_mm256_xor_ps(a[0], b[0]), _mm256_xor_ps(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn mask(self, bits: u32) -> [__m256; 2] {
             unsafe {
-                let (x, mask) = (_mm256_set1_pd(x), _mm256_castps_si256(mask));
+                let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+                let low = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+                let high = _mm256_and_si256(_mm256_set1_epi32((bits >> LANES) as i32), lanes);
+                [
+                    _mm256_castsi256_ps(_mm256_cmpeq_epi32(low, lanes)),
+                    _mm256_castsi256_ps(_mm256_cmpeq_epi32(high, lanes)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn store_whole(self, x: [__m256i; 2]) -> Whole {
+            unsafe { std::mem::transmute::<[__m256i; 2], Whole>(x) }
+        }
+        #[inline(always)]
+        fn splat_whole(self, x: i32) -> [__m256i; 2] {
+            unsafe { [_mm256_set1_epi32(x); 2] }
+        }
+        #[inline(always)]
+        fn add_whole_if(self, mask: [__m256; 2], a: [__m256i; 2], x: [__m256i; 2]) -> [__m256i; 2] {
+            unsafe {
+                let x = [
+                    _mm256_and_si256(_mm256_castps_si256(mask[0]), x[0]),
+                    _mm256_and_si256(_mm256_castps_si256(mask[1]), x[1]),
+                ];
+                [_mm256_add_epi32(a[0], x[0]), _mm256_add_epi32(a[1], x[1])]
+            }
+        }
+        #[inline(always)]
+        fn load_half(self, x: &Lanes) -> [__m256d; 2] {
+            unsafe { [_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x[LANES / 2..].as_ptr())] }
+        }
+        #[inline(always)]
+        fn splat_half(self, x: f64) -> [__m256d; 2] {
+            unsafe { [_mm256_set1_pd(x); 2] }
+        }
+        #[inline(always)]
+        fn sub_half(self, a: [__m256d; 2], b: [__m256d; 2]) -> [__m256d; 2] {
+            unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn add_half_if(self, mask: __m256, a: [__m256d; 2], x: [__m256d; 2]) -> [__m256d; 2] {
+            unsafe {
+                let mask = _mm256_castps_si256(mask);
                 let low = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(mask));
                 let high = _mm256_cvtepi32_epi64(_mm256_extracti128_si256::<1>(mask));
                 [
-                    _mm256_blendv_pd(a[0], _mm256_add_pd(a[0], x), _mm256_castsi256_pd(low)),
-                    _mm256_blendv_pd(a[1], _mm256_add_pd(a[1], x), _mm256_castsi256_pd(high)),
+                    _mm256_blendv_pd(a[0], _mm256_add_pd(a[0], x[0]), _mm256_castsi256_pd(low)),
+                    _mm256_blendv_pd(a[1], _mm256_add_pd(a[1], x[1]), _mm256_castsi256_pd(high)),
                 ]
             }
         }

@@ -227,7 +227,7 @@ impl Pairing {
     /// The nearest target point by the tree.
     #[cold]
     fn search_tree(&self, moved: Point) -> (u32, f64) {
-        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
+        let tree = self.tree.get_or_init(|| Tree::of_finite(&self.sorted));
         let nearest = tree.nearest_within(moved, self.reach * self.reach);
         // that others are farther than nothing is always true
         (nearest.map_or(NONE, |(position, _)| position as u32), 0.0)

@@ -16,9 +16,9 @@ pub struct Around {
     /// Their positions, as the bits of numbers.
     positions: Vec<f32>,
     count: usize,
-    /// Positions of those that are within reach of the whole box, if they are kept apart.
-    inside: Vec<f32>,
-    inside_count: usize,
+    /// Their values, if they carry any.
+    values: Vec<Point>,
+    inside: Inside,
 }
 
 /// The frame that a batch's single precision coordinates are in.
@@ -37,45 +37,71 @@ pub struct Frame {
 /// Numbers of the lanes.
 const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
+/// The points that are surely within reach of all of a box: how many, and the sums of what they carry.
+#[derive(Default, Clone, Copy)]
+pub struct Inside {
+    pub count: usize,
+    pub sums: Point,
+}
+
+/// What the points of a cloud carry, along each axis in the cells' order; each list longer than the points by a row.
+pub type Carried = [Vec<f64>; 3];
+
 impl Around {
     /// Finds what lies within `reach` of a box, and perhaps a little more.
     #[inline(always)]
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
-        self.find_apart::<S, false>(simd, cells, bounds, reach)
+        self.sweep.find(cells, bounds, reach);
+        let frame = Frame::new(cells, bounds, reach);
+        self.gather::<S, false>(simd, cells, bounds, reach, &frame, [&[]; 3]);
+        frame
     }
 
-    /// The same, and keeps `APART` what is surely within reach of all of the box.
+    /// The same, together with the places that points carry, relative to the frame; but what is surely within reach of
+    /// all of the box is only counted and summed.
     #[inline(always)]
-    pub fn find_apart<S: Simd, const APART: bool>(
+    pub fn find_carried<S: Simd>(
         &mut self,
         simd: S,
         cells: &Cells,
         bounds: &Bounds,
         reach: f64,
+        carried: &Carried,
     ) -> Frame {
         self.sweep.find(cells, bounds, reach);
-        let unit = 1.0 / cells.size();
-        let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
-        let extent = reach + bounds.diagonal();
-        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
-        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
-        let frame = Frame { origin, unit, slack, extent };
+        let frame = Frame::new(cells, bounds, reach);
+        self.gather::<S, true>(simd, cells, bounds, reach, &frame, carried.each_ref().map(Vec::as_slice));
+        frame
+    }
+
+    /// Gathers what the sweep found.
+    #[inline(always)]
+    fn gather<S: Simd, const CARRY: bool>(
+        &mut self,
+        simd: S,
+        cells: &Cells,
+        bounds: &Bounds,
+        reach: f64,
+        frame: &Frame,
+        carried: [&[f64]; 3],
+    ) {
+        let &Frame { origin, unit, .. } = frame;
         let (nearest, farthest) = frame.limits(reach);
         let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
         let side = |k: usize| ((bounds.high[k] - origin[k]) * unit) as f32;
         let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
         let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
-        for values in self.near.iter_mut().chain([&mut self.positions, &mut self.inside]) {
+        for values in self.near.iter_mut().chain([&mut self.positions]) {
             if values.len() < most {
                 values.resize(2 * most, 0.0);
             }
         }
         let [to_x, to_y, to_z] = self.near.each_mut().map(|values| &mut values[..most]);
         let to_positions = &mut self.positions[..most];
-        let to_inside = &mut self.inside[..most];
-        let mut inside_count = 0;
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
+        let mut inside = [[simd.zero(); 2]; 3];
+        let mut inside_count = 0;
         for run in &self.sweep.runs {
             // whole rows: the lists are longer than the points by a row
             let rows = run.start..run.start + run.len().next_multiple_of(BATCH);
@@ -90,16 +116,24 @@ impl Around {
                 let gaps = simd.add(simd.add(gap_x, gap_y), gap_z);
                 let in_run = (1u32 << (run.end - first).min(BATCH)) - 1;
                 let mut bits = simd.bits(simd.le(gaps, farthest)) & in_run;
-                let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
-                if APART {
+                if CARRY {
                     let [far_x, far_y, far_z] =
                         [far(simd, x, half[0]), far(simd, y, half[1]), far(simd, z, half[2])];
                     let fars = simd.add(simd.add(far_x, far_y), far_z);
-                    let inside = simd.bits(simd.le(fars, nearest)) & bits;
-                    simd.compress(inside, simd.load(&numbers), &mut to_inside[inside_count..]);
-                    inside_count += inside.count_ones() as usize;
-                    bits &= !inside;
+                    let within = simd.bits(simd.le(fars, nearest)) & bits;
+                    bits &= !within;
+                    inside_count += within.count_ones();
+                    if within != 0 {
+                        add_row(
+                            simd,
+                            &mut inside,
+                            simd.mask(within),
+                            carried.map(|list| &list[first..]),
+                            origin,
+                        );
+                    }
                 }
+                let numbers = LANE_NUMBERS.map(|l| f32::from_bits(first as u32 + l));
                 simd.compress(bits, x, &mut to_x[count..]);
                 simd.compress(bits, y, &mut to_y[count..]);
                 simd.compress(bits, z, &mut to_z[count..]);
@@ -107,9 +141,32 @@ impl Around {
                 count += bits.count_ones() as usize;
             }
         }
+        if CARRY {
+            if self.values.len() < count {
+                self.values.resize(2 * count, [0.0; 3]);
+            }
+            for (value, number) in self.values.iter_mut().zip(&self.positions[..count]) {
+                let i = number.to_bits() as usize;
+                *value = std::array::from_fn(|k| carried[k][i] - origin[k]);
+            }
+        }
         self.count = count;
-        self.inside_count = inside_count;
-        frame
+        self.inside = Inside {
+            count: inside_count as usize,
+            sums: inside.map(|halves| halves.iter().flat_map(|&half| simd.store_half(half)).sum()),
+        };
+    }
+
+    /// What is surely within reach of all of the box, if points carry places.
+    #[inline(always)]
+    pub fn inside(&self) -> Inside {
+        self.inside
+    }
+
+    /// The places that the points carry, relative to the frame.
+    #[inline(always)]
+    pub fn values(&self) -> &[Point] {
+        &self.values[..self.count]
     }
 
     /// How many points there are.
@@ -124,12 +181,6 @@ impl Around {
         self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
     }
 
-    /// The positions of those that are kept apart, as the bits of numbers.
-    #[inline(always)]
-    pub fn inside(&self) -> &[f32] {
-        &self.inside[..self.inside_count]
-    }
-
     /// The positions of all, as the bits of numbers.
     #[inline(always)]
     pub fn numbers(&self) -> &[f32] {
@@ -140,6 +191,19 @@ impl Around {
     #[inline(always)]
     pub fn axes(&self) -> [&[f32]; 3] {
         self.near.each_ref().map(|values| &values[..self.count])
+    }
+}
+
+/// Adds the places of a row of lanes, relative to an origin.
+#[inline(always)]
+fn add_row<S: Simd>(simd: S, sums: &mut [[S::D; 2]; 3], mask: S::M, places: [&[f64]; 3], origin: Point) {
+    for k in 0..3 {
+        let ([low, high, ..], _) = places[k].as_chunks() else { unreachable!("lists end with a row more") };
+        let origin = simd.splat_half(origin[k]);
+        let (low, high) = (simd.load_half(low), simd.load_half(high));
+        let [first, second] = &mut sums[k];
+        *first = simd.add_half_if(simd.half::<false>(mask), *first, simd.sub_half(low, origin));
+        *second = simd.add_half_if(simd.half::<true>(mask), *second, simd.sub_half(high, origin));
     }
 }
 
@@ -167,6 +231,17 @@ pub fn squared_distances<S: Simd>(simd: S, x: f32, y: f32, z: f32, batch: [S::F;
 }
 
 impl Frame {
+    /// About a box.
+    #[inline(always)]
+    fn new(cells: &Cells, bounds: &Bounds, reach: f64) -> Self {
+        let unit = 1.0 / cells.size();
+        let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
+        let extent = reach + bounds.diagonal();
+        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
+        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        Self { origin, unit, slack, extent }
+    }
+
     /// Points in lanes; lanes without a point have the first one.
     #[inline(always)]
     pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {

@@ -15,10 +15,12 @@ use crate::parallel::Slots;
 use crate::wide::{self, BATCH, LANES, Simd, Wide};
 
 /// Most bits of a cell's coordinate along one axis; three of them make a key.
-const AXIS_BITS: u32 = 20;
+const AXIS_BITS: u32 = 19;
 /// Bits of the number of a cell inside a block.
 const BLOCK_BITS: u32 = 5;
 const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1;
+/// Bits of the part of a cell along each axis, where points of a cell are in order of its parts.
+const PART_BITS: u32 = 2;
 /// Most rows of cells for each point that are all kept.
 const MOST_ROWS: usize = 2;
 /// Most cells along an axis that a batch of points comes from.
@@ -60,6 +62,15 @@ pub struct Cells {
 impl Cells {
     /// Sorts finite points by cells that are `size` > 0 wide, or wider where that makes too many.
     pub fn new(points: &[Point], size: f64) -> Self {
+        Self::with_parts::<0>(points, size)
+    }
+
+    /// The same, the points of a cell in order of its parts: batches are smaller where cells hold many of them.
+    pub fn new_in_parts(points: &[Point], size: f64) -> Self {
+        Self::with_parts::<PART_BITS>(points, size)
+    }
+
+    fn with_parts<const BITS: u32>(points: &[Point], size: f64) -> Self {
         let Bounds { low, high } = bounds(points);
         let sides: Point = std::array::from_fn(|k| high[k] - low[k]);
         let longest = (0..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest });
@@ -84,47 +95,33 @@ impl Cells {
             order: Vec::new(),
         };
         let key = |p: &Point| -> u64 {
-            let [a, b, c] = axes.map(|k| ((p[k] - low[k]) * inverse) as u64);
-            ((c >> BLOCK_BITS) << shifts[2]) | (a << shifts[0]) | (b << shifts[1]) | (c & IN_BLOCK)
+            let fine = axes.map(|k| ((p[k] - low[k]) * (inverse * f64::from(1 << BITS))) as u64);
+            let [a, b, c] = fine.map(|fine| fine >> BITS);
+            let key = ((c >> BLOCK_BITS) << shifts[2]) | (a << shifts[0]) | (b << shifts[1]) | (c & IN_BLOCK);
+            let [a, b, c] = fine.map(spread);
+            (key << (3 * BITS)) | ((c << 2) | (a << 1) | b) & ((1 << (3 * BITS)) - 1)
         };
-        cells.sort(points, key, bits.iter().sum::<u32>());
+        cells.sort::<BITS>(points, key, bits.iter().sum::<u32>());
         cells.number_rows();
-        let mut coordinates: [Vec<f64>; 3] =
-            std::array::from_fn(|_| Vec::with_capacity(points.len() + BATCH));
-        let [x, y, z] = coordinates
-            .each_mut()
-            .map(|values| values.spare_capacity_mut()[..points.len()].par_chunks_mut(POINTS_PER_PART));
-        cells.order.par_chunks(POINTS_PER_PART).zip(x).zip(y).zip(z).for_each(|(((order, x), y), z)| {
-            for (((&i, x), y), z) in order.iter().zip(x).zip(y).zip(z) {
-                let p = points[i as usize];
-                x.write(p[0]);
-                y.write(p[1]);
-                z.write(p[2]);
-            }
-        });
-        for values in &mut coordinates {
-            // SAFETY: all of them were written
-            unsafe { values.set_len(points.len()) };
-            values.extend([0.0; BATCH]);
-        }
-        cells.coordinates = coordinates;
+        cells.coordinates = cells.gather_axes(|i| points[i]);
         cells
     }
 
     /// Finds the order of the points and the cells that hold them.
-    fn sort(&mut self, points: &[Point], key: impl Fn(&Point) -> u64 + Sync, key_bits: u32) {
+    fn sort<const BITS: u32>(&mut self, points: &[Point], key: impl Fn(&Point) -> u64 + Sync, key_bits: u32) {
         let index_bits = usize::BITS - points.len().leading_zeros();
+        let key_bits = key_bits + 3 * BITS;
         if key_bits + index_bits <= u64::BITS {
             // a key and an index in one word
             let words = fill(points.len(), |i| (key(&points[i]) << index_bits) | i as u64);
             let words = sort_words(words, index_bits, key_bits);
             let mask = (1u64 << index_bits) - 1;
-            self.number(&words, |&word| (word >> index_bits, (word & mask) as u32));
+            self.number(&words, |&word| (word >> (index_bits + 3 * BITS), (word & mask) as u32));
         } else {
             let mut keyed: Vec<(u64, u32)> =
                 points.par_iter().enumerate().map(|(i, p)| (key(p), i as u32)).collect();
             keyed.par_sort_unstable();
-            self.number(&keyed, |&pair| pair);
+            self.number(&keyed, |&(key, index)| (key >> (3 * BITS), index));
         }
     }
 
@@ -221,15 +218,31 @@ impl Cells {
         fill(self.len(), |position| self.point(position))
     }
 
-    /// Values of the points put in the cells' order.
-    pub fn gather<T: Send>(&self, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        fill(self.len(), |position| value(self.order[position] as usize))
+    /// Three numbers of each point put in the cells' order, each list longer than the points by a row of lanes.
+    pub fn gather_axes(&self, value: impl Fn(usize) -> Point + Sync) -> [Vec<f64>; 3] {
+        let mut lists: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.len() + BATCH));
+        let [x, y, z] = lists
+            .each_mut()
+            .map(|list| list.spare_capacity_mut()[..self.len()].par_chunks_mut(POINTS_PER_PART));
+        self.order.par_chunks(POINTS_PER_PART).zip(x).zip(y).zip(z).for_each(|(((order, x), y), z)| {
+            for (((&i, x), y), z) in order.iter().zip(x).zip(y).zip(z) {
+                let p = value(i as usize);
+                x.write(p[0]);
+                y.write(p[1]);
+                z.write(p[2]);
+            }
+        });
+        for list in &mut lists {
+            // SAFETY: all of them were written
+            unsafe { list.set_len(self.len()) };
+            list.extend([0.0; BATCH]);
+        }
+        lists
     }
 
     /// All points in batches of at most [`BATCH`] that are near each other.
     pub fn batches(&self) -> Batches {
         // cells in order of cubes of eight along each axis, in a cube by the bits of their numbers, interleaved
-        let spread = |x: u64| (x & 1) | ((x & 2) << 2) | ((x & 4) << 4);
         let bits = self.last.map(|last| (u64::BITS - last.leading_zeros()).saturating_sub(3));
         let index_bits = usize::BITS - self.keys.len().leading_zeros();
         let key_bits = bits.iter().sum::<u32>() + 9;
@@ -544,13 +557,18 @@ impl Wide for CountBelow<'_> {
     }
 }
 
+/// The lowest three bits, with room for those of two other numbers between them.
+fn spread(x: u64) -> u64 {
+    (x & 1) | ((x & 2) << 2) | ((x & 4) << 4)
+}
+
 /// Values by their index.
 fn fill<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(POINTS_PER_PART).map(&value).collect()
 }
 
 /// Sorts words by `bits` bits above the `shift` lowest, equal ones in their order.
-fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
+pub(super) fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
     if words.len() <= 2048 {
         // the words are in order of their low bits
         words.sort_unstable();

@@ -51,7 +51,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
+                    let tree: &Tree = tree.get_or_init(|| Tree::of_finite(points));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
                     for i in tree.nearest(center, count) {

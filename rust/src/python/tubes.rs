@@ -114,7 +114,10 @@ pub(super) fn trace_tubes<'py>(
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, ropes, motions, radii, *, fit_curves = true, radius_prior = None, reference,
                     pose_sd, along_ray = false, band = [0.6, 0.4], iterations = 12, tolerance = 0.1, min_bend = 1.5, noise = None,
-                    bounds = None, ends, feet = None, uncertainty = true))]
+                    bounds = None, ends, feet = None, uncertainty = true),
+       text_signature = "(points, viewpoints, curves, ropes, motions, radii, *, fit_curves=True, radius_prior=None, \
+                         reference, pose_sd, along_ray=False, band=(0.6, 0.4), iterations=12, tolerance=0.1, \
+                         min_bend=1.5, noise=None, bounds=None, ends, feet=None, uncertainty=True)")]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use super::arguments::{
     FloatArray, PointsArray, motion, point, points_array, require_same_length, wrong_shape,
 };
-use crate::{Point, Result, Seen, SightView};
+use crate::{Point, Result, Saw, Seen, SightView};
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
 #[pyfunction]
@@ -139,20 +139,30 @@ impl Sight {
     #[new]
     fn new(
         py: Python<'_>,
-        points: Vec<Bound<'_, PyAny>>,
+        saw: Vec<Bound<'_, PyAny>>,
         about: Vec<Bound<'_, PyAny>>,
         poses: Vec<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        require_same_length("about", about.len(), points.len())?;
-        require_same_length("poses", poses.len(), points.len())?;
-        let (points, about) = (FloatArray::all("points", &points)?, FloatArray::all("about", &about)?);
-        let views: Vec<SightView> = points
+        require_same_length("about", about.len(), saw.len())?;
+        require_same_length("poses", poses.len(), saw.len())?;
+        // a depth image with its camera, or points
+        let saw = saw
             .iter()
-            .zip(&about)
-            .zip(&poses)
-            .map(|((points, about), pose)| {
+            .map(|saw| match saw.extract::<(Bound<'_, PyAny>, [f64; 2], [f64; 2])>() {
+                Ok((depth, focal, center)) => {
+                    Ok((FloatArray::new("saw", &depth)?, Some(crate::Pinhole { focal, center })))
+                }
+                Err(_) => Ok((FloatArray::new("saw", saw)?, None)),
+            })
+            .collect::<PyResult<Vec<_>>>()?;
+        let about = FloatArray::all("about", &about)?;
+        let views: Vec<SightView> = (saw.iter().zip(&about).zip(&poses))
+            .map(|(((saw, camera), about), pose)| {
                 Ok(SightView {
-                    points: points.rows("points", "(N, 3)")?,
+                    saw: match *camera {
+                        Some(camera) => Saw::Image(saw.slice()?, image_shape(saw)?[1], camera),
+                        None => Saw::Points(saw.rows("saw", "(N, 3)")?),
+                    },
                     about: about.rows("about", "(N, 3)")?,
                     pose: motion("poses", pose)?,
                 })
