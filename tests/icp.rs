@@ -8,7 +8,7 @@ use clouds::{
 };
 use nalgebra::{DMatrix, DVector, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 use proptest::prelude::*;
-use strand::{Error, IcpOptions, IcpResult, Objective, Point, RigidMotion, Stop, icp};
+use strand::{Error, IcpOptions, IcpResult, Objective, Point, RigidMotion, Stop, icp, register_in_turn};
 
 fn options(reach: f64) -> IcpOptions {
     IcpOptions {
@@ -423,6 +423,45 @@ fn a_pair_as_far_apart_as_the_limit_counts() {
     assert_eq!((found.fitness, found.inlier_rmse), (1.0, 0.75));
     let limits = IcpOptions { max_correspondence_distance: 0.75 * (1.0 - 1e-15), ..limits };
     assert_eq!(icp(&source, &target, Objective::PointToPoint, &limits).unwrap().fitness, 0.0);
+}
+
+#[test]
+fn pairs_that_are_kept_from_pose_to_pose_are_those_of_a_new_search() {
+    let (sparse, _) = hills(300, 93);
+    let (mut dense, _) = hills(3000, 94);
+    // and more points in one place than are kept of a point's surroundings
+    dense.extend(vec![dense[7]; 20]);
+    for (source, target) in [(&sparse, &dense), (&dense, &sparse)] {
+        // many points have no partner in reach, and gain or lose it on the way
+        for reach in [0.03, 0.3] {
+            let limits =
+                IcpOptions { start: motion([0.02, -0.03, 0.02], [0.05, 0.04, 0.02]), ..options(reach) };
+            let all = IcpOptions { max_iterations: 25, tolerance: 0.0, ..limits };
+            let kept = icp(source, target, Objective::PointToPoint, &all).unwrap();
+            let mut step = kept;
+            let mut one = IcpOptions { max_iterations: 1, tolerance: 0.0, ..limits };
+            for _ in 0..kept.iterations {
+                step = icp(source, target, Objective::PointToPoint, &one).unwrap();
+                one.start = step.transformation;
+            }
+            assert!(apart(source, &kept.transformation, &step.transformation) < 1e-11);
+            assert_eq!(kept.fitness, step.fitness);
+        }
+    }
+}
+
+#[test]
+fn clouds_in_turn_are_each_registered_to_all_before() {
+    let (points, _) = hills(600, 95);
+    let motions =
+        [motion([0.01, 0.0, -0.01], [0.01, 0.02, 0.0]), motion([0.0, -0.01, 0.01], [0.0, -0.01, 0.02])];
+    let clouds = [points.clone(), moved(&points, &motions[0]), moved(&points, &motions[1])];
+    let found = register_in_turn(&clouds.each_ref().map(Vec::as_slice), &options(0.5)).unwrap();
+    assert_eq!(found.len(), 2);
+    for (found, true_motion) in found.iter().zip(&motions) {
+        assert!(apart(&clouds[1], &found.transformation, &inverse(true_motion)) < 1e-9);
+    }
+    assert!(register_in_turn(&[], &options(0.5)).unwrap().is_empty());
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,26 @@ def test_pixels_without_a_return_are_dropped_and_the_broken_ones_counted():
     view = View.from_depth(depth, INTRINSICS)
     assert len(view.points) == 16
     assert view.dropped == 3
+
+
+def test_a_depth_image_is_copied_and_cropping_it_is_cropping_its_points():
+    depth = np.random.default_rng(3).uniform(0.2, 0.8, (48, 64))
+    depth[5, 6], depth[7, 8] = 0.0, np.nan
+    pose = random_pose(4)
+    view, seen = (View.from_depth(depth, INTRINSICS, pose) for _ in range(2))
+    depth[:] = 0.5
+    points = View(seen.points, pose)
+    centre = seen.world_points.mean(axis=0)
+    bounds = (centre - 0.1, centre + np.array([0.1, 0.2, np.inf]))
+    want = points.crop(bounds).points
+    assert 0 < len(want) < len(points.points)
+    copied = pickle.loads(pickle.dumps(view))
+    for image in (view, seen, copied):
+        np.testing.assert_array_equal(image.crop(bounds).points, want)
+        assert image.crop(bounds).dropped == 1
+    np.testing.assert_array_equal(view.points, points.points)
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = copied.nothing
 
 
 def test_from_world_keeps_the_points_and_the_camera():

@@ -137,7 +137,7 @@ fn estimate_normals_each<'py>(
     py: Python<'py>,
     clouds: Vec<Bound<'py, PyAny>>,
     radius: f64,
-) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+) -> PyResult<Vec<PointsArray<'py>>> {
     let clouds = FloatArray::all("clouds", &clouds)?;
     let clouds = clouds.iter().map(|cloud| cloud.rows("clouds", "(N, 3)")).collect::<PyResult<Vec<_>>>()?;
     let (near, camera) = (Neighbors::Within(radius), Viewpoints::One([0.0; 3]));
