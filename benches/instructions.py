@@ -17,7 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-KERNELS = ["filter", "nearest", "within", "icp", "centerline"]
+KERNELS = ["filter", "nearest", "within", "icp", "centerline", "chains", "tubes", "fit", "crop"]
 POINTS = 20_000
 TOLERANCE = 0.03
 RECORD = Path(__file__).with_suffix(".json")

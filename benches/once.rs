@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use strand::{
-    IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, estimate_normals, icp,
-    radius_outlier_mask,
+    DepthView, IcpOptions, Neighbors, Objective, Pinhole, Point, Residual, RigidMotion, Spline, Tube,
+    TubeFitOptions, TubeView, Viewpoints, centerline, crop_images, estimate_normals, fit_tubes, icp,
+    radius_outlier_mask, trace_chains, trace_tubes,
 };
 
 use random::generator;
@@ -73,7 +74,46 @@ fn main() {
             let points = &points;
             Box::new(move || drop(black_box(centerline(points, &normals, RADIUS, 20))))
         }
-        other => panic!("{other} is none of filter, nearest, within, icp, centerline"),
+        "chains" => {
+            let normals = estimate_normals(&points, near, above).expect("normals").normals;
+            let axis = centerline(&points, &normals, RADIUS, 20).expect("axis points").points;
+            Box::new(move || drop(black_box(trace_chains(&axis, RADIUS, 2.5 * RADIUS, None))))
+        }
+        "tubes" => Box::new(|| drop(black_box(trace_tubes(&points, above, RADIUS, 4)))),
+        "fit" => {
+            let views = [TubeView { points: &points, viewpoint: [0.0, 0.0, 1.0], ends: &[], feet: &[] }];
+            let axis: Vec<Point> = points.chunks(200).map(|some| some[some.len() / 2]).collect();
+            let curve = Spline::through(&axis, 2.5 * RADIUS, 0.0).expect("a curve");
+            let tubes = [Tube { curve, rope: 0 }];
+            let options = TubeFitOptions {
+                fit_curves: true,
+                radius_prior: None,
+                reference: None,
+                pose_sd: [0.01, 0.002],
+                residual: Residual::Ray,
+                band: [0.6, 0.4],
+                iterations: 5,
+                tolerance: 1e-9,
+                min_bend: 1.5,
+                noise: None,
+                bounds: None,
+                uncertainty: true,
+            };
+            Box::new(move || {
+                let still = [RigidMotion::identity()];
+                black_box(fit_tubes(&views, &tubes, &still, &[RADIUS], &options)).expect("a fit");
+            })
+        }
+        "crop" => {
+            let depth: Vec<f64> = points.iter().map(|p| 1.0 - p[2]).collect();
+            let camera = Pinhole { focal: [250.0; 2], center: [100.0, 50.0] };
+            let range = [[-0.2, -0.2, 1.0 - RADIUS], [0.2, 0.2, 1.0]];
+            Box::new(move || {
+                let view = DepthView { depth: &depth, width: 200, camera, pose: RigidMotion::identity() };
+                drop(black_box(crop_images(&[view], range)));
+            })
+        }
+        other => panic!("{other} is none of the kernels"),
     };
     let timed = |_| {
         let start = Instant::now();

@@ -62,6 +62,29 @@ def test_a_depth_image_is_copied_and_cropping_it_is_cropping_its_points():
         _ = copied.nothing
 
 
+def test_what_the_caller_does_with_its_pose_later_changes_no_view():
+    for made in (
+        lambda pose: View(np.ones((4, 3)), pose),
+        lambda pose: View.from_depth(np.ones((3, 4)), INTRINSICS, pose),
+    ):
+        pose = np.eye(4)
+        view = made(pose)
+        pose[0, 3] = 5.0
+        assert view.pose[0, 3] == 0.0
+
+
+def test_depths_whose_points_are_not_finite_are_refused():
+    far = np.ones((3, 4))
+    far[1, 2] = 1e308
+    with pytest.raises(ValueError, match=r"depth.*finite"):
+        View.from_depth(far, np.array([[1e-3, 0.0, 1.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]))
+    with pytest.raises(ValueError, match=r"depth.*finite"):
+        View.from_depth(np.ones((3, 4)), np.array([[1.0, 0.0, 1.5], [0.0, 1e-310, 1.0], [0.0, 0.0, 1.0]]))
+    far[1, 2] = np.inf
+    assert View.from_depth(far, INTRINSICS).dropped == 1
+    assert len(View.from_depth(np.zeros((0, 4)), INTRINSICS).points) == 0
+
+
 def test_from_world_keeps_the_points_and_the_camera():
     points = np.random.default_rng(2).normal(size=(20, 3))
     view = View.from_world(points, viewpoint=[1.0, -2.0, 3.0])

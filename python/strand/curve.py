@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
 from strand.arguments import number
+from strand.memo import memo
 from strand.view import Array, finite_array
 
 
@@ -81,7 +81,7 @@ class Curve:
         """Return all of a spline."""
         return cls(control, 0.0, float(len(control) - 3))
 
-    @cached_property
+    @memo
     def _table(self) -> tuple[Array, Array]:
         """Parameters, and the arc length from the start to each; linear between them."""
         arc = _core.arc_lengths(self.control, self.start, self.stop)

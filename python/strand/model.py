@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from strand import io
 from strand.arguments import as_array, flag, not_negative, number, several, text, whole
 from strand.curve import Curve
+from strand.memo import memo
 from strand.nextview import best_camera
 from strand.topology import runs
 from strand.view import Array, checked_radius, finite_array, float_array
@@ -87,12 +87,12 @@ class Chain:
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 
-    @cached_property
+    @memo
     def _path(self) -> Array:
         """The nodes, with the first one again at the end of a closed chain."""
         return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
 
-    @cached_property
+    @memo
     def _knots(self) -> Array:
         """Arc length at every node of the path."""
         steps = np.linalg.norm(np.diff(self._path, axis=0), axis=1)
@@ -123,12 +123,12 @@ class Chain:
             return np.linspace(0.0, self.curve.length, len(self.points))
         return self._knots[: len(self.points)]
 
-    @cached_property
+    @memo
     def tangents(self) -> Array:
         """(M, 3) Unit tangents at the nodes, along the order of the nodes, by central differences."""
         return self._derivatives()[0]
 
-    @cached_property
+    @memo
     def curvature(self) -> Array:
         """(M,) Curvature at the nodes, 1/m: the length of the second difference by arc length.
 

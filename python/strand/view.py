@@ -281,7 +281,7 @@ class View:
         points = finite_array("points", self.points, (None, 3))
         # what the caller does with its array later must not change the view
         object.__setattr__(self, "points", points.copy() if points is self.points else points)
-        object.__setattr__(self, "pose", rigid_motion("pose", self.pose))
+        object.__setattr__(self, "pose", rigid_motion("pose", self.pose).copy())
         if self.colors is not None:
             colors = color_array("colors", self.colors, (len(points), 3))
             object.__setattr__(self, "colors", colors.copy() if colors is self.colors else colors)
@@ -319,8 +319,8 @@ class View:
         TypeError
             If an array does not hold floating point numbers (or, of colours, uint8).
         ValueError
-            If a shape is wrong, a depth is negative, the intrinsics are not a pinhole's, or a colour is not
-            from 0 to 1.
+            If a shape is wrong, a depth is negative or so great that its point is not finite, the intrinsics
+            are not a pinhole's, or a colour is not from 0 to 1.
         """
         image = float_array("depth", depth, (None, None))
         camera = finite_array("intrinsics", intrinsics, (3, 3))
@@ -330,11 +330,18 @@ class View:
                 "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
                 f"got {camera.tolist()}"
             )
-        copied, dropped = _core.copy_depth(image)
+        copied, dropped, farthest = _core.copy_depth(image)
+        corners = np.abs([[0.0, image.shape[1] - 1.0], [0.0, image.shape[0] - 1.0]] - np.array([[cx], [cy]]))
+        with np.errstate(over="ignore"):
+            widest = (corners * farthest / [[fx], [fy]]).max()
+        if not np.isfinite(widest):
+            raise ValueError(
+                f"depth: expected depths whose points are finite, got {farthest} at focal lengths {fx}, {fy}"
+            )
         seen = None
         if colors is not None:
             seen = color_array("colors", colors, (*image.shape, 3))[np.isfinite(image) & (image > 0)]
-        placed = np.eye(4) if pose is None else rigid_motion("pose", as_array("pose", pose))
+        placed = np.eye(4) if pose is None else rigid_motion("pose", as_array("pose", pose)).copy()
         return cls._made(_image=_Image(copied, (fx, fy), (cx, cy)), pose=placed, dropped=dropped, colors=seen)
 
     @classmethod
@@ -405,7 +412,7 @@ class View:
         return self._with(self.points[chosen], colors)
 
     def moved(self, motion: Array) -> View:
-        """Return the view after a (4, 4) rigid motion of the world frame."""
+        """Return the view, its points shared, after a (4, 4) rigid motion of the world frame."""
         return self._made(**{**self.__dict__, "pose": motion @ self.pose})
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:

@@ -30,7 +30,7 @@ fn is_inside(world: Point, [low, high]: [Point; 2]) -> bool {
 pub struct DepthView<'a> {
     /// Depths row by row, metres.
     pub depth: &'a [f64],
-    /// Pixels in a row, more than 0.
+    /// Pixels in a row.
     pub width: usize,
     /// The camera.
     pub camera: Pinhole,
@@ -47,8 +47,9 @@ pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
         .iter()
         .enumerate()
         .flat_map(|(number, view)| {
-            let rows = POINTS_PER_TASK.div_ceil(view.width);
-            let bands = view.depth.chunks(rows * view.width).enumerate();
+            let width = view.width.max(1);
+            let rows = POINTS_PER_TASK.div_ceil(width);
+            let bands = view.depth.chunks(rows * width).enumerate();
             bands.map(move |(band, depth)| (number, band * rows, depth))
         })
         .collect();
@@ -83,7 +84,7 @@ impl Wide for CropBand<'_> {
         let Self { view: DepthView { width, camera, pose, .. }, first_row, depth, bounds: [low, high] } =
             self;
         let mut points = Vec::new();
-        for (row, depths) in depth.chunks_exact(*width).enumerate() {
+        for (row, depths) in depth.chunks_exact((*width).max(1)).enumerate() {
             let v = (first_row + row) as f64;
             // along a row a world coordinate is z (a + u b) + t
             let [start, end] = [0.0, *width as f64].map(|u| {

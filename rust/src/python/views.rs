@@ -8,16 +8,16 @@ use super::arguments::{
 };
 use crate::{Point, Result, Saw, Seen, SightView};
 
-/// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+/// A copy of a depth image, how many pixels are not finite, and the greatest depth of the others; see `strand.View.from_depth`.
 #[pyfunction]
 pub(super) fn copy_depth<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, usize)> {
+) -> PyResult<(PointsArray<'py>, usize, f64)> {
     let depth = FloatArray::new("depth", depth)?;
     let (shape, image) = (image_shape(&depth)?, depth.slice()?);
-    let (copy, dropped) = py.detach(|| crate::copy_depth(image))?;
-    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped))
+    let (copy, dropped, farthest) = py.detach(|| crate::copy_depth(image))?;
+    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped, farthest))
 }
 
 /// The points of a depth image; see `strand.View.from_depth`.
@@ -58,7 +58,7 @@ pub(super) fn crop_images<'py>(
         .map(|((depth, [focal, center]), pose)| {
             Ok(crate::DepthView {
                 depth: depth.slice()?,
-                width: image_shape(depth)?[1].max(1),
+                width: image_shape(depth)?[1],
                 camera: crate::Pinhole { focal, center },
                 pose: motion("poses", pose)?,
             })
