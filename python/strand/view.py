@@ -297,6 +297,9 @@ class View:
     ) -> View:
         """Un-project a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
+        The image is copied. Its points are made when they are first asked for; `crop` and `reconstruct` make
+        only those in the extraction range.
+
         Parameters
         ----------
         depth : (H, W) array_like of float
