@@ -333,14 +333,11 @@ class View:
                 "intrinsics: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, "
                 f"got {camera.tolist()}"
             )
-        copied, dropped, farthest = _core.copy_depth(image)
-        corners = np.abs([[0.0, image.shape[1] - 1.0], [0.0, image.shape[0] - 1.0]] - np.array([[cx], [cy]]))
-        with np.errstate(over="ignore"):
-            widest = (corners * farthest / [[fx], [fy]]).max()
-        if not np.isfinite(widest):
-            raise ValueError(
-                f"depth: expected depths whose points are finite, got {farthest} at focal lengths {fx}, {fy}"
-            )
+        height, width = image.shape
+        aside = max(abs(cx), abs(width - 1.0 - cx), abs(cy), abs(height - 1.0 - cy), 1.0)
+        # farther points are not finite
+        farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
+        copied, dropped = _core.copy_depth(image, farthest)
         seen = None
         if colors is not None:
             seen = color_array("colors", colors, (*image.shape, 3))[np.isfinite(image) & (image > 0)]

@@ -26,25 +26,27 @@ pub(crate) fn has_return(z: f64) -> bool {
     z > 0.0 && z < f64::INFINITY
 }
 
-/// A copy of a depth image, how many pixels are NaN or infinite, and the greatest depth of the others, 0 for none. Those
-/// pixels and 0 are without a return.
+/// A copy of a depth image, and how many pixels are NaN or infinite. These and 0 are pixels without a return.
 ///
 /// # Errors
-/// [`Error::InvalidArgument`] if a depth is negative.
-pub fn copy_depth(depth: &[f64]) -> Result<(Vec<f64>, usize, f64)> {
+/// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
+pub fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usize)> {
     let mut copy = Vec::with_capacity(depth.len());
-    let (mut dropped, mut negative, mut farthest) = (0, false, 0.0f64);
+    let (mut dropped, mut outside) = (0, false);
     for part in depth.chunks(1024) {
         copy.extend_from_slice(part);
         dropped += part.iter().filter(|z| !z.is_finite()).count();
-        farthest = part.iter().fold(farthest, |far, &z| if z > far && z < f64::INFINITY { z } else { far });
-        // minus infinity is dropped
-        negative |= part.iter().fold(false, |negative, &z| negative | ((z < 0.0) & z.is_finite()));
+        // infinities are dropped
+        outside |= part.iter().fold(false, |out, &z| out | (((z < 0.0) | (z > farthest)) & z.is_finite()));
     }
-    if negative {
-        return Err(Error::invalid("depth", "expected depths >= 0, got a negative one"));
+    if outside {
+        let reason = format!("expected depths from 0 to {farthest:.3e}, where points are finite");
+        return Err(match depth.iter().find(|&&z| z < 0.0 && z.is_finite()) {
+            Some(z) => Error::invalid("depth", format!("expected depths >= 0, got {z}")),
+            None => Error::invalid("depth", reason),
+        });
     }
-    Ok((copy, dropped, farthest))
+    Ok((copy, dropped))
 }
 
 /// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
@@ -69,10 +71,9 @@ mod tests {
         let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
         let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
         assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
-        let (_, dropped, farthest) = copy_depth(&depth).unwrap();
-        assert_eq!((dropped, farthest), (2, 4.0));
-        assert_eq!(copy_depth(&[]).unwrap().2, 0.0);
-        assert!(copy_depth(&[-1.0]).is_err());
+        assert_eq!(copy_depth(&depth, 4.0).unwrap().1, 2);
+        assert!(copy_depth(&depth, 3.9).is_err());
+        assert!(copy_depth(&[-1.0], 4.0).is_err());
         assert!(unproject(&[], 0, camera).is_empty());
     }
 }

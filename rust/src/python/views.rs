@@ -8,16 +8,17 @@ use super::arguments::{
 };
 use crate::{Point, Result, Saw, Seen, SightView};
 
-/// A copy of a depth image, how many pixels are not finite, and the greatest depth of the others; see `strand.View.from_depth`.
+/// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
 #[pyfunction]
 pub(super) fn copy_depth<'py>(
     py: Python<'py>,
     depth: &Bound<'py, PyAny>,
-) -> PyResult<(PointsArray<'py>, usize, f64)> {
+    farthest: f64,
+) -> PyResult<(PointsArray<'py>, usize)> {
     let depth = FloatArray::new("depth", depth)?;
     let (shape, image) = (image_shape(&depth)?, depth.slice()?);
-    let (copy, dropped, farthest) = py.detach(|| crate::copy_depth(image))?;
-    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped, farthest))
+    let (copy, dropped) = py.detach(|| crate::copy_depth(image, farthest))?;
+    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped))
 }
 
 /// The points of a depth image; see `strand.View.from_depth`.
