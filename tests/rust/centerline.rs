@@ -1,8 +1,6 @@
 //! Axis points against eq. 16–18 computed by brute force, and on tubes.
 
-mod clouds;
-
-use clouds::{
+use crate::clouds::{
     FAR_AWAY, Random, any_cloud, any_motion, cases, distance, free_cloud, moved, order, reordered, scaled,
     shifted, tube,
 };

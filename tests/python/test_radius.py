@@ -16,7 +16,7 @@ from strand.radius import Radii, agreeing
 from strand.synthetic import camera_pose, render_depth, sense
 from strand.tubefit import unchecked_fit
 
-SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 CAMERA = np.array([0.0, 0.0, 0.4])
 
 

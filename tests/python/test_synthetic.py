@@ -11,7 +11,7 @@ from strand import io, shapes, synthetic
 from strand.shapes import SHAPES, shape
 from strand.synthetic import camera_pose, render_depth, scene, sense
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = Path(__file__).resolve().parents[3] / "shared"
 CROSSINGS = dict(straight=0, arc=0, s=0, coil=0, loop=1, figure8=2, overhand=3, paper=3)
 RADIUS = 0.0042
 PINHOLE = np.array([[212.0, 0.0, 159.5], [0.0, 212.0, 119.5], [0.0, 0.0, 1.0]])

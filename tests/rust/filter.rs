@@ -1,8 +1,6 @@
 //! The outlier filter against brute force.
 
-mod clouds;
-
-use clouds::{any_cloud, any_motion, cases, distance, free_cloud, moved, order, reordered, scaled};
+use crate::clouds::{any_cloud, any_motion, cases, distance, free_cloud, moved, order, reordered, scaled};
 use proptest::prelude::*;
 use strand::{Error, Point, count_neighbors, radius_outlier_mask};
 

@@ -15,7 +15,7 @@ from strand.config import Linking
 from strand.curve import Curve
 from strand.outliers import without_outliers
 
-SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 RADIUS = 0.0042
 
 

@@ -16,7 +16,7 @@ from strand.config import Linking
 from strand.synthetic import tangle
 from strand.visibility import Sight
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = Path(__file__).resolve().parents[3] / "shared"
 SCENES = SHARED / "scenes"
 R = 0.0042
 UP = np.array([0.0, 0.0, 5.0 * R])

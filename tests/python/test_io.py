@@ -16,7 +16,7 @@ from strand.io import FileFormatError, load_scene, read_json, read_toml, write_b
 from strand.scene import parse_length
 from strand.view import View, pose_from_angles, turntable_pose
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = Path(__file__).resolve().parents[3] / "shared"
 POINTS = np.random.default_rng(0).normal(size=(40, 3)) + np.array([0.0, 0.0, 5.0])
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)
 K = np.array([[10.0, 0, 3.5], [0, 11.0, 2.5], [0, 0, 1]])

@@ -12,7 +12,7 @@ from PIL import Image
 
 import strand
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = Path(__file__).resolve().parents[3] / "shared"
 REAL = SHARED / "real" / "mp2cdlo"
 PUBLISHED = strand.Config.published()
 

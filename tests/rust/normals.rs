@@ -1,10 +1,8 @@
 //! Plane normals against brute force and against surfaces with known normals.
 
-mod clouds;
-
 use std::f64::consts::TAU;
 
-use clouds::{
+use crate::clouds::{
     FAR_AWAY, Random, any_cloud, any_motion, cases, distance, free_cloud, hills, moved, order, reordered,
     scaled, shifted, sine_between, tube,
 };

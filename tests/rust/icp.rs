@@ -1,8 +1,6 @@
 //! Registration against brute force and against known motions.
 
-mod clouds;
-
-use clouds::{
+use crate::clouds::{
     FAR_AWAY, Random, any_motion, cases, distance, free_cloud, hills, inverse, motion, moved, order,
     reordered, scaled, shifted, tube,
 };

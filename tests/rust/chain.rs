@@ -1,10 +1,8 @@
 //! Greedy tracing against brute force and on curves.
 
-mod clouds;
-
 use std::f64::consts::TAU;
 
-use clouds::{
+use crate::clouds::{
     FAR_AWAY, Random, any_cloud, any_motion, cases, distance, free_cloud, moved, order, reordered, scaled,
     shifted,
 };
