@@ -2,13 +2,16 @@
 
 from strand import synthetic
 from strand._core import (
+    EndObservation,
     IcpResult,
     NotEnoughDataError,
     StrandError,
+    TubeFit,
     __version__,
     centerline,
     count_neighbors,
     estimate_normals,
+    fit_tubes,
     icp,
     num_threads,
     radius_outlier_mask,
@@ -16,24 +19,29 @@ from strand._core import (
     trace_chains,
     trace_tubes,
 )
+from strand.chain import Chain
 from strand.config import Config
-from strand.io import FileFormatError, load_scene
-from strand.model import Alternative, Chain, Doubt, Join, Model, load
+from strand.files import FileFormatError
+from strand.io.models import load
+from strand.io.scenes import load_scene
+from strand.model import Alternative, Doubt, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
+from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
 from strand.radius import estimate_radius
-from strand.tubefit import TubeFit, fit_tubes
-from strand.tubes import register_views
-from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
+from strand.tubes.registration import register_views
+from strand.view import View
 
 __all__ = [
     "Alternative",
     "Chain",
     "Config",
     "Doubt",
+    "EndObservation",
     "FileFormatError",
     "IcpResult",
     "Join",
     "Model",
+    "ModelWarning",
     "NotEnoughDataError",
     "StrandError",
     "TubeFit",
@@ -59,3 +67,7 @@ __all__ = [
     "trace_tubes",
     "turntable_pose",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

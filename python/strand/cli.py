@@ -14,7 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import strand
-from strand import config, figures, io, report, scene, synthetic
+from strand import config, synthetic
+from strand.files import extra
+from strand.io.description import parse_length
+from strand.io.scenes import load_scene
+from strand.report import figures, tables
 
 EXIT_CODES = """\
 exit codes:
@@ -78,9 +82,9 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser(
         "demo",
-        help="the published experiment on a simulated copy of its string",
-        description="Simulate the published experiment (a knotted string seen by seven depth views), "
-        "reconstruct the string, and compare it with the truth.",
+        help="a simulated rope by both methods, compared with the truth",
+        description="Simulate the published experiment (one string, seven views), reconstruct it by the "
+        "default and by the published method, and compare both with the truth.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -98,8 +102,8 @@ def _parser() -> argparse.ArgumentParser:
 
     reconstruct = commands.add_parser(
         "reconstruct",
-        help="strings of a recorded scene",
-        description="Reconstruct the strings of a scene.",
+        help="ropes of a recorded scene",
+        description="Reconstruct the ropes of a scene.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -113,7 +117,7 @@ def _parser() -> argparse.ArgumentParser:
         "--radius",
         type=_length,
         metavar="LENGTH",
-        help="the strings' radius, such as 4.2mm (default: the scene's; estimated if it has none)",
+        help="the ropes' radius, such as 4.2mm (default: the scene's; estimated if it has none)",
     )
     reconstruct.add_argument(
         "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
@@ -144,29 +148,36 @@ def _parser() -> argparse.ArgumentParser:
 
 def _demo(options: argparse.Namespace) -> None:
     made = synthetic.scene("paper", seed=options.seed)
-    with _progress(len(report.STAGE_ARRAYS["published"])) as progress:
-        model = strand.reconstruct(
-            made.views,
-            radius=made.radius,
-            bounds=made.bounds,
-            ropes=1,
-            config=strand.Config.published(),
-            keep_stages=True,
-            progress=progress,
-        )
-    _warn(model)
-    print(report.describe_stages(made.views, model), end="\n\n")
-    print(report.describe_counts(model), end="\n\n")
-    print(report.describe_accuracy(model, made.truth), end="\n\n")
-    options.out.mkdir(parents=True, exist_ok=True)
-    model.save(options.out / "model.json")
-    print(options.out / "model.json")
-    for path in figures.write_figures(model, options.out, made.truth):
+    methods = {
+        "default": (strand.Config(), options.out),
+        "published": (strand.Config.published(), options.out / "published"),
+    }
+    written = []
+    for name, (settings, folder) in methods.items():
+        with _progress(len(tables.STAGE_ARRAYS[settings.method])) as progress:
+            model = strand.reconstruct(
+                made.views,
+                radius=made.radius,
+                bounds=made.bounds,
+                ropes=1,
+                config=settings,
+                keep_stages=True,
+                progress=progress,
+            )
+        _warn(model)
+        print(f"The {name} method", end="\n\n")
+        print(tables.describe_stages(made.views, model), end="\n\n")
+        print(tables.describe_counts(model), end="\n\n")
+        print(tables.describe_accuracy(model, made.truth), end="\n\n")
+        folder.mkdir(parents=True, exist_ok=True)
+        model.save(folder / "model.json")
+        written += [folder / "model.json", *figures.write_figures(model, folder, made.truth)]
+    for path in written:
         print(path)
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    recorded = io.load_scene(options.scene)
+    recorded = load_scene(options.scene)
     _keep_input(options.scene, options.out)
     bounds = recorded.bounds
     if options.bounds is not None:
@@ -174,11 +185,9 @@ def _reconstruct(options: argparse.Namespace) -> None:
     radius = recorded.radius if options.radius is None else options.radius
     length = options.length[0] if options.length and len(options.length) == 1 else options.length
     settings = strand.Config() if options.config is None else config.load(options.config)
-    stages = set(report.STAGE_ARRAYS[settings.method])
+    stages = set(tables.STAGE_ARRAYS[settings.method])
     if radius is not None:
         stages.discard("radius")
-    elif settings.method == "published":
-        raise ValueError("radius: the published method needs it, and the scene has none; give --radius")
     with _progress(len(stages)) as progress:
         model = strand.reconstruct(
             recorded.views,
@@ -193,8 +202,8 @@ def _reconstruct(options: argparse.Namespace) -> None:
     _warn(model)
     if radius is None and model.chains:
         print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the points", end="\n\n")
-    print(report.describe_chains(model), end="\n\n")
-    print(report.describe_timings(model), end="\n\n")
+    print(tables.describe_chains(model), end="\n\n")
+    print(tables.describe_timings(model), end="\n\n")
     model.save(options.out)
     print(options.out)
     if options.figures is not None:
@@ -219,7 +228,7 @@ def _keep_input(recorded: Path, out: Path) -> None:
 
 def _length(text: str) -> float:
     try:
-        return scene.parse_length(text)
+        return parse_length(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
@@ -230,8 +239,8 @@ def _progress(stages: int) -> Iterator[Callable[[str], None]]:
     if not sys.stderr.isatty() or find_spec("rich") is None:
         yield lambda stage: print(f"strand: {stage}", file=sys.stderr, flush=True)
         return
-    console = io.extra("rich.console").Console(stderr=True)
-    rich = io.extra("rich.progress")
+    console = extra("rich.console").Console(stderr=True)
+    rich = extra("rich.progress")
     columns = (rich.SpinnerColumn(), rich.TextColumn("{task.description:<10}"), rich.BarColumn())
     with rich.Progress(*columns, console=console, transient=True) as display:
         task = display.add_task("", total=stages, completed=-1)

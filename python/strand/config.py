@@ -1,4 +1,7 @@
-"""The numbers of the method, in string radii where that makes them carry over to other strings."""
+"""The numbers of both methods, in rope radii where that makes them carry over to other ropes.
+
+Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import os
 from dataclasses import dataclass, field
 from typing import Any
 
-from strand import io
+from strand.files import FileFormatError, read_toml
 
 
 def _check(section: object) -> None:
@@ -42,21 +45,22 @@ class Filter:
     Parameters
     ----------
     radius : float
-        The searching radius, in string radii.
+        The searching radius, in rope radii.
     min_fraction : float
         Points with fewer neighbours than this share of their view's median are dropped: density, and with
         it the paper's count, varies from camera to camera.
     min_neighbors : int
         The count below which a point is dropped in any case.
-    usual : float
-        Where the median is below this, the view is coarse for its strings, and the searching radius is
-        widened until it should not be: few neighbours say little, and edges would be dropped with outliers.
+    widen_below : float
+        Where the median count is below this, the default method widens the searching radius until the median
+        should reach it: a coarse camera gives few neighbours, and edges would be dropped with outliers. The
+        published method keeps its searching radius.
     """
 
     radius: float = 1.0
     min_fraction: float = 0.25
     min_neighbors: int = 4
-    usual: float = 10.0
+    widen_below: float = 10.0
 
     def __post_init__(self) -> None:
         _check(self)
@@ -69,7 +73,7 @@ class Normals:
     Parameters
     ----------
     radius : float
-        The neighbourhood that a plane is fitted to, in string radii.
+        The neighbourhood that a plane is fitted to, in rope radii.
     """
 
     radius: float = 1.0
@@ -85,7 +89,7 @@ class Registration:
     Parameters
     ----------
     max_correspondence_distance : float
-        Pairs farther apart do not count, in string radii. Short, so that a view stays near the pose that
+        Pairs farther apart do not count, in rope radii. Short, so that a view stays near the pose that
         the stage reports where the data let it slide.
     max_iterations : int
         Most updates of a view's pose.
@@ -103,12 +107,12 @@ class Registration:
 
 @dataclass(frozen=True)
 class Centerline:
-    """Axis points (section IV-D, eq. 16-18); the paper averages within two string radii.
+    """Axis points (section IV-D, eq. 16-18); the paper averages within two rope radii.
 
     Parameters
     ----------
     min_neighbors : int
-        N_lim: how many points must lie within two string radii of a surface point, itself included.
+        N_lim: how many points must lie within two rope radii of a surface point, itself included.
     """
 
     min_neighbors: int = 20
@@ -124,11 +128,11 @@ class Tracing:
     Parameters
     ----------
     near : float
-        r_n, the least distance between nodes, in string radii.
+        r_n, the least distance between nodes, in rope radii.
     far : float
-        r_f > r_n, the reach to the next node, in string radii.
+        r_f > r_n, the reach to the next node, in rope radii.
     min_length : float
-        Chains shorter than this are left out, in string radii.
+        Chains shorter than this are left out, in rope radii.
 
     Raises
     ------
@@ -148,18 +152,18 @@ class Tracing:
 
 @dataclass(frozen=True)
 class Splitting:
-    """Cuts at local minima of d*, a node's distance from the rest of the string (eq. 19-20, fig. 11-12).
+    """Cuts at local minima of d*, a node's distance from the rest of the rope (eq. 19-20, fig. 11-12).
 
     Parameters
     ----------
     neighborhood : float
-        Nodes this near along a chain do not count for d*, in string radii of arc length.
+        Nodes this near along a chain do not count for d*, in rope radii of arc length.
     threshold : float
-        Minima above this are no crossings, in string radii. Strands in contact are 2 apart.
+        Minima above this are no crossings, in rope radii. Strands in contact are 2 apart.
     closure : float
-        A chain whose ends are this near to each other goes round and has no ends, in string radii.
+        A chain whose ends are this near to each other goes round and has no ends, in rope radii.
     prominence : float
-        How much d* must rise on both sides of a minimum, in string radii, so that noise is not cut at.
+        How much d* must rise on both sides of a minimum, in rope radii, so that noise is not cut at.
 
     Raises
     ------
@@ -188,21 +192,21 @@ class Reconnection:
     Parameters
     ----------
     reach : float
-        Ends farther apart than this do not meet at one crossing, in string radii.
+        Ends farther apart than this do not meet at one crossing, in rope radii.
     loop : float
-        Both ends of one segment meet at a crossing only if it is longer than this, in string radii.
+        Both ends of one segment meet at a crossing only if it is longer than this, in rope radii.
     skip : float
-        Nodes this near to an end do not count for its direction, in string radii of arc length: where
+        Nodes this near to an end do not count for its direction, in rope radii of arc length: where
         strands cross, eq. 17-18 mixes them.
     span : float
-        The stretch over which the direction is taken, in string radii of arc length.
+        The stretch over which the direction is taken, in rope radii of arc length.
     min_agreement : float
         Cosine between the directions of two ends below which a group of fewer than four is not joined.
     trim : float
-        The stretch left out at ends that meet others, in string radii of arc length, before a cubic
+        The stretch left out at ends that meet others, in rope radii of arc length, before a cubic
         bridges the gap.
     gap : float
-        With the number of ropes given: the longest gap that is bridged away from crossings, in string
+        With the number of ropes given: the longest gap that is bridged away from crossings, in rope
         radii.
     """
 
@@ -244,16 +248,16 @@ class Tubes:
     Parameters
     ----------
     spacing : float
-        Length of a spline's spans, in string radii.
+        Length of a spline's spans, in rope radii.
     rounds : int
         How often arcs are traced in all views and fitted at most, before they are linked: again only where
         that moved the poses much.
     min_arc : float
-        Arcs shorter than this are left out, in string radii.
+        Arcs shorter than this are left out, in rope radii.
     node_spacing : float
-        Distance between a chain's nodes, in string radii.
+        Distance between a chain's nodes, in rope radii.
     min_bend : float
-        The tightest bend of a string's axis: its radius of curvature, in string radii.
+        The tightest bend of a rope's axis: its radius of curvature, in rope radii.
     noise : float, optional
         Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the data if
         not given.
@@ -279,7 +283,7 @@ RINGS = ("maybe", "never", "always")
 
 @dataclass(frozen=True)
 class Linking:
-    """Arcs joined to strings by the matching of their ends that costs least.
+    """Arcs joined to ropes by the matching of their ends that costs least.
 
     Parameters
     ----------
@@ -288,21 +292,21 @@ class Linking:
     seen_through : float
         Cost of a join for each radius of it that lies where a camera saw nothing.
     gap : float
-        The longest gap that is bridged, in string radii, unless the number of strings is given; somewhat
-        longer ones where no camera could have seen the string.
+        The longest gap that is bridged, in rope radii, unless the number of ropes is given; somewhat longer
+        ones where no camera could have seen the rope.
     margin : float
-        A join whose next best alternative costs less than this more is warned of.
+        A join is warned of if the next best way costs less than this more.
     loop : float
-        An arc's two ends are joined to a ring only if it is longer than this, in string radii.
+        An arc's two ends are joined to a ring only if it is longer than this, in rope radii.
     contact : float
-        An arc's end nearer than this to the inside of another cuts it, in string radii: two strands are 2
+        An arc's end nearer than this to the inside of another cuts it, in rope radii: two strands are 2
         apart.
     contact_gap : float
-        How much is cut out on each side, in string radii of arc length.
+        How much is cut out on each side, in rope radii of arc length.
     min_length : float
-        Strings shorter than this are left out, in string radii.
+        Ropes shorter than this are left out, in rope radii.
     rings : {"maybe", "never", "always"}
-        Whether strings are rings: as the data show, none is (all have free ends), or all are. Then the ends
+        Whether ropes are rings: as the data show, none is (all have free ends), or all are. Then the ends
         that are left are joined over gaps of any length, but not through what cameras saw to be empty.
     """
 
@@ -369,14 +373,13 @@ class Config:
 
     @classmethod
     def published(cls) -> Config:
-        """Return the published method with its numbers.
+        """Return the published method with its numbers, the same as `Config(method="published")`.
 
         Returns
         -------
         Config
         """
-        # views keep the searching radius, however coarse they are
-        return cls(method="published", filter=Filter(usual=1.0))
+        return cls(method="published")
 
 
 _SECTIONS: dict[str, type[Any]] = {
@@ -415,24 +418,24 @@ def load(path: str | os.PathLike[str]) -> Config:
         If it is not TOML, names an unknown section or field, or holds a value that is not accepted.
     """
     sections: dict[str, Any] = {}
-    for name, values in io.read_toml(path).items():
+    for name, values in read_toml(path).items():
         if name == "method":
             sections[name] = values
             continue
         if name not in _SECTIONS:
-            raise io.FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(_SECTIONS)}")
+            raise FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(_SECTIONS)}")
         section = _SECTIONS[name]
         known = [entry.name for entry in dataclasses.fields(section)]
         if not isinstance(values, dict):
-            raise io.FileFormatError(f"{path}: {name} is not a section; write [{name}]")
+            raise FileFormatError(f"{path}: {name} is not a section; write [{name}]")
         for key in values:
             if key not in known:
-                raise io.FileFormatError(f"{path}: [{name}] has no {key}; known are {', '.join(known)}")
+                raise FileFormatError(f"{path}: [{name}] has no {key}; known are {', '.join(known)}")
         try:
             sections[name] = section(**values)
         except (TypeError, ValueError) as error:
-            raise io.FileFormatError(f"{path}: {error}") from error
+            raise FileFormatError(f"{path}: {error}") from error
     try:
         return Config(**sections)
     except ValueError as error:
-        raise io.FileFormatError(f"{path}: {error}") from error
+        raise FileFormatError(f"{path}: {error}") from error

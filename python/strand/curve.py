@@ -1,4 +1,4 @@
-"""A string's centreline as a cubic B-spline with arc length as its parameter."""
+"""A rope's centreline as a cubic B-spline with arc length as its parameter."""
 
 from __future__ import annotations
 
@@ -8,27 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
-from strand.arguments import number
-from strand.memo import memo
-from strand.view import Array, finite_array
-
-
-def evaluate(control: Array, parameter: ArrayLike) -> tuple[Array, Array, Array]:
-    """Position and first two derivatives of a uniform cubic B-spline.
-
-    Parameters
-    ----------
-    control : (n, 3) ndarray
-        Control points, metres, n >= 4.
-    parameter : (M,) array_like
-        Parameters in [0, n - 3].
-
-    Returns
-    -------
-    position, first, second : (M, 3) ndarray
-        The place and its derivatives by the parameter.
-    """
-    return _core.spline_places(control, np.asarray(parameter, dtype=np.float64))
+from strand.checks import Array, finite_array, number
+from strand.lazy import lazy
 
 
 def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
@@ -64,7 +45,7 @@ class Curve:
     stop: float
 
     def __post_init__(self) -> None:
-        control = finite_array("control", self.control, (None, 3))
+        control = finite_array("control", self.control, ("N", 3))
         if len(control) < 4:
             raise ValueError(f"control: expected at least four points, got {len(control)}")
         object.__setattr__(self, "start", number("start", self.start))
@@ -76,12 +57,15 @@ class Curve:
             )
         object.__setattr__(self, "control", control)
 
+    def __repr__(self) -> str:
+        return f"Curve({self.length * 1e3:.1f} mm, {len(self.control)} control points)"
+
     @classmethod
     def whole(cls, control: Array) -> Curve:
         """Return all of a spline."""
         return cls(control, 0.0, float(len(control) - 3))
 
-    @memo
+    @lazy
     def _table(self) -> tuple[Array, Array]:
         """Parameters, and the arc length from the start to each; linear between them."""
         arc = _core.arc_lengths(self.control, self.start, self.stop)
@@ -134,7 +118,7 @@ class Curve:
         curvature : (M, 3) ndarray
             The tangent's derivative by arc length, 1/m.
         """
-        position, slope, bend = evaluate(self.control, self.parameter(s))
+        position, slope, bend = _core.spline_places(self.control, self.parameter(s))
         square = (slope * slope).sum(axis=1, keepdims=True)
         along = (slope * bend).sum(axis=1, keepdims=True)
         return position, slope / np.sqrt(square), (bend - slope * along / square) / square

@@ -1,4 +1,4 @@
-"""Which end of a string is its start."""
+"""Which end of a rope is its start."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.model import Chain
-from strand.view import Array
+from strand.chain import Chain
+from strand.checks import Array
 
-# the end that lies farther back along this direction is the start: askew to the axes, so that strings laid
+# the end that lies farther back along this direction is the start: askew to the axes, so that ropes laid
 # along them are not a tie
 _FORWARD = np.array([0.83, 0.47, 0.31])
 # rings run anticlockwise seen from there: above, but not for upright ones
@@ -29,7 +29,7 @@ def oriented(chains: Sequence[Chain], previous: Sequence[Chain] = ()) -> list[Ch
     ----------
     chains : sequence of Chain
     previous : sequence of Chain
-        Chains of an earlier model of the same strings. One that is near gives its orientation on.
+        Chains of an earlier model of the same ropes: a chain near one of them runs the same way.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def _starts_late(chain: Chain) -> bool:
 
 
 def _same(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
-    """Return the earlier chain that is nearest to one, if it lies within a few of its lengths' tenths."""
+    """Return the earlier chain that lies nearest, on average within 10 % of the chain's length."""
     best, least = None, 0.1 * chain.length
     places = chain.at(np.linspace(0.0, chain.length, 25))
     for before in previous:

@@ -1,4 +1,4 @@
-"""Outlier filter (section IV-A)."""
+"""Outlier filter (section IV-A of *Shape Modeling of A String And Recognition Using Distance Sensor*)."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from strand import _core
 from strand.config import Filter
 from strand.view import View
 
-# searching radii are not widened beyond this, in string radii
+# searching radii are not widened beyond this, in rope radii
 _WIDEST = 4.0
 
 
-def without_outliers(views: Sequence[View], radius: float, config: Filter) -> list[View]:
+def without_outliers(views: Sequence[View], radius: float, config: Filter, widen: bool) -> list[View]:
     """Drop the points with too few neighbours in their own view.
 
     Parameters
     ----------
     views : sequence of View
     radius : float
-        The string's radius, metres.
+        The rope's radius, metres.
     config : Filter
+    widen : bool
+        Whether the searching radius is widened in views that are coarse for the rope.
 
     Returns
     -------
@@ -32,22 +34,22 @@ def without_outliers(views: Sequence[View], radius: float, config: Filter) -> li
     reach = config.radius * radius
     counts = _core.count_neighbors_each([view.points for view in views], reach)
     return [
-        view.only(_enough(view, own, reach, radius, config)) if len(own) else view
+        view.only(_enough(view, own, reach, radius, config, widen)) if len(own) else view
         for view, own in zip(views, counts, strict=True)
     ]
 
 
 def _enough(
-    view: View, counts: NDArray[np.int64], reach: float, radius: float, config: Filter
+    view: View, counts: NDArray[np.int64], reach: float, radius: float, config: Filter, widen: bool
 ) -> NDArray[np.bool_]:
     """Tell which points have enough neighbours, from how many they have within a reach."""
-    usual = _median(counts)
-    while usual < config.usual and reach < _WIDEST * radius:
+    median = _median(counts)
+    while widen and median < config.widen_below and reach < _WIDEST * radius:
         # on a surface counts grow with the square of the reach
-        reach *= float(np.clip(np.sqrt(config.usual / max(usual, 1.0)), 1.02, 1.5))
+        reach *= float(np.clip(np.sqrt(config.widen_below / max(median, 1.0)), 1.02, 1.5))
         counts = _core.count_neighbors(view.points, reach)
-        usual = _median(counts)
-    return counts >= max(config.min_fraction * usual, config.min_neighbors)
+        median = _median(counts)
+    return counts >= max(config.min_fraction * median, config.min_neighbors)
 
 
 def _median(counts: NDArray[np.int64]) -> float:

@@ -1,4 +1,4 @@
-"""The strings' radii from the data."""
+"""The ropes' radii: what is known of them beforehand, and an estimate from how wide ropes look."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand._core import NotEnoughDataError
-from strand.view import Array, View, checked_radius, checked_views
+from strand.checks import Array, checked_radius
+from strand.view import View, checked_views
 
 # the largest radius that is looked for, metres
 LARGEST = 20e-3
@@ -28,7 +29,7 @@ _GIVEN_SD = 0.003
 # how far noise pulls a fitted radius, in squares of its standard deviation over the radius: silhouettes lose
 # points to the outlier filter and gain pixels that fly, and neither shows in the residuals
 _PULL = 0.2
-# what is not known of a strip's width, in radii: strings lie beside each other, patches are round
+# what is not known of a strip's width, in radii: ropes lie beside each other, patches are round
 _WIDTH_SD = 0.05
 
 
@@ -39,7 +40,7 @@ class Radii:
     Attributes
     ----------
     values, sd : (K,) ndarray
-        One radius for each kind of rope and its standard deviation, metres.
+        The radius of each class of ropes and its standard deviation, metres.
     free : bool
         Whether they were not given and the data are to fix them.
     held : bool
@@ -68,7 +69,7 @@ class Radii:
         return replace(self, values=values[order], sd=np.concatenate([self.sd, self.sd, self.sd])[order])
 
     def unsure(self) -> Radii:
-        """Return them as known so badly that each could be another of them."""
+        """Return them with standard deviations so wide that each could be any other of them."""
         return replace(self, sd=np.full(len(self.values), float(np.ptp(self.values))))
 
     def nearest(self, fitted: Array) -> list[int]:
@@ -76,12 +77,12 @@ class Radii:
         return [int(np.abs(np.log(self.values / value)).argmin()) for value in fitted]
 
     def capped(self, sd: Array) -> Array:
-        """Return deviations of fitted radii, of given ones at most what is not known of them, metres."""
+        """Return deviations of fitted radii, metres: of given ones at most those that they came with."""
         return sd if self.free else np.minimum(sd, self.sd)
 
     @classmethod
     def given(cls, radius: float | Sequence[float]) -> Radii:
-        """Return radii that are known, as well as a calliper tells them.
+        """Return radii that were given: known to 0.3 %, as measured by a calliper.
 
         Raises
         ------
@@ -90,8 +91,8 @@ class Radii:
         ValueError
             If one is not finite and positive, or there is none.
         """
-        several = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
-        values = np.unique([checked_radius(one) for one in several])
+        each = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
+        values = np.unique([checked_radius(one) for one in each])
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")
         return cls(values, _GIVEN_SD * values, free=False)
@@ -100,17 +101,17 @@ class Radii:
 def estimate_radius(
     views: Sequence[View], bounds: tuple[ArrayLike, ArrayLike] | None = None
 ) -> tuple[Array, Array]:
-    """Estimate the strings' radii from how wide they look.
+    """Estimate the ropes' radii from how wide they look.
 
-    To its camera a stretch of string is a strip, across which the points' variance is r^2 / 3 whatever the
+    To its camera a stretch of rope is a strip, across which the points' variance is r^2 / 3 whatever the
     noise in depth. Every view gives such estimates at several hundred places; their modes are the radii.
-    Strings that lie side by side look like a wide one and make modes of their own, so there may be more modes
-    than kinds of rope.
+    Ropes that lie side by side look like a wide one and make modes of their own, so there may be more modes
+    than radii.
 
     Parameters
     ----------
     views : sequence of View
-        Views of strings alone.
+        Views of ropes alone.
     bounds : pair of (3,) array_like, optional
         The extraction range: low and high corner of an axis-aligned box in the world frame, metres; views are
         cropped to it.
@@ -134,7 +135,7 @@ def estimate_radius(
     if bounds is not None:
         views = tuple(view.crop(bounds) for view in views)
     found = [
-        _core.strip_radii(view.world_points, view.viewpoint.tolist(), LARGEST, _SEEDS)
+        _core.apparent_radii(view.world_points, view.viewpoint, LARGEST, _SEEDS)
         for view in views
         if len(view.points)
     ]
@@ -177,7 +178,7 @@ def fitted_deviation(fitted: Array, sd: Array, sigma: float) -> Array:
 
 
 def agreeing(radii: Array, sd: Array) -> list[int]:
-    """Give radii that may be one and the same one number.
+    """Give radii that may be one and the same the same number.
 
     Parameters
     ----------
@@ -190,8 +191,8 @@ def agreeing(radii: Array, sd: Array) -> list[int]:
         Ascending with the radii, from 0.
     """
     order = np.argsort(radii, kind="stable")
-    kinds = np.zeros(len(radii), dtype=np.int64)
+    classes = np.zeros(len(radii), dtype=np.int64)
     for before, after in pairwise(order):
         limit = max(_SAME_SD * float(np.hypot(sd[before], sd[after])), _SAME * radii[after])
-        kinds[after] = kinds[before] + int(radii[after] - radii[before] > limit)
-    return [int(kind) for kind in kinds]
+        classes[after] = classes[before] + int(radii[after] - radii[before] > limit)
+    return [int(one) for one in classes]

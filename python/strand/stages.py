@@ -1,15 +1,19 @@
-"""What the stages of a reconstruction share: progress, timings, warnings."""
+"""What the stages of both methods share: what they work on, what they find, progress, timings, warnings."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from strand.model import Alternative, Chain, Doubt, Join
-from strand.view import Array
+from strand.chain import Chain
+from strand.checks import Array, Bounds
+from strand.evidence.prior import Prior
+from strand.model import Alternative, Doubt, Join, ModelWarning
+from strand.radius import Radii
+from strand.view import View
 
 
 @dataclass
@@ -18,7 +22,7 @@ class Run:
 
     progress: Callable[[str], None] | None
     timings: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[ModelWarning] = field(default_factory=list)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -28,6 +32,32 @@ class Run:
         start = time.perf_counter()
         yield
         self.timings[name] = self.timings.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What a method works on: the views that see something, and what is known beforehand.
+
+    Attributes
+    ----------
+    views : tuple of View
+        Cropped and without outliers.
+    whole : tuple of View
+        The same views with all that they saw, beyond the ropes too.
+    numbers : tuple of int
+        What each is called in warnings.
+    bounds : pair of (3,) ndarray or None
+        The extraction range that the views were cropped to, metres.
+    radii : Radii
+    prior : Prior
+    """
+
+    views: Sequence[View]
+    whole: Sequence[View]
+    numbers: Sequence[int]
+    bounds: Bounds | None
+    radii: Radii
+    prior: Prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +77,12 @@ class Found:
         The arrays between the stages.
     joins : tuple of Join
         The least certain first.
-    doubts : tuple of Doubt
-        What speaks against the answer; empty where the method does not say.
+    doubts : tuple of Doubt or None
+        What speaks against the answer; None if the method does not say.
     alternatives : tuple of Alternative
         Other answers, the best first.
+    all_rings : bool
+        Whether the method was told that all ropes are rings.
     """
 
     chains: list[Chain]
@@ -58,5 +90,6 @@ class Found:
     pose_sd: list[Array]
     stages: dict[str, Any]
     joins: tuple[Join, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
+    doubts: tuple[Doubt, ...] | None = None
     alternatives: tuple[Alternative, ...] = ()
+    all_rings: bool = False

@@ -1,0 +1,250 @@
+"""A chain: one rope's centreline as ordered nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from strand.checks import Array, as_array, checked_radius, finite_array, flag, not_negative, small_array
+from strand.curve import Curve
+from strand.lazy import lazy
+from strand.polyline import runs
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """One rope: its centreline as ordered nodes, end to end.
+
+    Parameters
+    ----------
+    points : (M, 3) array_like of float
+        Nodes in the world frame, metres, M >= 2, no two in a row equal.
+    radius : float
+        The rope's radius, metres. The default method fits it to the points, even if it was given: a given
+        radius counts as known to 0.3 %, as measured by a calliper.
+    closed : bool
+        Whether the last node joins the first, as in a ring.
+    curve : Curve, optional
+        The smooth curve that the nodes are places of: `at`, `tangents` and `curvature` then come from it.
+    covariance : (M, 3, 3) ndarray, optional
+        Covariance of each node, m^2.
+    points_seen, views_seen : (M,) ndarray of int, optional
+        How many points support each node, from how many views; 0 where the curve only bridges a gap.
+    radius_sd : float
+        The radius's standard deviation, metres; 0 if none is known.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If an array has a wrong shape or is not finite, `points` has fewer than two nodes or equal
+        neighbours, `radius` is not positive, or `radius_sd` is negative.
+    """
+
+    points: Array
+    radius: float
+    closed: bool = False
+    curve: Curve | None = None
+    covariance: Array | None = None
+    points_seen: NDArray[np.int64] | None = None
+    views_seen: NDArray[np.int64] | None = None
+    radius_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        points = finite_array("points", self.points, ("N", 3))
+        if len(points) < 2:
+            raise ValueError(f"points: expected at least two nodes, got {len(points)}")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "radius", checked_radius(self.radius))
+        object.__setattr__(self, "closed", flag("closed", self.closed))
+        object.__setattr__(self, "radius_sd", not_negative("radius_sd", self.radius_sd))
+        if self.curve is not None and not isinstance(self.curve, Curve):
+            raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
+        count = len(points)
+        for name, shape in (
+            ("covariance", (count, 3, 3)),
+            ("points_seen", (count,)),
+            ("views_seen", (count,)),
+        ):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = as_array(name, value)
+            if array.dtype.kind not in ("f" if name == "covariance" else "iu"):
+                raise TypeError(f"{name}: expected numbers of its kind, got dtype {array.dtype}")
+            if array.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+        if (np.diff(self._knots) <= 0).any():
+            raise ValueError("points: expected no two equal nodes in a row")
+
+    def __repr__(self) -> str:
+        return (
+            f"Chain({self.length * 1e3:.1f} mm, radius {self.radius * 1e3:.2f} mm, "
+            f"{'closed' if self.closed else 'open'}, {len(self.points)} nodes)"
+        )
+
+    @lazy
+    def _path(self) -> Array:
+        """The nodes, with the first one again at the end of a closed chain."""
+        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
+
+    @lazy
+    def _knots(self) -> Array:
+        """Arc length at every node of the path."""
+        steps = np.linalg.norm(np.diff(self._path, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def length(self) -> float:
+        """Arc length from end to end (once around, if closed), metres."""
+        return float(self._knots[-1]) if self.curve is None else self.curve.length
+
+    @property
+    def bridged(self) -> NDArray[np.bool_]:
+        """(M,) Whether a node only bridges a gap: it lies in a radius or more of rope without a point.
+
+        All False if `points_seen` is not known.
+        """
+        bare = np.zeros(len(self.points), dtype=bool)
+        if self.points_seen is not None:
+            spacing = self.length / len(self.points)
+            for start, stop in runs(self.points_seen == 0):
+                bare[start:stop] = (stop - start) * spacing >= self.radius
+        return bare
+
+    @property
+    def arc_length(self) -> Array:
+        """(M,) Arc length from the first node to each node, metres."""
+        if self.curve is not None:
+            return np.linspace(0.0, self.curve.length, len(self.points))
+        return self._knots[: len(self.points)]
+
+    @lazy
+    def tangents(self) -> Array:
+        """(M, 3) Unit tangents at the nodes, along the order of the nodes, by central differences."""
+        return self._derivatives()[0]
+
+    @lazy
+    def curvature(self) -> Array:
+        """(M,) Curvature at the nodes, 1/m: the length of the second difference by arc length.
+
+        The two ends of an open chain repeat their neighbours' value; a chain of two nodes has none.
+        """
+        return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
+
+    def _derivatives(self) -> tuple[Array, Array]:
+        """Return unit tangents and curvature vectors at the nodes."""
+        if self.curve is not None:
+            return self.curve.at(self.arc_length)[1:]
+        path = self._path
+        if self.closed:
+            path = np.vstack([path[-2], path])
+        steps = np.diff(path, axis=0)
+        lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+        units = steps / lengths
+        before, after = lengths[:-1], lengths[1:]
+        # the tangent of the circle through three nodes, at the middle one
+        middle = (units[:-1] * after + units[1:] * before) / (before + after)
+        middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-300)
+        bend = 2.0 * np.diff(units, axis=0) / (before + after)
+        if self.closed:
+            return middle, bend
+        if len(path) == 2:
+            return np.repeat(units, 2, axis=0), np.zeros((2, 3))
+        tangents = np.vstack([units[:1], middle, units[-1:]])
+        return tangents, np.vstack([bend[:1], bend, bend[-1:]])
+
+    def reversed(self) -> Chain:
+        """Return the same chain, its nodes in the other order."""
+
+        def turned(rows: Any) -> Any:
+            return None if rows is None else rows[::-1]
+
+        return replace(
+            self,
+            points=self.points[::-1],
+            curve=None if self.curve is None else self.curve.reversed(),
+            covariance=turned(self.covariance),
+            points_seen=turned(self.points_seen),
+            views_seen=turned(self.views_seen),
+        )
+
+    def at(self, s: ArrayLike) -> Array:
+        """Position at arc length `s`.
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            Arc length from the first node, metres; outside [0, length] it is held at the ends of an
+            open chain and goes round a closed one.
+
+        Returns
+        -------
+        (..., 3) ndarray
+            Places of `curve`, or on the straight segments between nodes without one, metres.
+
+        Raises
+        ------
+        ValueError
+            If `s` is not finite.
+        """
+        at = np.asarray(s, dtype=np.float64)
+        if not np.isfinite(at).all():
+            raise ValueError("s: expected finite arc lengths, got NaN or infinity")
+        if self.curve is not None:
+            return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
+        if self.closed:
+            at = np.mod(at, self.length)
+        return np.stack([np.interp(at, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
+
+    def nearest(self, p: ArrayLike) -> tuple[float, float]:
+        """Closest place of the centreline to a point.
+
+        Parameters
+        ----------
+        p : (3,) array_like
+            A point in the world frame, metres.
+
+        Returns
+        -------
+        s : float
+            Arc length of the closest place, metres.
+        distance : float
+            Its distance from `p`, metres.
+
+        Raises
+        ------
+        TypeError
+            If `p` does not hold real numbers.
+        ValueError
+            If `p` is not of shape (3,) or not finite.
+        """
+        point = small_array("p", p, (3,))
+        start, step = self._path[:-1], np.diff(self._path, axis=0)
+        t = np.clip(((point - start) * step).sum(axis=1) / (step * step).sum(axis=1), 0.0, 1.0)
+        distance = np.linalg.norm(start + t[:, None] * step - point, axis=1)
+        i = int(distance.argmin())
+        if self.curve is not None:
+            return self._nearest_on_curve(self.curve, point, float(self.arc_length[i] + t[i] * self._spacing))
+        return float(self._knots[i] + t[i] * (self._knots[i + 1] - self._knots[i])), float(distance[i])
+
+    @property
+    def _spacing(self) -> float:
+        """Arc length between the nodes of a smooth curve."""
+        return self.length / (len(self.points) - 1)
+
+    @staticmethod
+    def _nearest_on_curve(curve: Curve, point: Array, s: float) -> tuple[float, float]:
+        """Refine the arc length of the closest place by Newton's method."""
+        for _ in range(4):
+            position, tangent, bend = (rows[0] for rows in curve.at([s]))
+            offset = point - position
+            slope = max(1.0 - float(offset @ bend), 0.1)
+            s = float(np.clip(s + offset @ tangent / slope, 0.0, curve.length))
+        return s, float(np.linalg.norm(point - curve.at([s])[0][0]))

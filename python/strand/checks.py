@@ -1,0 +1,364 @@
+"""Arguments of public functions, checked: errors name the argument, what was wrong and what is accepted."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Bounds = tuple[Array, Array]
+
+
+def number(name: str, value: Any) -> float:
+    """Return `value` as a finite float; arrays without a dimension count as numbers.
+
+    Raises
+    ------
+    TypeError
+        If it is not a real number.
+    ValueError
+        If it is not finite.
+    """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{name}: expected a number, got {type(value).__name__}")
+    try:
+        found = float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise ValueError(f"{name}: expected a finite number, got {found}")
+    return found
+
+
+def positive(name: str, value: Any, most: float = math.inf) -> float:
+    """Return `value` as a float above zero, and not above `most`.
+
+    Raises
+    ------
+    TypeError
+        If it is not a real number.
+    ValueError
+        If it is zero, negative, too large or not finite.
+    """
+    try:
+        found = number(name, value)
+    except ValueError:
+        found = math.nan
+    if not found > 0:
+        raise ValueError(f"{name}: expected a positive number, got {value}")
+    if found > most:
+        raise ValueError(f"{name}: expected at most {most:g}, got {value}")
+    return found
+
+
+def not_negative(name: str, value: Any) -> float:
+    """Return `value` as a float of zero or above.
+
+    Raises
+    ------
+    TypeError
+        If it is not a real number.
+    ValueError
+        If it is negative or not finite.
+    """
+    try:
+        found = number(name, value)
+    except ValueError:
+        found = math.nan
+    if not found >= 0:
+        raise ValueError(f"{name}: expected a number >= 0, got {value}")
+    return found
+
+
+def whole(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
+    """Return `value` as an int in a range.
+
+    Raises
+    ------
+    TypeError
+        If it is not a whole number.
+    ValueError
+        If it is out of range.
+    """
+    try:
+        found = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected an integer, got {type(value).__name__}") from None
+    if found < least:
+        raise ValueError(f"{name}: expected at least {least}, got {found}")
+    if found > most:
+        raise ValueError(f"{name}: expected at most {most}, got {found}")
+    return found
+
+
+def flag(name: str, value: Any) -> bool:
+    """Return `value` as a bool.
+
+    Raises
+    ------
+    TypeError
+        If it is neither True nor False.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name}: expected True or False, got {type(value).__name__}")
+    return bool(value)
+
+
+def text(name: str, value: Any) -> str:
+    """Return `value` as a str.
+
+    Raises
+    ------
+    TypeError
+        If it is no text.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{name}: expected text, got {type(value).__name__}")
+    return str(value)
+
+
+def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:
+    """Return `value` as one of some words.
+
+    Raises
+    ------
+    TypeError
+        If it is no text.
+    ValueError
+        If it is another word.
+    """
+    found = text(name, value)
+    if found not in accepted:
+        raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {found!r}")
+    return found
+
+
+def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
+    """Return what a sequence holds.
+
+    Raises
+    ------
+    TypeError
+        If it is text, or nothing that can be gone through.
+    """
+    try:
+        if isinstance(value, (str, bytes, dict)):
+            raise TypeError
+        return tuple(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected a sequence of {what}, got {type(value).__name__}") from None
+
+
+def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Return `value` as an array of any kind.
+
+    Raises
+    ------
+    ValueError
+        If its rows are of different lengths.
+    """
+    try:
+        return np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def positive_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a float64 array of finite numbers above zero, of any shape.
+
+    Raises
+    ------
+    TypeError
+        If it holds something else than real numbers.
+    ValueError
+        If one is not finite and positive.
+    """
+    array = as_array(name, value)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name}: expected numbers, got {value!r}")
+    found = array.astype(np.float64)
+    if not (np.isfinite(found) & (found > 0)).all():
+        raise ValueError(f"{name}: expected positive numbers, got {value!r}")
+    return found
+
+
+def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+    """Return points, depths or other measured numbers as a C-ordered float64 array of a shape.
+
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the error message.
+    value : array_like
+        Anything NumPy reads as an array of floats.
+    shape : tuple of int or str
+        The accepted shape; a letter stands for any length, as in ("N", 3).
+
+    Raises
+    ------
+    TypeError
+        If the elements are not floating point numbers: whole numbers do not say their unit.
+    ValueError
+        If the shape differs.
+    """
+    array = as_array(name, value)
+    if array.dtype.kind != "f":
+        hint = " (whole numbers do not say their unit: give metres)" if array.dtype.kind in "iu" else ""
+        raise TypeError(f"{name}: expected floating point numbers, got dtype {array.dtype}{hint}")
+    if array.ndim != len(shape) or any(
+        isinstance(want, int) and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
+        wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
+        raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+    """Return `value` as `float_array` does, and refuse NaN and infinities.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not floating point numbers.
+    ValueError
+        If the shape differs or an element is not finite.
+    """
+    return _finite(name, float_array(name, value, shape))
+
+
+def small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+    """Return a vector or a matrix that may be written with whole numbers, such as an origin or a pose.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not real numbers.
+    ValueError
+        If the shape differs or an element is not finite.
+    """
+    return _finite(name, float_array(name, _whole_as_floats(name, value), shape))
+
+
+def _whole_as_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+    array = as_array(name, value)
+    return array.astype(np.float64) if array.dtype.kind in "iu" else array
+
+
+def _finite(name: str, array: Array) -> Array:
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+    return array
+
+
+def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+    """Return colours as a float64 array of a shape, from 0 to 1.
+
+    Raises
+    ------
+    TypeError
+        If the elements are neither floating point numbers nor uint8.
+    ValueError
+        If the shape differs, or a number is not from 0 to 1 (uint8: from 0 to 255).
+    """
+    array = np.asarray(value)
+    colors = finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
+    if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
+        raise ValueError(
+            f"{name}: expected colours from 0 to 1, or uint8, got {colors.min()} to {colors.max()}"
+        )
+    return colors
+
+
+def rigid_motion(name: str, value: ArrayLike) -> Array:
+    """Return `value` as a (4, 4) rigid motion.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not real numbers.
+    ValueError
+        If the matrix is not a rotation and a translation: wrong shape or last row, not finite, a
+        rotation that scales, shears or mirrors by more than 1e-6.
+    """
+    pose = small_array(name, value, (4, 4))
+    rotation = pose[:3, :3]
+    if np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-9:
+        raise ValueError(f"{name}: expected the last row (0, 0, 0, 1), got {pose[3]}")
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise ValueError(f"{name}: expected a rigid motion, but its (3, 3) part is not a rotation")
+    return pose
+
+
+def pinhole(name: str, value: ArrayLike) -> Array:
+    """Return `value` as a (3, 3) pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
+
+    Raises
+    ------
+    TypeError
+        If the elements are not real numbers.
+    ValueError
+        If the matrix is of another form, or fx or fy is not positive.
+    """
+    camera = small_array(name, value, (3, 3))
+    fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
+    if fx <= 0 or fy <= 0 or not np.array_equal(camera, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]):
+        raise ValueError(
+            f"{name}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, got {camera.tolist()}"
+        )
+    return camera
+
+
+def extraction_range(value: tuple[ArrayLike, ArrayLike]) -> Bounds:
+    """Return `bounds` as the low and the high corner of an axis-aligned box in the world frame, metres.
+
+    Infinities leave a side open.
+
+    Raises
+    ------
+    TypeError
+        If the corners are not numbers.
+    ValueError
+        If there are not two corners of three numbers, or a low one is not below its high one.
+    """
+    try:
+        low, high = value
+    except (TypeError, ValueError):
+        raise ValueError("bounds: expected a pair (low, high) of corners") from None
+    low = float_array("bounds[0]", _whole_as_floats("bounds", low), (3,))
+    high = float_array("bounds[1]", _whole_as_floats("bounds", high), (3,))
+    if not (low < high).all():
+        raise ValueError(f"bounds: expected low < high in x, y and z, got {low} and {high}")
+    return low, high
+
+
+def checked_radius(radius: float) -> float:
+    """Return a rope's radius, metres.
+
+    Raises
+    ------
+    TypeError
+        If it is not a number.
+    ValueError
+        If it is not finite and positive.
+    """
+    if isinstance(radius, str):
+        raise TypeError(
+            f"radius: expected a number of metres, got {radius!r}; "
+            "the command line and scene files take a length with its unit"
+        )
+    if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating, np.integer)):
+        raise TypeError(f"radius: expected a number of metres, got {radius!r}")
+    try:
+        found = number("radius", radius)
+    except ValueError:
+        found = 0.0
+    if found <= 0:
+        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+    return found

@@ -1,0 +1,92 @@
+"""Why nothing lies in the extraction range: the likely mistake is the one without which points would."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from strand import _core
+from strand.checks import Array, Bounds
+from strand.pose import moved
+from strand.view import View
+
+# so many points of each view are looked at
+_ENOUGH = 20_000
+# camera frames of other conventions, as rotations into x right, y down, z forward
+_AXES = {
+    "x right, y up, z backward": np.diag([1.0, -1.0, -1.0]),
+    "x forward, y left, z up": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+}
+
+
+def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
+    """Say where the points are, where the extraction range is, and what mistake would explain it.
+
+    Parameters
+    ----------
+    views : sequence of View
+        None of which has a point in the range.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    """
+    clouds = [view.points[:: max(len(view.points) // _ENOUGH, 1)] for view in views]
+    if bounds is None or not any(map(len, clouds)):
+        return "no view has a point; are all depths 0 or not finite?"
+    placed = np.concatenate([moved(cloud, view.pose) for cloud, view in zip(clouds, views, strict=True)])
+    inside = {
+        cause: _count_inside([mend(cloud, view) for cloud, view in zip(clouds, views, strict=True)], bounds)
+        for cause, mend in _CAUSES.items()
+    }
+    likely = max(inside, key=inside.__getitem__)
+    hint = likely if inside[likely] else "are bounds, poses and units those of one world frame, in metres?"
+    return (
+        "no view has a point in the extraction range: "
+        f"the points lie between {_corner(placed.min(axis=0))} and {_corner(placed.max(axis=0))} m, "
+        f"the range is {_corner(bounds[0])} to {_corner(bounds[1])} m; {hint}"
+    )
+
+
+def _count_inside(clouds: Sequence[Array], bounds: Bounds) -> int:
+    points = np.concatenate(clouds)
+    return int(((points >= bounds[0]) & (points <= bounds[1])).all(axis=1).sum())
+
+
+def _corner(point: Array) -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"
+
+
+def _in_millimetres(cloud: Array, view: View) -> Array:
+    return moved(1e-3 * cloud, view.pose)
+
+
+def _inverse_pose(cloud: Array, view: View) -> Array:
+    return moved(cloud, np.linalg.inv(view.pose))
+
+
+def _other_axes(turn: Array) -> Callable[[Array, View], Array]:
+    return lambda cloud, view: moved(cloud @ turn.T, view.pose)
+
+
+def _centred(_: Array, view: View) -> Array:
+    """Points of a depth image if its intrinsics are scaled so that their centre is the image's."""
+    image = view.image
+    if image is None or min(image.centre) <= 0:
+        return np.empty((0, 3))
+    height, width = image.depth.shape
+    across, down = width / (2.0 * image.centre[0]), height / (2.0 * image.centre[1])
+    focal = image.focal[0] * across, image.focal[1] * down
+    points = _core.unproject(image.depth, focal, (0.5 * (width - 1), 0.5 * (height - 1)))
+    return moved(points[:: max(len(points) // _ENOUGH, 1)], view.pose)
+
+
+_CAUSES: dict[str, Callable[[Array, View], Array]] = {
+    "depths look like millimetres: give depth_scale=0.001, or points * 0.001": _in_millimetres,
+    "poses look like world-to-camera ones: give their inverses, camera-to-world": _inverse_pose,
+    **{
+        f"the camera frame looks like {name}: turn it to x right, y down, z forward": _other_axes(turn)
+        for name, turn in _AXES.items()
+    },
+    "intrinsics look like those of an image of another size: scale fx, fy, cx, cy with it": _centred,
+}
+"""What may be wrong, and the points in the world frame if it is."""

@@ -1,0 +1,1 @@
+"""Recorded scenes and saved models, read from files."""

@@ -1,0 +1,198 @@
+"""What a `scene.toml` says: lengths, cameras, views and how they were posed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+
+from strand.checks import Array, Bounds, extraction_range, rigid_motion
+from strand.pose import pose_from_angles, turntable_pose
+
+POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}
+LENGTH = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(mm|cm|m)?\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """What a `scene.toml` says.
+
+    Attributes
+    ----------
+    name : str or None
+        What to call the scene.
+    intrinsics : (3, 3) ndarray or None
+        The camera's pinhole matrix, pixels; None if the scene has no depth images.
+    depth_scale : float or None
+        Metres per unit of a 16-bit depth image.
+    bounds : pair of (3,) ndarray, or None
+        The extraction range, metres.
+    radius : float or None
+        The ropes' radius, metres.
+    views : tuple of (str, (4, 4) ndarray, str or None)
+        Each view's file, relative to the description, its camera-to-world pose, and its colour image's file.
+    """
+
+    name: str | None
+    intrinsics: Array | None
+    depth_scale: float | None
+    bounds: Bounds | None
+    radius: float | None
+    views: tuple[tuple[str, Array, str | None], ...]
+
+
+def parse_length(value: str | float) -> float:
+    """Return a length in metres.
+
+    Parameters
+    ----------
+    value : str or float
+        A number with a unit, such as "4.2mm", "0.42 cm" or "0.0042 m"; a number without one is in metres.
+
+    Raises
+    ------
+    TypeError
+        If `value` is neither text nor a number.
+    ValueError
+        If it is not a finite number with one of the units, or with none.
+    """
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise TypeError(f"length: expected a number of metres or text such as '4.2mm', got {value!r}")
+    match = LENGTH.fullmatch(value if isinstance(value, str) else repr(value))
+    if match is None:
+        raise ValueError(f"length: expected metres, or a number with mm, cm or m, got {value!r}")
+    number, unit = match.groups()
+    # by a decimal shift, as 4.2 * 0.001 differs from 0.0042 in the last digit
+    length = float(Decimal(number).scaleb(POWER_OF_TEN[unit]))
+    if not math.isfinite(length):
+        raise ValueError(f"length: expected a finite number, got {value!r}")
+    return length
+
+
+def parse_description(table: Mapping[str, Any]) -> Description:
+    """Read the tables of a `scene.toml` (see `strand.load_scene` for what they hold).
+
+    Parameters
+    ----------
+    table : mapping
+        The file's content.
+
+    Raises
+    ------
+    TypeError
+        If a value is of the wrong kind.
+    ValueError
+        If a key is missing or not known, or a value is not accepted; the message names the key.
+    """
+    _check_keys("scene", table, accepted=("name", "radius", "camera", "extract", "turntable", "view"))
+    views = table.get("view", [])
+    if not isinstance(views, list) or not views:
+        raise ValueError("view: expected at least one [[view]] table")
+    intrinsics, depth_scale = _camera(table["camera"]) if "camera" in table else (None, None)
+    return Description(
+        name=str(table["name"]) if "name" in table else None,
+        intrinsics=intrinsics,
+        depth_scale=depth_scale,
+        bounds=_bounds(table["extract"]) if "extract" in table else None,
+        radius=_radius(table["radius"]) if "radius" in table else None,
+        views=tuple(_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views, 1)),
+    )
+
+
+def _camera(table: Any) -> tuple[Array, float | None]:
+    required = ("fx", "fy", "cx", "cy")
+    _check_keys("camera", table, accepted=(*required, "depth_scale"), required=required)
+    fx, fy, cx, cy = (_number(f"camera.{key}", table[key]) for key in required)
+    if fx <= 0 or fy <= 0:
+        raise ValueError(f"camera: expected fx, fy > 0 pixels, got {fx} and {fy}")
+    depth_scale = None
+    if "depth_scale" in table:
+        depth_scale = _number("camera.depth_scale", table["depth_scale"])
+        if depth_scale <= 0:
+            raise ValueError(f"camera.depth_scale: expected metres per unit > 0, got {depth_scale}")
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), depth_scale
+
+
+def _bounds(table: Any) -> Bounds:
+    _check_keys("extract", table, accepted=("low", "high"), required=("low", "high"))
+    return extraction_range((_numbers("extract.low", table["low"]), _numbers("extract.high", table["high"])))
+
+
+def _radius(value: Any) -> float:
+    radius = parse_length(value)
+    if radius <= 0:
+        raise ValueError(f"radius: expected a positive length, got {value!r}")
+    return radius
+
+
+def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array, str | None]:
+    accepted = ("file", "color", "pose", "angles_deg", "origin", "turntable_deg")
+    _check_keys(name, table, accepted, required=("file",))
+    for key in ("file", "color"):
+        if key in table and not (isinstance(table[key], str) and table[key]):
+            raise TypeError(f"{name}.{key}: expected a file's name, got {table[key]!r}")
+    color = table.get("color")
+    if "turntable_deg" not in table:
+        return table["file"], _pose(name, table), color
+    if set(table) - {"color"} != {"file", "turntable_deg"}:
+        raise ValueError(f"{name}: expected one pose, got turntable_deg and another one")
+    if turntable is None:
+        raise ValueError(f"{name}: turntable_deg needs a [turntable] table with the camera's pose at angle 0")
+    _check_keys("turntable", turntable, accepted=("pose", "angles_deg", "origin", "centre", "axis"))
+    pose = turntable_pose(
+        _pose("turntable", turntable),
+        math.radians(_number(f"{name}.turntable_deg", table["turntable_deg"])),
+        _numbers("turntable.centre", turntable.get("centre", [0.0, 0.0, 0.0])),
+        _numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
+    )
+    return table["file"], pose, color
+
+
+def _pose(name: str, table: Mapping[str, Any]) -> Array:
+    """Pose of a table that has either `pose`, or `angles_deg` and `origin`."""
+    given = {"pose", "angles_deg", "origin"} & set(table)
+    if given == {"pose"}:
+        return rigid_motion(f"{name}.pose", _numbers(f"{name}.pose", table["pose"]))
+    if given == {"angles_deg", "origin"}:
+        angles = _numbers(f"{name}.angles_deg", table["angles_deg"])
+        if angles.shape != (3,):
+            raise ValueError(f"{name}.angles_deg: expected three angles, got {table['angles_deg']!r}")
+        rx, ry, rz = np.radians(angles).tolist()
+        return pose_from_angles(rx, ry, rz, _numbers(f"{name}.origin", table["origin"]))
+    raise ValueError(
+        f"{name}: expected a pose: either pose (4 x 4, camera to world), or angles_deg and origin, or, "
+        f"in a view, turntable_deg; got {', '.join(sorted(given)) or 'none of them'}"
+    )
+
+
+def _check_keys(name: str, table: Any, accepted: Collection[str], required: Collection[str] = ()) -> None:
+    if not isinstance(table, Mapping):
+        raise TypeError(f"{name}: expected a table, got {table!r}")
+    unknown = sorted(set(table) - set(accepted))
+    if unknown:
+        raise ValueError(f"{name}: unknown key {', '.join(unknown)}; accepted are {', '.join(accepted)}")
+    missing = [key for key in required if key not in table]
+    if missing:
+        raise ValueError(f"{name}: missing key {', '.join(missing)}")
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise TypeError(f"{name}: expected a finite number, got {value!r}")
+    return float(value)
+
+
+def _numbers(name: str, value: Any) -> Array:
+    """Nested lists of numbers, which TOML may have written without a decimal point, as floats."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0, dtype=object)
+    if not isinstance(value, list) or array.dtype.kind not in "iuf":
+        raise TypeError(f"{name}: expected a list of numbers, got {value!r}")
+    return array.astype(np.float64)

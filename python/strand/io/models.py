@@ -1,0 +1,72 @@
+"""Models read back from JSON files."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from strand.chain import Chain
+from strand.curve import Curve
+from strand.files import FileFormatError, read_json
+from strand.model import FORMAT, VERSION, Alternative, Doubt, Join, Model, ModelWarning
+
+
+def load(path: str | os.PathLike[str]) -> Model:
+    """Read a model that `Model.save` wrote.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The JSON file.
+
+    Returns
+    -------
+    Model
+        With the same chains, poses, deviations, timings, warnings, confidence, joins, doubts and
+        alternatives, bit for bit; without stages.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    strand.FileFormatError
+        If the file is truncated or is not a model.
+    """
+    data = read_json(path)
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise FileFormatError(f"{path}: not a {FORMAT}")
+    if data.get("version") != VERSION:
+        raise FileFormatError(f"{path}: model version {data.get('version')!r}, this reads version {VERSION}")
+    try:
+        return Model(
+            chains=tuple(_chain(chain) for chain in data["chains"]),
+            poses=np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4),
+            timings=dict(data["timings"]),
+            warnings=tuple(ModelWarning(**warning) for warning in data["warnings"]),
+            pose_sd=np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6),
+            confidence=float("nan") if data["confidence"] is None else float(data["confidence"]),
+            joins=tuple(Join(**join) for join in data["joins"]),
+            doubts=tuple(Doubt(**doubt) for doubt in data["doubts"]),
+            alternatives=tuple(_alternative(other) for other in data["alternatives"]),
+            method=data["method"],
+        )
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        raise FileFormatError(f"{path}: not a {FORMAT} ({error})") from error
+
+
+def _chain(data: dict[str, Any]) -> Chain:
+    curve = data["curve"]
+    kinds = {"points": float, "covariance": float, "points_seen": int, "views_seen": int}
+    arrays = {
+        name: None if data[name] is None else np.asarray(data[name], kind) for name, kind in kinds.items()
+    }
+    if curve is not None:
+        curve = Curve(np.asarray(curve["control"], dtype=np.float64), curve["start"], curve["stop"])
+    return Chain(**{**data, **arrays, "curve": curve})
+
+
+def _alternative(data: dict[str, Any]) -> Alternative:
+    chains = tuple(np.asarray(nodes, dtype=np.float64).reshape(-1, 3) for nodes in data["chains"])
+    return Alternative(data["cost"], chains)

@@ -1,0 +1,1 @@
+"""The published method: *Shape Modeling of A String And Recognition Using Distance Sensor*."""

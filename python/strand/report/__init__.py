@@ -1,0 +1,1 @@
+"""What a reconstruction did, in numbers, lines of text and pictures."""

@@ -1,0 +1,275 @@
+"""What a reconstruction did, in numbers and in lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand.chain import Chain
+from strand.model import Model
+from strand.view import View
+
+# each method's stages, and what they hand on by its name in Model.stages: None for stages that hand on no
+# points; the last one hands on the model's chains
+STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
+    "tubes": {
+        "extract": "raw",
+        "radius": None,
+        "filter": "filtered",
+        "register": "registered",
+        "arcs": "arcs",
+        "link": None,
+        "fit": None,
+        "ends": "chains",
+    },
+    "published": {
+        "extract": "raw",
+        "filter": "filtered",
+        "normals": "normals",
+        "register": "registered",
+        "centerline": "axis_points",
+        "trace": "traced",
+        "split": "segments",
+        "reconnect": "chains",
+    },
+}
+# what each method makes of the points on the way to whole ropes, by its name in Model.stages
+COUNTED = {
+    "tubes": {"arcs": "arcs seen", "chains": "whole ropes"},
+    "published": {
+        "traced": "chains traced",
+        "segments": "segments after the split",
+        "chains": "whole strings",
+    },
+}
+PAPER_COUNTS = (3, 7, 1)
+
+
+@dataclass(frozen=True)
+class StageCount:
+    """Points into and out of one stage.
+
+    Attributes
+    ----------
+    name : str
+        The stage.
+    points_in, points_out : int or None
+        Points before and after it; arcs and chains count with all their nodes. None if it hands on no points:
+        it estimates the radius, or works on curves.
+    seconds : float
+        The time it took.
+    """
+
+    name: str
+    points_in: int | None
+    points_out: int | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How far a chain is from the true centreline.
+
+    Attributes
+    ----------
+    length_error : float
+        Difference of the lengths over the true length; positive where the chain is too long.
+    rms : float
+        Root mean square distance of the chain, resampled every 1 mm, from the centreline, metres.
+    """
+
+    length_error: float
+    rms: float
+
+
+def stages_of(model: Model) -> str:
+    """Return the method of a model that holds its stages.
+
+    Raises
+    ------
+    ValueError
+        If the model was made without its stages.
+    """
+    if not model.stages or model.method not in STAGE_ARRAYS:
+        raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
+    return model.method
+
+
+def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
+    """Count the points through the stages.
+
+    Parameters
+    ----------
+    views : sequence of View
+        What the model was made from.
+    model : Model
+        Made with `keep_stages=True`.
+
+    Returns
+    -------
+    tuple of StageCount
+        In the stages' order; without those that did not run.
+
+    Raises
+    ------
+    ValueError
+        If the model was made without its stages.
+    """
+    arrays = _handed_on(model)
+    counts = []
+    before = sum(len(view.points) for view in views)
+    for name, key in STAGE_ARRAYS[stages_of(model)].items():
+        if name not in model.timings:
+            continue
+        if key is None:
+            counts.append(StageCount(name, None, None, model.timings[name]))
+            continue
+        after = _points(arrays[key])
+        counts.append(StageCount(name, before, after, model.timings[name]))
+        before = after
+    return tuple(counts)
+
+
+def chain_counts(model: Model) -> tuple[int, ...]:
+    """Count what became whole ropes.
+
+    Parameters
+    ----------
+    model : Model
+        Made with `keep_stages=True`.
+
+    Returns
+    -------
+    tuple of int
+        The arcs seen and the whole ropes; by the published method the chains traced, the segments after the
+        split, and the whole strings.
+
+    Raises
+    ------
+    ValueError
+        If the model was made without its stages.
+    """
+    arrays = _handed_on(model)
+    return tuple(len(arrays[key]) for key in COUNTED[stages_of(model)])
+
+
+def accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
+    """Compare a chain with the true centreline.
+
+    Parameters
+    ----------
+    chain : Chain
+        What was reconstructed.
+    truth : (M, 3) array_like of float
+        Nodes of the true centreline, world frame, metres, M >= 2.
+
+    Returns
+    -------
+    Accuracy
+        Its `rms` takes the nearest place of the centreline for each place of the chain, so it says
+        nothing of parts that the chain leaves out: `length_error` does.
+
+    Raises
+    ------
+    TypeError
+        If `truth` does not hold floating point numbers.
+    ValueError
+        If `truth` is not a chain's nodes.
+    """
+    true = Chain(np.asarray(truth), chain.radius)
+    places = np.linspace(0.0, chain.length, max(round(chain.length / 1e-3) + 1, 2))
+    distances = np.array([true.nearest(point)[1] for point in chain.at(places)])
+    rms = float(np.sqrt(np.mean(distances**2)))
+    return Accuracy(chain.length / true.length - 1.0, rms)
+
+
+def describe_stages(views: Sequence[View], model: Model) -> str:
+    """Table of the stages: points in, points out, milliseconds."""
+    rows = [
+        (count.name, _shown(count.points_in), _shown(count.points_out), f"{count.seconds * 1e3:.1f}")
+        for count in stage_counts(views, model)
+    ]
+    return _table([("stage", "points in", "points out", "ms"), *rows, _total(model.timings, columns=4)])
+
+
+def describe_counts(model: Model) -> str:
+    """Table of the counts of `chain_counts`; by the published method with those of the paper beside them."""
+    made_by = stages_of(model)
+    names, counts = COUNTED[made_by].values(), map(str, chain_counts(model))
+    if made_by == "published":
+        return _table([("", "here", "paper"), *zip(names, counts, map(str, PAPER_COUNTS), strict=True)])
+    return _table([("", "here"), *zip(names, counts, strict=True)])
+
+
+def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
+    """One line for each rope: its length and its error against the true centreline.
+
+    The longest chain is compared with the longest centreline, and so on; further ones are left out.
+    """
+    lines = []
+    centrelines = sorted(truth, key=_length, reverse=True)
+    for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False), 1):
+        error = accuracy(chain, true)
+        lines.append(
+            f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_length(true) * 1e3:.1f} mm "
+            f"({error.length_error:+.2%}), RMS distance from truth {error.rms * 1e3:.2f} mm"
+        )
+    return "\n".join(lines)
+
+
+def describe_chains(model: Model) -> str:
+    """Table of the chains: length, nodes, radius, open or closed."""
+    rows = [
+        (
+            f"{i}",
+            f"{chain.length * 1e3:.1f}",
+            f"{len(chain.points)}",
+            f"{chain.radius * 1e3:.2f}",
+            "closed" if chain.closed else "open",
+        )
+        for i, chain in enumerate(model.chains, 1)
+    ]
+    return _table([("chain", "length / mm", "nodes", "radius / mm", "ends"), *rows])
+
+
+def describe_timings(model: Model) -> str:
+    """Table of the stages' times."""
+    rows = [(name, f"{seconds * 1e3:.1f}") for name, seconds in model.timings.items()]
+    return _table([("stage", "ms"), *rows, _total(model.timings, columns=2)])
+
+
+def _handed_on(model: Model) -> dict[str, Any]:
+    """Return the arrays between the stages, and those of the chains."""
+    return {**model.stages, "chains": tuple(chain.points for chain in model.chains)}
+
+
+def _shown(count: int | None) -> str:
+    return "" if count is None else f"{count}"
+
+
+def _points(stage: Any) -> int:
+    """Points of an array, or of several."""
+    return len(stage) if isinstance(stage, np.ndarray) else sum(len(points) for points in stage)
+
+
+def _length(points: ArrayLike) -> float:
+    return float(np.linalg.norm(np.diff(np.asarray(points), axis=0), axis=1).sum())
+
+
+def _total(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
+    return ("total", *[""] * (columns - 2), f"{sum(timings.values()) * 1e3:.1f}")
+
+
+def _table(rows: Iterable[Sequence[str]]) -> str:
+    """Columns side by side: the first one flush left, the others flush right."""
+    rows = list(rows)
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    lines = (
+        "  ".join([row[0].ljust(first), *(c.rjust(width) for c, width in zip(row[1:], others, strict=True))])
+        for row in rows
+    )
+    return "\n".join(line.rstrip() for line in lines)

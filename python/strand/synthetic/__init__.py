@@ -1,0 +1,20 @@
+"""Simulated ropes on a table and a depth camera that sees them: views with known true centrelines.
+
+For users without a camera, and for demonstrations, tests and benches.
+"""
+
+from strand.synthetic.camera import camera_pose, render_depth, sense
+from strand.synthetic.random_ropes import random_ropes
+from strand.synthetic.scenes import SyntheticScene, scene
+from strand.synthetic.shapes import SHAPES, shape
+
+__all__ = [
+    "SHAPES",
+    "SyntheticScene",
+    "camera_pose",
+    "random_ropes",
+    "render_depth",
+    "scene",
+    "sense",
+    "shape",
+]

@@ -1,0 +1,76 @@
+"""What the default method works on: clouds of points by view, and arcs of nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+
+import numpy as np
+
+from strand import _core
+from strand.checks import Array, Bounds
+from strand.view import View
+
+# mean number of points in a voxel of two radii that is enough to trace arcs; ropes are fitted to all points
+_TRACEABLE = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Clouds:
+    """What the fit works on: every view's points in the world frame as reported.
+
+    Attributes
+    ----------
+    points : list of (N_v, 3) ndarray
+        Metres.
+    viewpoints : (V, 3) ndarray
+        The cameras' centres, metres.
+    reference : int
+        The view that stays where it is.
+    bounds : pair of (3,) ndarray or None
+        The extraction range that the points were cut to, metres.
+    """
+
+    points: list[Array]
+    viewpoints: Array
+    reference: int
+    bounds: Bounds | None
+
+    @classmethod
+    def of(cls, views: Sequence[View], bounds: Bounds | None) -> Clouds:
+        """Return the views' points; the middle view is the reference."""
+        viewpoints = np.array([view.viewpoint for view in views])
+        return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
+
+    def every(self, step: int) -> Clouds:
+        """Return every n-th point of each view."""
+        return replace(self, points=[cloud[::step] for cloud in self.points])
+
+    def thinned(self, radius: float) -> Clouds:
+        """Return every n-th point of each view, n as large as tracing allows."""
+        count = sum(map(len, self.points))
+        occupied = _core.occupied_voxels(self.points, 2.0 * radius)
+        step = max(round(count / (_TRACEABLE * max(occupied, 1))), 1)
+        return self.every(step)
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Stretches of rope.
+
+    Attributes
+    ----------
+    nodes : list of (M, 3) ndarray
+        Ordered nodes of each, metres.
+    classes : list of int
+        The class of its radius: a number into the radii that ropes may have.
+    """
+
+    nodes: list[Array]
+    classes: list[int]
+
+    def only(self, chosen: Iterable[object]) -> Arcs:
+        """Return those for which something is true."""
+        chosen = list(chosen)
+        return Arcs(list(compress(self.nodes, chosen)), list(compress(self.classes, chosen)))

@@ -1,0 +1,125 @@
+"""The default method, composed: register, trace arcs, decide how they join, fit whole ropes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from strand._core import NotEnoughDataError
+from strand.config import Config
+from strand.evidence.color import ArcColors, colors_of
+from strand.evidence.join_evidence import JoinEvidence
+from strand.evidence.visibility import visibility_from
+from strand.radius import fitted_deviation
+from strand.stages import Found, Observed, Run
+from strand.tubes.arcs import fit_arcs, seen_arcs, with_unexplained
+from strand.tubes.clouds import Clouds
+from strand.tubes.decision import chosen, decided, decided_again
+from strand.tubes.doubts import doubts
+from strand.tubes.ends import with_hidden_ends
+from strand.tubes.joins import all_joins, alternatives
+from strand.tubes.nodes import as_chains
+from strand.tubes.registration import registered_roughly
+from strand.tubes.ropes import fit_ropes, rope_parts
+from strand.tubes.second_look import to_decide_again
+from strand.tubes.warnings import about_answer, about_fit
+
+# how often what the last fit leaves unexplained reopens the decision
+_REOPENED = 1
+
+
+def find_chains(observed: Observed, config: Config, run: Run) -> Found:
+    """Trace, register, fit and link on filtered views that all see something.
+
+    Parameters
+    ----------
+    observed : Observed
+        If its prior knows how many ropes there are, gaps are bridged until no more are left; if it knows
+        their lengths, bridges are as long as these leave.
+    config : Config
+    run : Run
+
+    Returns
+    -------
+    Found
+        Its stages are "registered" (points at the corrected poses), "arcs" (what was seen of the ropes
+        before they were linked) and "fit" (the last `TubeFit`).
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there is nothing like a tube of this radius in the points.
+    """
+    try:
+        return _find(observed, config, run)
+    except NotEnoughDataError:
+        if not observed.radii.free:
+            raise
+        # strands that lie side by side all along look like thicker ones
+        return _find(replace(observed, radii=observed.radii.with_parts()), config, run)
+
+
+def _find(observed: Observed, config: Config, run: Run) -> Found:
+    radii, prior = observed.radii, observed.prior
+    clouds = Clouds.of(observed.views, observed.bounds)
+    with run.stage("register"):
+        few = clouds.thinned(float(radii.values.min()))
+        motions = registered_roughly(few, radii.values, config)
+    with run.stage("arcs"):
+        fit, radii = fit_arcs(clouds, few, motions, radii, config)
+        before = with_unexplained(clouds, fit, config)
+        arcs = seen_arcs(before, config)
+    with run.stage("link"):
+        poses = [motion @ view.pose for motion, view in zip(before.motions, observed.whole, strict=True)]
+        visibility = visibility_from(observed.whole, poses, observed.views)
+        colors = colors_of(observed.views)
+        arc_colors = None if colors is None else ArcColors.of(before, colors)
+        evidence = JoinEvidence(float(before.radii[0]), config.linking, visibility, prior, arc_colors)
+        by_class = decided(clouds, arcs, before, evidence, config)
+    for reopenings in range(1 + _REOPENED):
+        ropes, closed = chosen(by_class)
+        with run.stage("fit"):
+            fit = fit_ropes(clouds, ropes, closed, before, radii, config)
+        with run.stage("ends"):
+            parts = rope_parts(fit, ropes, closed, before, prior, config)
+            # no decision is reopened that no fit would follow
+            other_arcs = None
+            if reopenings < _REOPENED:
+                as_before = fit.replace(
+                    radius_classes=np.array(ropes.classes),
+                    radii=before.radii,
+                    radii_sd=before.radii_sd,
+                    bands=before.bands,
+                )
+                other_arcs = to_decide_again(as_before, parts, visibility)
+        if other_arcs is None:
+            break
+        with run.stage("link"):
+            again = decided_again(by_class, other_arcs, clouds, before, evidence, config)
+        if again is None:
+            break
+        by_class = again
+    if radii.held:
+        radii_sd = radii.sd[ropes.classes]
+    else:
+        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
+    whole = with_hidden_ends(fit, parts, closed, visibility)
+    # joins name chains by their numbers, longest first
+    chains = sorted(as_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
+    joins = all_joins(by_class, chains, config.linking)
+    open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
+    uncertain = doubts(by_class, joins, open_parts, fit, visibility)
+    run.warnings.extend(about_fit(fit, radii, observed.numbers, config))
+    run.warnings.extend(about_answer(chains, uncertain, visibility, observed.bounds, config.linking))
+    ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
+    return Found(
+        chains,
+        poses=[motion @ view.pose for motion, view in zip(fit.motions, observed.views, strict=True)],
+        pose_sd=list(fit.pose_sd),
+        stages={"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit},
+        joins=joins,
+        doubts=uncertain,
+        alternatives=alternatives(by_class),
+        all_rings=config.linking.rings == "always",
+    )

@@ -1,0 +1,119 @@
+"""Whole ropes: fitted with the poses along the viewing rays, and cut to where they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand._core import EndObservation, TubeFit
+from strand.config import Config
+from strand.curve import Curve
+from strand.evidence.prior import Prior
+from strand.radius import Radii, agreeing
+from strand.tubes.clouds import Arcs, Clouds
+from strand.tubes.decision import ROPE_MARGIN
+from strand.tubes.end_observations import observed_ends
+from strand.tubes.ends import extents
+from strand.tubes.fitting import ROUGHLY, fitted, splines
+from strand.tubes.known_length import as_long
+
+
+def fit_ropes(
+    clouds: Clouds, ropes: Arcs, closed: Sequence[bool], before: TubeFit, radii: Radii, config: Config
+) -> TubeFit:
+    """Fit whole ropes with the poses along the rays, then again to where views see them end.
+
+    Radii that are free are first each rope's own; ropes whose radii agree then share one.
+
+    Parameters
+    ----------
+    clouds : Clouds
+    ropes : Arcs
+    closed : sequence of bool
+        Which of them are rings.
+    before : TubeFit
+        The fit of the arcs that they were made of.
+    radii : Radii
+    config : Config
+
+    Returns
+    -------
+    TubeFit
+    """
+    classes, start = ropes.classes, before.radii
+    if radii.free:
+        classes, start, radii = list(range(len(classes))), start[classes], radii.only(classes)
+    curves, motions = splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
+    ends: list[EndObservation] = []
+    fit: TubeFit | None = None
+
+    def fit_again(uncertainty: bool) -> TubeFit:
+        return fitted(
+            clouds,
+            curves,
+            classes,
+            motions,
+            start,
+            config,
+            radius_prior=radii.prior,
+            along_ray=True,
+            band=(0.5, 0.5),
+            iterations=30 if radii.free else 20,
+            tolerance=0.1 if uncertainty else ROUGHLY,
+            bounds=clouds.bounds if radii.free else None,
+            end_observations=ends,
+            previous=fit,
+            uncertainty=uncertainty,
+        )
+
+    fit = fit_again(uncertainty=radii.free)
+    ends = observed_ends(
+        fit,
+        extents(fit, exclusive=True),
+        closed,
+        clouds.viewpoints,
+        clouds.bounds,
+        config.poses.translation_sd,
+    )
+    curves, motions, start = fit.curves, fit.motions, fit.radii
+    if radii.free:
+        classes = agreeing(fit.radii, fit.radii_sd)
+        first = [classes.index(number) for number in range(max(classes) + 1)]
+        start, radii = start[first], radii.only(first)
+    return fit_again(uncertainty=True)
+
+
+def rope_parts(
+    fit: TubeFit, ropes: Arcs, closed: Sequence[bool], before: TubeFit, prior: Prior, config: Config
+) -> list[Curve | None]:
+    """Cut fitted ropes to where their points end, rings to once round; bow those of known length.
+
+    Parameters
+    ----------
+    fit : TubeFit
+        Of `fit_ropes`.
+    ropes, closed, before, config
+        What it was fitted from.
+    prior : Prior
+
+    Returns
+    -------
+    list of (Curve or None)
+        The stretch of each curve that is rope; None for one that hardly any point supports.
+    """
+    parts = extents(fit, exclusive=True)
+    for i, control in enumerate(fit.curves):
+        if closed[i]:
+            parts[i] = _once_round(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
+    if not prior.lengths:
+        return parts
+    return as_long(fit, splines(ropes, before.radii, config, ROPE_MARGIN), parts, prior)
+
+
+def _once_round(curve: Curve, margin: float) -> Curve:
+    """Return the stretch of a closed rope's curve from `margin`, metres, to where it is there again."""
+    start = curve.at([margin])[0]
+    late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
+    stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
+    return curve.part(margin, float(stop))
