@@ -68,6 +68,4 @@ __all__ = [
     "turntable_pose",
 ]
 
-
-def __dir__() -> list[str]:
-    return __all__
+__dir__ = __all__.copy

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import strand
-from strand import config, synthetic
+from strand import config
 from strand.files import extra
 from strand.io.description import parse_length
 from strand.io.scenes import load_scene
@@ -147,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(options: argparse.Namespace) -> None:
-    made = synthetic.scene("paper", seed=options.seed)
+    made = strand.synthetic.scene("paper", seed=options.seed)
     methods = {
         "default": (strand.Config(), options.out),
         "published": (strand.Config.published(), options.out / "published"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array, finite_array, number
 from strand.lazy import lazy
 

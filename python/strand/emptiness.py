@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array, Bounds
 from strand.pose import moved
 from strand.view import View
@@ -33,7 +33,7 @@ def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
     clouds = [view.points[:: max(len(view.points) // _ENOUGH, 1)] for view in views]
     if bounds is None or not any(map(len, clouds)):
         return "no view has a point; are all depths 0 or not finite?"
-    placed = np.concatenate([moved(cloud, view.pose) for cloud, view in zip(clouds, views, strict=True)])
+    placed = np.concatenate([view.world_points for view in views])
     inside = {
         cause: _count_inside([mend(cloud, view) for cloud, view in zip(clouds, views, strict=True)], bounds)
         for cause, mend in _CAUSES.items()

@@ -21,8 +21,8 @@ from strand.checks import (
     text,
     whole,
 )
-from strand.evidence.next_view import best_camera
 from strand.files import plain, write_json
+from strand.next_view import best_camera
 
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""

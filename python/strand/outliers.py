@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from strand import _core
+import strand._core as _core
 from strand.config import Filter
 from strand.view import View
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand import _core
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.checks import Array, checked_radius
 from strand.view import View, checked_views

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand import _core
+import strand._core as _core
 from strand.checks import (
     Array,
     Bounds,

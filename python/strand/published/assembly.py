@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array
 from strand.config import Reconnection
 from strand.polyline import bridge, end_direction, path_length, walk

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.chain import Chain
 from strand.checks import Array

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
 from strand.checks import Array
 from strand.config import Config

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import bridge, path_length

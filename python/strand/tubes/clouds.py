@@ -8,7 +8,7 @@ from itertools import compress
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array, Bounds
 from strand.view import View
 

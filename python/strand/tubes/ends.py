@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand._core import TubeFit
 from strand.checks import Array
 from strand.curve import Curve

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from strand import _core
+import strand._core as _core
 from strand._core import TubeFit
 from strand.checks import Array
 from strand.config import Config

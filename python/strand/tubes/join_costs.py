@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import bridge, end_direction, path_length, runs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from strand import _core
+import strand._core as _core
 from strand._core import TubeFit
 from strand.evidence.join_evidence import JoinEvidence
 from strand.evidence.prior import contradiction
