@@ -10,9 +10,7 @@ from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import bridge, path_length, walk
 from strand.tubes.bridges import LONG, least_bending, seen_through
-from strand.tubes.join_costs import Pair
-
-Chains = list[tuple[Array, bool]]
+from strand.tubes.clouds import Chains, Pair
 
 
 def chained(arcs: Sequence[Array], joins: Sequence[Pair], evidence: JoinEvidence) -> Chains:

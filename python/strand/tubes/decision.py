@@ -12,16 +12,13 @@ from strand.config import Config
 from strand.evidence.join_evidence import JoinEvidence
 from strand.orientation import started
 from strand.tubes.arcs import explaining
-from strand.tubes.chaining import Chains
-from strand.tubes.clouds import Arcs, Clouds
-from strand.tubes.fitting import ROUGHLY, fitted, splines
+from strand.tubes.clouds import Arcs, Chains, Clouds
+from strand.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
 from strand.tubes.hypotheses import ScoredHypothesis, compared
 from strand.tubes.joins import ByClass
 from strand.tubes.known_length import bowed
 from strand.tubes.scores import explanation_cost
 
-# how far splines are carried on beyond their ropes, in radii, so that the points can say where the end is
-ROPE_MARGIN = 2.0
 # a decision is made again only if that lowers the cost by more than this
 _BETTER = 1.0
 

@@ -13,6 +13,8 @@ from strand.tubes.clouds import Arcs, Clouds
 
 # a fit that another follows ends after a step of less than this, in standard deviations of the unknowns
 ROUGHLY = 0.3
+# how far splines are carried on beyond their ropes, in radii, so that the points can say where the end is
+ROPE_MARGIN = 2.0
 
 
 def fitted(

@@ -13,8 +13,9 @@ from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import path_length, walk
 from strand.tubes.arc_repair import aimed, part_at_contacts, without_duplicates
-from strand.tubes.chaining import Chains, chained, chained_to_length
-from strand.tubes.join_costs import JoinCosts, Pair, bridge_costs, join_costs
+from strand.tubes.chaining import chained, chained_to_length
+from strand.tubes.clouds import Chains, Pair
+from strand.tubes.join_costs import JoinCosts, bridge_costs, join_costs
 from strand.tubes.matching import free_ends, joined_most, joined_to, matched
 from strand.tubes.scores import contradiction_cost, explanation_cost
 

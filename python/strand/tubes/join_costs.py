@@ -12,6 +12,7 @@ from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import bridge, end_direction, path_length, runs
 from strand.tubes.bridges import bridge_cost, least_bending, seen_through
+from strand.tubes.clouds import Pair
 
 # gaps shorter than this are looked at from a radius back too, in radii
 _NEAR = 2.5
@@ -19,8 +20,6 @@ _NEAR = 2.5
 _UNSEEN, _MOSTLY = 1.7, 0.8
 # no gap is bridged that was seen through on such a stretch, in radii and as a share of the gap
 _THROUGH = 1.0, 0.3
-
-Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)

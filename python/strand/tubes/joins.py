@@ -11,7 +11,7 @@ from strand.checks import Array
 from strand.config import Linking
 from strand.model import Alternative, Join
 from strand.polyline import path_length
-from strand.tubes.chaining import Chains
+from strand.tubes.clouds import Chains
 from strand.tubes.hypotheses import ScoredHypothesis
 from strand.tubes.matching import matched
 

@@ -9,7 +9,8 @@ import numpy as np
 import rustworkx as rx
 
 from strand.polyline import walk
-from strand.tubes.join_costs import JoinCosts, Pair
+from strand.tubes.clouds import Pair
+from strand.tubes.join_costs import JoinCosts
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6

@@ -12,10 +12,9 @@ from strand.curve import Curve
 from strand.evidence.prior import Prior
 from strand.radius import Radii, agreeing
 from strand.tubes.clouds import Arcs, Clouds
-from strand.tubes.decision import ROPE_MARGIN
 from strand.tubes.end_observations import observed_ends
 from strand.tubes.ends import extents
-from strand.tubes.fitting import ROUGHLY, fitted, splines
+from strand.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
 from strand.tubes.known_length import as_long
 
 

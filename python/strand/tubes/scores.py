@@ -10,7 +10,7 @@ from strand.evidence.join_evidence import JoinEvidence
 from strand.evidence.prior import contradiction
 from strand.evidence.visibility import Visibility
 from strand.polyline import path_length, runs
-from strand.tubes.chaining import Chains
+from strand.tubes.clouds import Chains
 from strand.tubes.ends import extents
 from strand.tubes.second_look import is_phantom, unexplained
 
