@@ -1,7 +1,7 @@
 """The collection: simulated scenes with known truth, each with a name, that benches and tests measure on.
 
-- `paper_mid`, `overhand_mid`, `loop_mid`, `heap06`, `hard00`, `two_ropes`: stored in tests/data/scenes,
-  rendered by another ray caster than strand's.
+- `paper_mid`, `overhand_mid`, `figure8_low`, `loop_mid`, `heap06`, `hard00`, `two_ropes`: stored in
+  tests/data/scenes, rendered by another ray caster than strand's.
 - `straight_0.3mm` to `paper_1.5mm`: each shape of `strand.synthetic` at three levels of depth noise, with the
   shape's place in `SHAPES` as seed; `paper_fine` has four times the pixels.
 - `heap00` to `hard06`: settled ropes of tests/data/settled_ropes.npz, with their number as seed.
