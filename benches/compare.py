@@ -38,11 +38,12 @@ os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:THREADS])
 import numpy as np
 import open3d as o3d
 import small_gicp
+import tables
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import strand
-from strand.io import write_bytes
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -378,17 +379,16 @@ def measured(stage: Stage, count: int, order: str, repeats: int) -> tuple[bool, 
         two.ratio(one),
         peak_bytes(stage.name, count, order) / (count * stage.clouds),
     )
-    start = f"| {count} | {ORDERS[order]} | {stage.name} | {ours.median * 1e3:.1f} |"
+    start = (count, ORDERS[order], stage.name, f"{ours.median * 1e3:.1f}")
     if not peers:
-        return True, [f"{start} {'left out' if stage.peers else ''} | | | |"], line
+        return True, [tables.row(*start, "left out" if stage.peers else "", "", "", "")], line
     good, rows = True, []
     for peer, turns in zip(peers, theirs, strict=True):
         agree, text = peer.compare(ours.answer, turns.answer)
         good &= agree
-        verdict = "agree" if agree else "DIFFER"
-        rows.append(
-            f"{start} {peer.name} | {turns.median * 1e3:.1f} | {ours.ratio(turns):.1f} | {verdict}: {text} |"
-        )
+        verdict = f"{'agree' if agree else 'DIFFER'}: {text}"
+        times = f"{turns.median * 1e3:.1f}", f"{ours.ratio(turns):.1f}"
+        rows.append(tables.row(*start, peer.name, *times, verdict))
     return good, rows, line
 
 
@@ -401,34 +401,24 @@ def exponent(lines: list[Line]) -> float:
 def scaling(lines: list[Line]) -> list[str]:
     """The table of what strand needs, a row for each stage and order."""
     counts = sorted({line.count for line in lines})
-    several = len(counts) > 1
-    head = [f"1 thread / {THREADS}, {count}" for count in counts] + [
-        f"bytes a point, {count}" for count in counts
-    ]
-    table = [
-        f"| stage | order | {'exponent | ' if several else ''}{' | '.join(head)} |",
-        f"|---|---|{'---|' * (len(head) + several)}",
-    ]
+    titles = ["exponent"] if len(counts) > 1 else []
+    titles += [f"1 thread / {THREADS}, {count}" for count in counts]
+    titles += [f"bytes a point, {count}" for count in counts]
+    table = [tables.head("stage", "order", *titles)]
     for stage, order in dict.fromkeys((line.stage, line.order) for line in lines):
         own = [line for line in lines if (line.stage, line.order) == (stage, order)]
         own.sort(key=lambda line: line.count)
-        cells = [f"{line.one_thread:.2f}" for line in own] + [f"{line.bytes_per_point:.0f}" for line in own]
-        fit = f"{exponent(own):.2f} | " if several else ""
-        table.append(f"| {stage} | {ORDERS[order]} | {fit}{' | '.join(cells)} |")
+        cells = [f"{exponent(own):.2f}"] if len(counts) > 1 else []
+        cells += [f"{line.one_thread:.2f}" for line in own] + [f"{line.bytes_per_point:.0f}" for line in own]
+        table.append(tables.row(stage, ORDERS[order], *cells))
     return table
 
 
 def draw(lines: list[Line], path: Path) -> None:
     """Times over numbers of points, both logarithmic, a panel for each stage; dashed along the rope."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     names = list(dict.fromkeys(line.stage for line in lines))
-    figure, axes = pyplot.subplots(
-        2, math.ceil(len(names) / 2), figsize=(11, 6.5), sharex=True, squeeze=False
-    )
+    figure = Figure(figsize=(11, 6.5))
+    axes = figure.subplots(2, math.ceil(len(names) / 2), sharex=True, squeeze=False)
     colors = {"strand": "C0", "Open3D": "C1", "small_gicp": "C2", "SciPy": "C3"}
     styles = {"random": "-o", "along": "--."}
     for axis, name in zip(axes.flat, names, strict=False):
@@ -456,7 +446,9 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
     parser.add_argument("--markdown", type=Path, help="write the table to this file too")
     parser.add_argument("--plot", type=Path, help="write a plot of the times to this file")
-    parser.add_argument("--peak", help="print the peak memory of this stage in bytes, and nothing else")
+    parser.add_argument(
+        "--peak", metavar="STAGE", help="print the stage's peak memory in bytes, and nothing else"
+    )
     parser.add_argument("--slow", action="store_true", help="SciPy's centreline for 100000 points too, once")
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
@@ -468,8 +460,7 @@ def main() -> int:
         f"(processors it may use), small_gicp {version('small_gicp')} (num_threads), "
         f"SciPy {version('scipy')} (workers).",
         "",
-        "| points | order | stage | strand ms | peer | peer ms | peer / strand | answers |",
-        "|---|---|---|---|---|---|---|---|",
+        tables.head("points", "order", "stage", "strand ms", "peer", "peer ms", "peer / strand", "answers"),
     ]
     print(*lines, sep="\n", flush=True)
     good, all_measured = True, []
@@ -487,7 +478,7 @@ def main() -> int:
     if arguments.plot:
         draw(all_measured, arguments.plot)
     if arguments.markdown:
-        write_bytes(arguments.markdown, ("\n".join(lines) + "\n").encode())
+        arguments.markdown.write_text("\n".join(lines) + "\n")
     return 0 if good else 1
 
 

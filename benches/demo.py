@@ -1,6 +1,6 @@
 """Run the published method on the simulated copy of the paper's string: counts and errors by seed.
 
-python benches/demo.py [--seeds 10]
+python benches/demo.py [--seeds N]
 """
 
 from __future__ import annotations
@@ -8,16 +8,17 @@ from __future__ import annotations
 import argparse
 import sys
 
+from tables import head, row
+
 import strand
 from strand import report
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", type=int, default=10, metavar="N", help="from 0 on (default: 10)")
     arguments = parser.parse_args()
-    print("| seed | chains traced | segments | whole strings | length error % | RMS mm |")
-    print("|---|---|---|---|---|---|")
+    print(head("seed", "chains traced", "segments", "whole strings", "length error %", "RMS mm"))
     published, good = strand.Config.published(), 0
     for seed in range(arguments.seeds):
         scene = strand.synthetic.scene("paper", seed=seed)
@@ -26,10 +27,8 @@ def main() -> int:
         )
         counts = report.chain_counts(model)
         accuracy = report.accuracy(model.chains[0], scene.truth[0])
-        print(
-            f"| {seed} | {' | '.join(str(count) for count in counts)} "
-            f"| {accuracy.length_error * 100:+.2f} | {accuracy.rms * 1e3:.2f} |"
-        )
+        errors = f"{accuracy.length_error * 100:+.2f}", f"{accuracy.rms * 1e3:.2f}"
+        print(row(seed, *counts, *errors), flush=True)
         good += counts[1:] == (7, 1) and abs(accuracy.length_error) < 0.02 and accuracy.rms < 1e-3
     print(f"\nseven segments, one string, length within 2 %, RMS under 1 mm: {good} of {arguments.seeds}")
     return 0

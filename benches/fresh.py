@@ -1,12 +1,11 @@
 """Reconstruct fresh random scenes and say how often the answer is right, and how often it is sure and wrong.
 
-python benches/fresh.py MEASURE [--scenes 500] [--first 0] [--out DIR]
+python benches/fresh.py [--scenes N] [--first SEED] [--out DIR]
 
-MEASURE is the folder that holds score.py. Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3
-strings (or one of the shapes with crossings, knots among them), a radius of 2 to 10 mm, 1 to 7 views, a
-camera of 320 x 240 to 1280 x 720 pixels (the finest with one or two views), 0.3 to 1.5 mm of noise. The
-radius is given, the number of strings is not. `--out` gets a plot and one line of JSON for each scene;
-scenes that have their line there are not done again.
+Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3 ropes (or one of the shapes with crossings, knots
+among them), a radius of 2 to 10 mm, 1 to 7 views, a camera of 320 x 240 to 1280 x 720 pixels (the finest with
+one or two views), 0.3 to 1.5 mm of noise. The radius is given, the number of ropes is not. `--out` gets a
+plot and one line of JSON for each scene; scenes that have their line there are not done again.
 """
 
 from __future__ import annotations
@@ -22,7 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scenes import load_measure
+from matplotlib.figure import Figure
+from measure import measured
+from tables import head, row
 
 import strand
 from strand.synthetic import SyntheticScene, scene, tangle
@@ -53,14 +54,14 @@ def draw(seed: int) -> tuple[SyntheticScene, dict[str, Any]]:
         try:
             chains = tangle(crossings, ropes, radius, seed)
         except ValueError:
-            # many crossings are hard to draw with few strings
+            # many crossings are hard to draw with few ropes
             ropes, crossings = min(ropes + 1, 3), crossings - (ropes == 3)
             drawn |= {"ropes": ropes, "crossings": crossings}
             continue
         return scene(chains=chains, **common), drawn
 
 
-def judge(seed: int, score: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+def judge(seed: int) -> dict[str, Any]:
     """Reconstruct one scene and compare with the truth."""
     synthetic, record = draw(seed)
     start = time.perf_counter()
@@ -70,13 +71,13 @@ def judge(seed: int, score: Callable[..., dict[str, Any]]) -> dict[str, Any]:
     except strand.StrandError as error:
         record["error"] = str(error)
     else:
-        found = score([chain.points for chain in model.chains], synthetic.truth, synthetic.radius)
+        found = measured([chain.points for chain in model.chains], synthetic.truth, synthetic.radius)
         record |= {
-            "right": bool(found["topology_ok"]),
+            "right": found.right,
             "confidence": model.confidence,
             "found": len(model.chains),
-            "rms": found["rms"],
-            "frechet": found["frechet"],
+            "rms": found.rms,
+            "frechet": found.frechet,
         }
     record["seconds"] = time.perf_counter() - start
     return record
@@ -85,6 +86,7 @@ def judge(seed: int, score: Callable[..., dict[str, Any]]) -> dict[str, Any]:
 def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float, float, float]]:
     """Rows of what, which, how many, share right, share sure of those right, share sure and wrong."""
     noise_edges, relative_edges = (0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3), (0.0, 0.1, 0.2, 0.4, 1.0)
+    confidence_edges = (0.0, 0.1, 0.5, 0.8, SURE, 1.0)
 
     def between(key: Callable[[dict[str, Any]], float], low: float, high: float) -> list[dict[str, Any]]:
         return [record for record in records if low <= key(record) < high]
@@ -95,7 +97,7 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
         for n in sorted({r["crossings"] for r in records})
     ]
     groups += [
-        ("strings", str(n), [r for r in records if r["ropes"] == n])
+        ("ropes", str(n), [r for r in records if r["ropes"] == n])
         for n in sorted({r["ropes"] for r in records})
     ]
     groups += [
@@ -109,6 +111,10 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
     groups += [
         ("noise / r", f"{low:.1f}-{high:.1f}", between(lambda r: r["noise"] / r["radius"], low, high))
         for low, high in pairwise(relative_edges)
+    ]
+    groups += [
+        ("confidence", f"{low:.1f}-{high:.1f}", between(lambda r: r["confidence"], low, high))
+        for low, high in pairwise(confidence_edges)
     ]
     rows = []
     for what, which, group in groups:
@@ -130,13 +136,9 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
 
 
 def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     kinds = ["crossings", "views", "noise mm", "noise / r"]
-    figure, axes = plt.subplots(1, len(kinds), figsize=(11, 3), sharey=True, layout="constrained")
+    figure = Figure(figsize=(11, 3), layout="constrained")
+    axes = figure.subplots(1, len(kinds), sharey=True)
     for axis, kind in zip(axes, kinds, strict=True):
         shown = [row for row in rows if row[0] == kind]
         at = np.arange(len(shown))
@@ -153,12 +155,10 @@ def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("measure", type=Path)
-    parser.add_argument("--scenes", type=int, default=500)
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--out", type=Path, help="write fresh.png and fresh.jsonl here")
+    parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write fresh.png and fresh.jsonl here")
     arguments = parser.parse_args()
-    measure = load_measure(arguments.measure / "score.py")
     records = []
     lines = arguments.out / "fresh.jsonl" if arguments.out else None
     done = {}
@@ -168,16 +168,15 @@ def main() -> int:
         if seed in done:
             records.append(done[seed])
             continue
-        records.append(judge(seed, measure.score))
+        records.append(judge(seed))
         if lines is not None:
             lines.parent.mkdir(parents=True, exist_ok=True)
             with lines.open("a") as file:
                 file.write(json.dumps(records[-1]) + "\n")
-    print("| | | scenes | right % | confidence ≥ 0.9 % | sure and wrong % |")
-    print("|---|---|---|---|---|---|")
+    print(head("", "", "scenes", "right %", f"confidence ≥ {SURE} %", "sure and wrong %"))
     rows = rates(records)
-    for what, which, count, right, sure, wrong in rows:
-        print(f"| {what} | {which} | {count} | {100 * right:.1f} | {100 * sure:.1f} | {100 * wrong:.1f} |")
+    for what, which, count, *shares in rows:
+        print(row(what, which, count, *(f"{100 * share:.1f}" for share in shares)))
     if arguments.out:
         plot(rows, arguments.out / "fresh.png")
     return 0

@@ -1,10 +1,10 @@
 """Reconstruct a real branched wire harness and draw its chains: an answer for what is no rope.
 
-python benches/harness.py FILE [--out DIR]
+python benches/harness.py [FILE] [--out DIR]
 
-FILE holds one point a line, metres; where the camera was is not known, so it is taken to be far above. The
-picture shows the points from above and from the side, each chain in a colour of its own, and where a chain is
-said to end on another's side.
+FILE holds one point a line, metres; without it the points are those of tests/data/harness. Where the camera
+was is not known, so it is taken to be far above. The picture shows the points from above and from the side,
+each chain in a colour of its own, and where a chain is said to end on another's side.
 """
 
 from __future__ import annotations
@@ -14,24 +14,22 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from collection import DATA
+from matplotlib.figure import Figure
+from tables import head, row
 
 import strand
 from strand.certainty import branches
 from strand.visibility import Sight
 
+POINTS = DATA / "harness" / "wireHarness.txt"
 RADIUS = 0.006  # metres
 HEIGHT = 40.0  # metres above the middle
 
 
 def draw(points: np.ndarray, view: strand.View, model: strand.Model, path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(
-        1, 2, figsize=(8, 7.5), layout="constrained", gridspec_kw={"width_ratios": [4, 1]}
-    )
+    figure = Figure(figsize=(8, 7.5), layout="constrained")
+    axes = figure.subplots(1, 2, width_ratios=[4, 1])
     for axis, (across, up) in zip(axes, ((0, 1), (2, 1)), strict=True):
         axis.scatter(points[:, across], points[:, up], s=2.0, color="0.75")
         for number, chain in enumerate(model.chains):
@@ -52,20 +50,20 @@ def draw(points: np.ndarray, view: strand.View, model: strand.Model, path: Path)
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--out", type=Path, help="write harness.png here")
+    parser.add_argument("file", metavar="FILE", type=Path, nargs="?", default=POINTS, help="other points")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write harness.png here")
     arguments = parser.parse_args()
     points = np.loadtxt(arguments.file)
     camera = points.mean(axis=0) + np.array([0.0, 0.0, HEIGHT])
     view = strand.View.from_world(points, camera)
     model = strand.reconstruct([view], RADIUS)
-    print("| points | chains | lengths mm | confidence | ends on another's side | places in doubt |")
-    print("|---|---|---|---|---|---|")
     lengths = ", ".join(f"{chain.length * 1e3:.0f}" for chain in model.chains)
     meeting = sum("a branch?" in warning for warning in model.warnings)
     unsure = sum(warning.startswith("unsure") for warning in model.warnings)
-    count = f"{len(points)} | {len(model.chains)}"
-    print(f"| {count} | {lengths} | {model.confidence:.5f} | {meeting} | {unsure} |\n")
+    print(head("points", "chains", "lengths mm", "confidence", "ends on another's side", "places in doubt"))
+    print(
+        row(len(points), len(model.chains), lengths, f"{model.confidence:.5f}", meeting, unsure), end="\n\n"
+    )
     print(*model.warnings, sep="\n")
     if arguments.out:
         draw(points, view, model, arguments.out / "harness.png")

@@ -1,15 +1,14 @@
 """How far from the limit: scenes' Cramér-Rao bounds beside the reconstructions' errors and covariances.
 
-python benches/limits.py FOLDER [--only TEXT]
+python benches/limits.py [DIR] [--only TEXT]
 
-FOLDER holds .npz scenes with truth and `poses_true`; the measure is score.py in the folder above it. The
-bound is that of any unbiased estimate of the centreline from the pixels that see it, given the radius and the
-depths' noise, with control points as far apart as the reconstruction's and with poses that are unknown but
-for the prior of `Config.poses`. It knows which pixel sees which place of which string; it has no smoothness
-prior, so the reconstruction may be better where pixels are few. Pixels seen under a cosine of incidence below
-0.1 are left out.
+Without DIR the scenes are those of benches/collection.py. The bound is that of any unbiased estimate of the
+centreline from the pixels that see it, given the radius and the depths' noise, with control points as far
+apart as the reconstruction's and with poses that are unknown but for the prior of `Config.poses`. It knows
+which pixel sees which place of which rope; it has no smoothness prior, so the reconstruction may be better
+where pixels are few. Pixels seen under a cosine of incidence below 0.1 are left out.
 
-Errors and standard deviations count the two directions across the string: root mean squares over the nodes of
+Errors and standard deviations count the two directions across the rope: root mean squares over the nodes of
 their length. The normalised squared error e' C^-1 e / 2 is near 1 where the covariances tell the truth. Only
 scenes whose topology is right are counted.
 """
@@ -20,17 +19,19 @@ import argparse
 import statistics
 import sys
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
+import collection
 import numpy as np
+from measure import measured
 from numpy.typing import NDArray
-from scenes import load_measure
+from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
+from tables import head, row
 
 import strand
-from strand.curve import basis
-from strand.synthetic import render_depth
+from strand.synthetic import SyntheticScene, render_depth
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ STEP = 1e-4  # metres between the places of the true curves that pixels are matc
 LEAST_COSINE = 0.1
 OUTLIER = 5.0  # standard deviations of the depth: pixels farther off fly or see something else
 RIDGE = 10.0  # radii: standard deviation of a control point that nothing sees
+DIGITS = (3, 3, 2, 3, 2)  # of the last columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +52,10 @@ class Truth:
         Metres; unit vectors.
     frames : (M, 2, 3) ndarray
         Two unit vectors across each tangent.
-    string : (M,) ndarray of int64
-        Which string each place is of.
+    rope : (M,) ndarray of int64
+        Which rope each place is of.
     along : (M,) ndarray
-        Arc length over the string's length.
+        Arc length over the rope's length.
     lengths : list of float
         Metres.
     """
@@ -61,15 +63,15 @@ class Truth:
     points: Array
     tangents: Array
     frames: Array
-    string: NDArray[np.int64]
+    rope: NDArray[np.int64]
     along: Array
     lengths: list[float]
 
     @classmethod
-    def of(cls, strings: tuple[Array, ...], radius: float) -> Truth:
-        """Sample strings."""
+    def of(cls, ropes: tuple[Array, ...], radius: float) -> Truth:
+        """Sample ropes."""
         points, tangents, along, lengths = [], [], [], []
-        for nodes in strings:
+        for nodes in ropes:
             chain = strand.Chain(nodes, radius)
             s = np.linspace(0.0, chain.length, round(chain.length / STEP) + 1)
             places = chain.at(s)
@@ -91,7 +93,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """What the pixels of all views see of the true strings.
+    """What the pixels of all views see of the true ropes.
 
     Attributes
     ----------
@@ -118,18 +120,15 @@ def across(tangents: Array) -> Array:
     return np.stack([first, np.cross(tangents, first)], axis=1)
 
 
-def seen_pixels(path: Path, truth: Truth, strings: tuple[Array, ...]) -> Pixels:
-    """Cast the rays of all pixels that took part, from the true poses, to the true strings."""
-    with np.load(path) as arrays:
-        depth = arrays["depth"] * float(arrays["depth_scale"])
-        camera, poses = arrays["K"].astype(np.float64), arrays["poses"].astype(np.float64)
-        poses_true = arrays["poses_true"].astype(np.float64)
-        (low, high), radius, noise = arrays["box"], float(arrays["radius"]), float(arrays["noise"])
+def seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
+    """Cast the rays of all pixels that took part, from the true poses, to the true ropes."""
+    camera, (low, high) = scene.intrinsics, scene.bounds
     tree = cKDTree(truth.points)
     rows: list[tuple[Array, ...]] = []
-    for number, (image, pose, pose_true) in enumerate(zip(depth, poses, poses_true, strict=True)):
-        exact = render_depth(strings, radius, camera, pose_true, image.shape[::-1], table=False)
-        v, u = np.nonzero((exact > 0) & (image > 0) & (np.abs(image - exact) < OUTLIER * noise))
+    views = zip(scene.depth * scene.depth_scale, scene.poses, scene.poses_true, strict=True)
+    for number, (image, pose, pose_true) in enumerate(views):
+        exact = render_depth(scene.truth, scene.radius, camera, pose_true, image.shape[::-1], table=False)
+        v, u = np.nonzero((exact > 0) & (image > 0) & (np.abs(image - exact) < OUTLIER * scene.noise))
         ray = np.stack(
             [(u - camera[0, 2]) / camera[0, 0], (v - camera[1, 2]) / camera[1, 1], np.ones(len(u))], axis=1
         )
@@ -142,16 +141,16 @@ def seen_pixels(path: Path, truth: Truth, strings: tuple[Array, ...]) -> Pixels:
         beside = np.abs((normal * truth.tangents[place]).sum(axis=1)) < 0.1  # not on the flat ends
         kept = ((extracted >= low) & (extracted <= high)).all(axis=1) & beside & (cosine > LEAST_COSINE)
         # noise along the optical axis, on the ray, and from there at right angles to the surface
-        precision = 1.0 / (noise * slant * cosine)
+        precision = 1.0 / (scene.noise * slant * cosine)
         rows.append((surface[kept], normal[kept], precision[kept], np.full(kept.sum(), number), place[kept]))
     surface, normal, precision, view, place = (np.concatenate(column) for column in zip(*rows, strict=True))
     return Pixels(surface, normal, precision, view.astype(np.int64), place.astype(np.int64))
 
 
 def bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: strand.Config) -> Array:
-    """(M,) Least standard deviation across the string of unbiased estimates of the places of the truth.
+    """(M,) Least standard deviation across the rope of unbiased estimates of the places of the truth.
 
-    The unknowns are two for each control point, across the string, and six for each view but the middle one.
+    The unknowns are two for each control point, across the rope, and six for each view but the middle one.
     """
     spans = [max(round(length / (config.tubes.spacing * radius)), 1) for length in truth.lengths]
     counts = np.array(spans) + 3
@@ -159,21 +158,20 @@ def bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: stran
     # control point i has its greatest weight at the parameter i - 1
     control_frames = np.concatenate(
         [
-            truth.frames[np.flatnonzero(truth.string == number)][
+            truth.frames[np.flatnonzero(truth.rope == number)][
                 np.rint(
-                    np.clip((np.arange(count + 3) - 1) / count, 0, 1) * ((truth.string == number).sum() - 1)
+                    np.clip((np.arange(count + 3) - 1) / count, 0, 1) * ((truth.rope == number).sum() - 1)
                 ).astype(np.int64)
             ]
             for number, count in enumerate(spans)
         ]
     )
-    parameter = truth.along * np.array(spans)[truth.string]
+    parameter = truth.along * np.array(spans)[truth.rope]
     weights = np.zeros((len(truth.points), starts[-1]))
     for number, count in enumerate(counts):
-        mine = np.flatnonzero(truth.string == number)
-        first, near = basis(parameter[mine], count)
-        for k in range(4):
-            weights[mine, starts[number] + first + k] = near[:, k]
+        mine, knots = truth.rope == number, np.arange(-3.0, count + 1)
+        cubic = BSpline.design_matrix(parameter[mine], knots, 3).toarray()
+        weights[mine, starts[number] : starts[number + 1]] = cubic
 
     unknowns = 2 * starts[-1]
     slopes = np.zeros((len(pixels.view), unknowns + 6 * (views - 1)))
@@ -219,52 +217,40 @@ def root_mean_square(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
+def rounded(values: Sequence[float]) -> list[str]:
+    """The last columns of a row."""
+    return [f"{value:.{digits}f}" for value, digits in zip(values, DIGITS, strict=True)]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--only", default="", help="scenes whose name holds this text")
+    collection.add_arguments(parser)
     arguments = parser.parse_args()
-    measure = load_measure(arguments.folder.resolve().parent / "score.py")
     config = strand.Config()
-    print("| scene | noise mm | points | bound mm | RMS mm | RMS / bound | reported sd mm | e' C^-1 e / 2 |")
-    print("|---|---|---|---|---|---|---|---|")
+    errors = ("bound mm", "RMS mm", "RMS / bound", "reported sd mm", "e' C^-1 e / 2")
+    print(head("scene", "noise mm", "points", *errors))
     by_noise: dict[float, list[tuple[float, ...]]] = defaultdict(list)
-    for path in sorted(arguments.folder.glob("*.npz")):
-        if arguments.only not in path.stem:
-            continue
-        scene = strand.load_scene(path)
-        if scene.radius is None or scene.bounds is None:
-            raise ValueError(f"{path}: expected a box and a radius")
-        with np.load(path) as arrays:
-            noise = float(arrays["noise"])
+    for scene in collection.chosen(arguments):
+        name, noise = scene.name, f"{scene.noise * 1e3:.1f}"
         try:
             model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config)
         except strand.StrandError as error:
-            print(f"| {path.stem} | {noise * 1e3:.1f} | no answer: {error} | | | | | |", flush=True)
+            print(row(name, noise, f"no answer: {error}", *[""] * len(errors)), flush=True)
             continue
-        score = measure.score([chain.points for chain in model.chains], scene.truth, scene.radius)
-        if not score["topology_ok"]:
-            print(f"| {path.stem} | {noise * 1e3:.1f} | wrong topology | | | | | |", flush=True)
+        found = measured([chain.points for chain in model.chains], scene.truth, scene.radius)
+        if not found.right:
+            print(row(name, noise, "wrong topology", *[""] * len(errors)), flush=True)
             continue
-        strings = tuple(nodes.astype(np.float64) for nodes in scene.truth)
-        truth = Truth.of(strings, scene.radius)
-        pixels = seen_pixels(path, truth, strings)
+        truth = Truth.of(scene.truth, scene.radius)
+        pixels = seen_pixels(scene, truth)
         least = root_mean_square(bound(pixels, truth, len(scene.views), scene.radius, config))
         sd, normalised = calibration(model.chains, truth)
-        row = (least * 1e3, score["rms"] * 1e3, score["rms"] / least, sd * 1e3, normalised)
-        by_noise[round(noise * 1e3, 3)].append(row)
-        print(
-            f"| {path.stem} | {noise * 1e3:.1f} | {len(pixels.view)} | "
-            + " | ".join(f"{value:.{digits}f}" for value, digits in zip(row, (3, 3, 2, 3, 2), strict=True))
-            + " |",
-            flush=True,
-        )
+        values = (least * 1e3, found.rms * 1e3, found.rms / least, sd * 1e3, normalised)
+        by_noise[scene.noise].append(values)
+        print(row(name, noise, len(pixels.view), *rounded(values)), flush=True)
     for level, rows in sorted(by_noise.items()):
-        medians = " | ".join(
-            f"{statistics.median(column):.{digits}f}"
-            for column, digits in zip(zip(*rows, strict=True), (3, 3, 2, 3, 2), strict=True)
-        )
-        print(f"| median of {len(rows)} | {level:.1f} | | {medians} |")
+        medians = [statistics.median(column) for column in zip(*rows, strict=True)]
+        print(row(f"median of {len(rows)}", f"{level * 1e3:.1f}", "", *rounded(medians)))
     return 0 if by_noise else 1
 
 

@@ -1,9 +1,10 @@
 """Estimate radii that are not given, and print tables: simulated scenes, ropes of many sizes, real frames.
 
-python benches/radius.py FOLDER [--real FOLDER]
+python benches/radius.py [DIR] [--only TEXT]
 
-FOLDER holds .npz scenes with their radius and noise. Ropes of 2 to 10 mm radius are simulated at 0.7 mm of
-depth noise, each with three seeds. The real FOLDER holds what benches/real.py reads.
+Without DIR the first table's scenes are those of benches/collection.py. Ropes of 2 to 10 mm radius are
+simulated at 0.7 mm of depth noise, each with the seeds 0, 1 and 2. The real frames are those of
+benches/frames.py.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import defaultdict
-from pathlib import Path
 
+import collection
+import frames
 import numpy as np
-from real import load_view
+from tables import head, row
 
 import strand
 
@@ -29,40 +31,30 @@ def worst(model: strand.Model, radius: float) -> float:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--real", type=Path, help="folder of real frames")
+    collection.add_arguments(parser)
     arguments = parser.parse_args()
     by_noise = defaultdict(list)
-    for path in sorted(arguments.folder.glob("*.npz")):
-        scene = strand.load_scene(path)
-        noise = float(np.load(path)["noise"])
+    for scene in collection.chosen(arguments):
         model = strand.reconstruct(scene.views, None, scene.bounds)
-        by_noise[noise].append((worst(model, scene.radius), path.stem))
-    print("| depth noise mm | scenes | error %, median | worst |")
-    print("|---|---|---|---|")
+        by_noise[scene.noise].append((worst(model, scene.radius), scene.name))
+    print(head("depth noise mm", "scenes", "error %, median", "worst"))
     for noise, errors in sorted(by_noise.items()):
         largest, name = max(errors)
         middle = np.median([error for error, _ in errors])
-        print(f"| {noise * 1e3:.1f} | {len(errors)} | {middle:.2f} | {largest:.2f} ({name}) |")
-    print("\n| radius mm | error %, median of " + f"{SEEDS} | worst |")
-    print("|---|---|---|")
+        print(row(f"{noise * 1e3:.1f}", len(errors), f"{middle:.2f}", f"{largest:.2f} ({name})"))
+    print(f"\n{head('radius mm', f'error %, median of {SEEDS}', 'worst')}")
     for size in SIZES:
         errors = []
         for seed in range(SEEDS):
             scene = strand.synthetic.scene("paper", seed=seed, radius=size)
             errors.append(worst(strand.reconstruct(scene.views, None, scene.bounds), size))
-        print(f"| {size * 1e3:.0f} | {np.median(errors):.2f} | {max(errors):.2f} |", flush=True)
-    if arguments.real:
-        print("\n| frame | radius mm | standard deviation mm | residual RMS mm |")
-        print("|---|---|---|---|")
-        for path in sorted(arguments.real.glob("depth_*.png")):
-            frame = path.stem.removeprefix("depth_")
-            model = strand.reconstruct([load_view(arguments.real, frame)], ropes=1, keep_stages=True)
-            chain, fit = model.chains[0], model.stages["fit"]
-            residual = np.sqrt((fit.residual[fit.inlier] ** 2).mean())
-            print(
-                f"| {frame} | {chain.radius * 1e3:.2f} | {chain.radius_sd * 1e3:.2f} | {residual * 1e3:.2f} |"
-            )
+        print(row(f"{size * 1e3:.0f}", f"{np.median(errors):.2f}", f"{max(errors):.2f}"), flush=True)
+    print(f"\n{head('frame', 'radius mm', 'standard deviation mm', 'residual RMS mm')}")
+    for frame in frames.names():
+        model = strand.reconstruct([frames.view(frame)], ropes=1, keep_stages=True)
+        chain, fit = model.chains[0], model.stages["fit"]
+        residual = np.sqrt((fit.residual[fit.inlier] ** 2).mean())
+        print(row(frame, *(f"{value * 1e3:.2f}" for value in (chain.radius, chain.radius_sd, residual))))
     return 0
 
 

@@ -1,21 +1,21 @@
 """Measure the views' poses and the curve that comes of them: ICP against the joint fit, and print tables.
 
-python benches/registration.py [FOLDER] [--seeds N]
+python benches/registration.py [DIR] [--only TEXT] [--seeds N]
 
-Simulated strings are seen by views of various numbers and distances, at poses that are wrong as those read
-off a stage are. A pose's error is how far it displaces the string's true points (root mean square), split
-into the part across the string and the part along it. It is split into directions too: a pose's six
-corrections, each over the standard deviation of the reported poses, have the joint fit's covariance, and the
-data fix those of its principal directions whose standard deviation is less than 0.71 times the reported
-poses', so that the data say more than the report. In the fixed directions the error is a displacement and
-an angle, beside the angle that the joint fit's covariance makes expect; in the open ones, such as along a
-straight string and about it, it is a displacement, of the views that have any. The middle view is exact by
-construction and not counted; figures are medians over the other views. The curve's error is the distance of
-the longest chain's nodes from the truth (root mean square), median over scenes.
+Simulated ropes are seen by views of various numbers and distances, at poses that are wrong as those read off
+a stage are. A pose's error is how far it displaces the rope's true points (root mean square), split into the
+part across the rope and the part along it. It is split into directions too: a pose's six corrections, each
+over the standard deviation of the reported poses, have the joint fit's covariance, and the data fix those of
+its principal directions whose standard deviation is less than 0.71 times the reported poses', so that the
+data say more than the report. In the fixed directions the error is a displacement and an angle, beside the
+angle that the joint fit's covariance makes expect; in the open ones, such as along a straight rope and about
+it, it is a displacement, of the views that have any. The middle view is exact by construction and not
+counted; figures are medians over the other views. The curve's error is the distance of the longest chain's
+nodes from the truth (root mean square), median over scenes.
 
 "reported" are the poses as read off the stage, with the joint method's curve when they are held there; "ICP"
-is `Config.published()`, "joint" the default. FOLDER holds .npz scenes with `poses_true`: then the same by
-depth noise.
+is `Config.published()`, "joint" the default. The last table has the same by depth noise, of the scenes of DIR
+or, without it, of those of benches/collection.py.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ import argparse
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
+import collection
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from tables import head, row
 
 import strand
 from strand.config import Poses
-from strand.synthetic import camera_pose, render_depth, sense
+from strand.synthetic import SyntheticScene, camera_pose, render_depth, sense
 
 Array = NDArray[np.float64]
 
@@ -58,17 +59,6 @@ METHODS = {
     "ICP": strand.Config.published(),
     "joint": strand.Config(),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """Views of strings whose poses and centrelines are known."""
-
-    views: tuple[strand.View, ...]
-    poses_true: Array
-    bounds: tuple[Array, Array]
-    radius: float
-    truth: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +101,7 @@ class Outcome:
     Attributes
     ----------
     poses : (V - 1, 6) ndarray
-        For each free view, the displacement across and along the string, metres; the displacement, metres,
+        For each free view, the displacement across and along the rope, metres; the displacement, metres,
         the rotation and the expected rotation, radians, in fixed directions; the displacement in open ones,
         metres, NaN if there are none.
     curve : float
@@ -122,34 +112,24 @@ class Outcome:
     curve: float
 
 
-def simulated(name: str, azimuths: Sequence[float], seed: int) -> Seen:
+def simulated(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
     """Return a shape seen from some azimuths, degrees, with noise and wrong poses."""
     laid = strand.synthetic.scene(name, seed=seed, noise=NOISE)
     distance = float(np.linalg.norm(laid.poses_true[0, :3, 3]))
     # the same errors of the poses whatever the distance between the views
     stage, sensor = (np.random.default_rng([seed, SHAPES.index(name), part]) for part in range(2))
     poses_true = np.stack([camera_pose(np.radians(azimuth), distance) for azimuth in azimuths])
-    views = []
+    depth, poses = [], []
     for number, pose in enumerate(poses_true):
         exact = render_depth(laid.truth, laid.radius, laid.intrinsics, pose, laid.depth.shape[:0:-1])
-        depth = sense(
-            exact, noise=NOISE, flying=0.05, step=laid.radius, depth_scale=laid.depth_scale, rng=sensor
+        depth.append(
+            sense(exact, noise=NOISE, flying=0.05, step=laid.radius, depth_scale=laid.depth_scale, rng=sensor)
         )
         turn, dx, dy = stage.normal(size=3) * (TURN_SD, SHIFT_SD, SHIFT_SD)
         if number != len(azimuths) // 2:
             pose = strand.pose_from_angles(0.0, 0.0, turn, [dx, dy, 0.0]) @ pose
-        views.append(strand.View.from_depth(depth * laid.depth_scale, laid.intrinsics, pose))
-    return Seen(tuple(views), poses_true, laid.bounds, laid.radius, laid.truth)
-
-
-def loaded(path: Path) -> tuple[Seen, float]:
-    """Return a scene of a file, and its depth noise, metres."""
-    scene = strand.load_scene(path)
-    if scene.bounds is None or scene.radius is None:
-        raise ValueError(f"{path}: expected a box and a radius")
-    with np.load(path) as arrays:
-        poses_true, noise = arrays["poses_true"].astype(np.float64), float(arrays["noise"])
-    return Seen(scene.views, poses_true, scene.bounds, scene.radius, scene.truth), noise
+        poses.append(pose)
+    return replace(laid, depth=np.stack(depth), poses=np.stack(poses), poses_true=poses_true)
 
 
 def _reported_sd() -> Array:
@@ -161,8 +141,8 @@ def pose_errors(
     found: Iterable[Array], true: Sequence[Array], truth: Sequence[Array], directions: Directions
 ) -> Array:
     """(V - 1, 6) Errors of all but the middle view, see `Outcome`."""
-    points = np.concatenate(truth).astype(np.float64)
-    tangents = np.concatenate([np.gradient(nodes.astype(np.float64), axis=0) for nodes in truth])
+    points = np.concatenate(truth)
+    tangents = np.concatenate([np.gradient(nodes, axis=0) for nodes in truth])
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     rows = []
     for number, (pose, pose_true) in enumerate(zip(found, true, strict=True)):
@@ -192,46 +172,44 @@ def root_mean_square(values: Array) -> float:
     return float(np.sqrt((values**2).sum() / len(values)))
 
 
-def outcomes(seen: Seen) -> dict[str, Outcome]:
+def outcomes(scene: SyntheticScene) -> dict[str, Outcome]:
     """Reconstruct by every method and measure."""
+    views = scene.views
     models: dict[str, strand.Model | None] = {}
     for method, config in METHODS.items():
         try:
             models[method] = strand.reconstruct(
-                seen.views, seen.radius, seen.bounds, config=config, keep_stages=method == "joint"
+                views, scene.radius, scene.bounds, config=config, keep_stages=method == "joint"
             )
         except strand.StrandError:
             models[method] = None
     joint = models["joint"]
     directions = None if joint is None else Directions.of(joint)
-    return {method: outcome(seen, model, directions) for method, model in models.items()}
+    return {method: outcome(scene, model, directions) for method, model in models.items()}
 
 
-def outcome(seen: Seen, model: strand.Model | None, directions: Directions | None) -> Outcome:
+def outcome(scene: SyntheticScene, model: strand.Model | None, directions: Directions | None) -> Outcome:
     """Measure one method's answer."""
     if model is None or directions is None:
-        return Outcome(np.full((len(seen.views) - 1, 6), np.nan), np.nan)
-    truth = np.concatenate(
-        [strand.Chain(nodes.astype(np.float64), seen.radius).at(_places(nodes)) for nodes in seen.truth]
-    )
+        return Outcome(np.full((len(scene.poses) - 1, 6), np.nan), np.nan)
+    truth = np.concatenate([strand.Chain(nodes, scene.radius).at(_places(nodes)) for nodes in scene.truth])
     distance, _ = cKDTree(truth).query(model.chains[0].points)
     return Outcome(
-        pose_errors(list(model.poses), list(seen.poses_true), seen.truth, directions),
+        pose_errors(list(model.poses), list(scene.poses_true), scene.truth, directions),
         float(np.sqrt((distance**2).mean())),
     )
 
 
 def _places(nodes: Array) -> Array:
     """Arc lengths 0.05 mm apart."""
-    length = np.linalg.norm(np.diff(nodes.astype(np.float64), axis=0), axis=1).sum()
+    length = np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()
     return np.linspace(0.0, length, int(length / 5e-5) + 2)
 
 
 def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None:
     """Print a row for each group of scenes: the medians of every method, side by side."""
-    columns = "across mm | along mm | fixed mm | fixed ° (expected) | open mm | curve mm | no answer"
-    print(f"\n| {title} | {columns} |")
-    print("|---|---|---|---|---|---|---|---|")
+    columns = ("across mm", "along mm", "fixed mm", "fixed ° (expected)", "open mm", "curve mm", "no answer")
+    print(f"\n{head(title, *columns)}")
     for name, scenes in groups.items():
         cells = []
         for column, scale in ((0, 1e3), (1, 1e3), (2, 1e3), (3, np.degrees(1.0)), (5, 1e3)):
@@ -242,7 +220,7 @@ def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None
         curves = {method: [scene[method].curve for scene in scenes] for method in METHODS}
         cells.append(" / ".join(f"{np.nanmedian(curve) * 1e3:.2f}" for curve in curves.values()))
         cells.append(" / ".join(str(int(np.isnan(curve).sum())) for curve in curves.values()))
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+        print(row(name, *cells), flush=True)
 
 
 def _median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: float) -> str:
@@ -252,8 +230,9 @@ def _median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: f
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, nargs="?", help="scenes with true poses")
-    parser.add_argument("--seeds", type=int, default=6, help="scenes of each shape and spread")
+    collection.add_arguments(parser)
+    seeds = "scenes of each shape and spread (default: 6)"
+    parser.add_argument("--seeds", type=int, default=6, metavar="N", help=seeds)
     arguments = parser.parse_args()
     print(f"every cell: {' / '.join(METHODS)}")
     by_spread: dict[str, list[dict[str, Outcome]]] = defaultdict(list)
@@ -261,34 +240,16 @@ def main() -> int:
     for spread, azimuths in SPREADS.items():
         for name in SHAPES:
             for seed in range(arguments.seeds):
-                seen = simulated(name, azimuths, seed)
-                measured = outcomes(seen)
+                measured = outcomes(simulated(name, azimuths, seed))
                 by_spread[spread].append(measured)
                 if len(azimuths) > 1:
                     by_shape[name].append(measured)
     print_table("views", by_spread)
     print_table("shape, two views or more", by_shape)
-    if arguments.folder is None:
-        return 0
     by_noise: dict[float, list[dict[str, Outcome]]] = defaultdict(list)
-    for path in sorted(arguments.folder.glob("*.npz")):
-        seen, noise = loaded(path)
-        by_noise[round(noise * 1e3, 3)].append(outcomes(seen))
-    if not by_noise:
-        print(f"{arguments.folder}: no .npz scenes", file=sys.stderr)
-        return 1
-    print_table("depth noise", {f"{noise} mm": by_noise[noise] for noise in sorted(by_noise)})
-    middle = by_noise.get(NOISE * 1e3, [])
-    if middle:
-        for method in METHODS:
-            _, _, shift, turn, _, left_open = np.nanmedian(
-                np.concatenate([scene[method].poses for scene in middle]), axis=0
-            )
-            print(
-                f"{'' if method != 'reported' else chr(10)}median view error at mid noise, {method}: "
-                f"{shift * 1e3:.2f} mm and {np.degrees(turn):.2f}° in fixed directions, "
-                f"{left_open * 1e3:.2f} mm in open ones"
-            )
+    for scene in collection.chosen(arguments):
+        by_noise[scene.noise].append(outcomes(scene))
+    print_table("depth noise", {f"{noise * 1e3:.1f} mm": by_noise[noise] for noise in sorted(by_noise)})
     return 0
 
 

@@ -1,72 +1,129 @@
-"""Reconstruct every scene of a folder and print a table: topology, RMS, length, crossings, time.
+"""Reconstruct simulated scenes and print a table: topology, errors, crossings, confidence, time.
 
-python benches/scenes.py DIR [--published] [--ropes N] [--only TEXT]
+python benches/scenes.py [DIR] [--only TEXT] [--published] [--estimate-radius] [--ropes N] [--views I ...]
+    [--runs N]
 
-DIR holds .npz scenes with truth; the measure is score.py in the folder above it. Times are medians of
-five runs.
+Without DIR the scenes are those of benches/collection.py. Topology, Fréchet distance, RMS, length and
+crossings are as in benches/measure.py; the time is the median of the runs. Below the table are the RMS by
+depth noise, and a digest of all chains' nodes, bit for bit: on one machine the same digest before and after a
+change says that no answer has changed.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
+import hashlib
+import math
 import statistics
 import sys
 import time
-from pathlib import Path
-from types import ModuleType
+from collections import defaultdict
+from collections.abc import Iterable
+
+import collection
+import numpy as np
+from measure import Measure, measured
+from tables import head, row
 
 import strand
+from strand.synthetic import SyntheticScene
 
 
-def load_measure(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("score", path)
-    if spec is None or spec.loader is None:
-        raise FileNotFoundError(path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def reconstructed(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple[strand.Model, float]:
+    """The model of a scene, and the median of the runs' times, milliseconds."""
+    config = strand.Config.published() if arguments.published else strand.Config()
+    views = scene.views if arguments.views is None else [scene.views[i] for i in arguments.views]
+    radius = None if arguments.estimate_radius else scene.radius
+    times = []
+    for _ in range(arguments.runs):
+        start = time.perf_counter()
+        model = strand.reconstruct(views, radius, scene.bounds, ropes=arguments.ropes, config=config)
+        times.append((time.perf_counter() - start) * 1e3)
+    return model, statistics.median(times)
+
+
+def said(name: str, found: Measure, confidence: float, milliseconds: float) -> str:
+    """A row of the table."""
+    crossings = found.crossings
+    return row(
+        name,
+        "right" if found.right else "wrong",
+        f"{found.chains} of {found.ropes}",
+        f"{found.frechet:.2f}",
+        f"{found.rms * 1e3:.2f}",
+        f"{found.length_error * 100:.2f}",
+        f"{crossings.right} of {crossings.true}, {max(crossings.found - crossings.right, 0)} false",
+        "–" if math.isnan(confidence) else f"{confidence:.2f}",
+        f"{milliseconds:.0f}",
+    )
+
+
+def digest(answers: Iterable[tuple[str, list[np.ndarray]]]) -> str:
+    """SHA-256 of scenes' names and their chains' nodes, bit for bit."""
+    whole = hashlib.sha256()
+    for name, chains in answers:
+        whole.update(f"{name} {[len(nodes) for nodes in chains]}".encode())
+        for nodes in chains:
+            whole.update(np.ascontiguousarray(nodes, dtype="<f8").tobytes())
+    return whole.hexdigest()
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
+    collection.add_arguments(parser)
     parser.add_argument("--published", action="store_true", help="use Config.published()")
-    parser.add_argument("--ropes", type=int, help="tell the number of ropes")
-    parser.add_argument("--only", default="", help="scenes whose name holds this text")
+    parser.add_argument("--estimate-radius", action="store_true", help="do not tell the radius")
+    parser.add_argument("--ropes", type=int, metavar="N", help="tell the number of ropes")
+    parser.add_argument("--views", type=int, nargs="+", metavar="I", help="only these views, counted from 0")
+    parser.add_argument("--runs", type=int, default=5, metavar="N", help="of each scene (default: 5)")
     arguments = parser.parse_args()
-    measure = load_measure(arguments.folder.resolve().parent / "score.py")
-    config = strand.Config.published() if arguments.published else None
-    print("| scene | topology | chains | Fréchet / r | RMS mm | length % | crossings | ms |")
-    print("|---|---|---|---|---|---|---|---|")
-    right = total = 0
-    for path in sorted(arguments.folder.glob("*.npz")):
-        if arguments.only not in path.stem:
-            continue
-        scene = strand.load_scene(path)
-        times = []
+    if arguments.published and arguments.estimate_radius:
+        parser.error("--estimate-radius: the published method needs the radius")
+    if arguments.runs < 1:
+        parser.error("--runs: expected at least 1")
+    titles = (
+        "scene",
+        "topology",
+        "chains",
+        "Fréchet / r",
+        "RMS mm",
+        "length %",
+        "crossings",
+        "confidence",
+        "ms",
+    )
+    print(head(*titles))
+    answers, measures = [], []
+    by_noise: dict[float, list[float]] = defaultdict(list)
+    sure_and_wrong = 0.0
+    for scene in collection.chosen(arguments):
         try:
-            for _ in range(5):
-                start = time.perf_counter()
-                model = strand.reconstruct(
-                    scene.views, scene.radius, scene.bounds, ropes=arguments.ropes, config=config
-                )
-                times.append((time.perf_counter() - start) * 1e3)
-            s = measure.score([chain.points for chain in model.chains], scene.truth, scene.radius)
+            model, milliseconds = reconstructed(scene, arguments)
         except strand.StrandError as error:
-            print(f"| {path.stem} | no answer: {error} | | | | | | |", flush=True)
-            total += 1
-            continue
-        found, true, correct = s["crossings"]
+            chains, confidence, milliseconds = [], 0.0, math.nan
+            print(f"{scene.name}: {error}", file=sys.stderr)
+        else:
+            chains, confidence = [chain.points for chain in model.chains], model.confidence
+        answers.append((scene.name, chains))
+        found = measured(chains, scene.truth, scene.radius)
+        measures.append(found)
+        by_noise[scene.noise].append(found.rms * 1e3)
+        if not found.right:
+            sure_and_wrong = max(sure_and_wrong, confidence)
+        print(said(scene.name, found, confidence, milliseconds), flush=True)
+    right = sum(found.right for found in measures)
+    over, crossings = (sum(getattr(found.crossings, key) for found in measures) for key in ("right", "true"))
+    print(f"\nTopology right on {right} of {len(measures)} scenes, ", end="")
+    print(f"over and under at {over} of {crossings} crossings.")
+    if right < len(measures) and not arguments.published:
+        print(f"The highest confidence of a wrong answer is {sure_and_wrong:.2f}.")
+    print(f"\n{head('depth noise mm', 'scenes', 'RMS mm, median', 'worst')}")
+    for noise, errors in sorted(by_noise.items()):
         print(
-            f"| {path.stem} | {'right' if s['topology_ok'] else 'wrong'} | {s['n_chains']} of {s['n_true']} "
-            f"| {s['frechet']:.2f} | {s['rms'] * 1e3:.2f} | {s['length_err'] * 100:.2f} "
-            f"| {correct} of {true}, {max(found - correct, 0)} false | {statistics.median(times):.0f} |",
-            flush=True,
+            row(f"{noise * 1e3:.1f}", len(errors), f"{statistics.median(errors):.3f}", f"{max(errors):.3f}")
         )
-        right, total = right + s["topology_ok"], total + 1
-    print(f"\ntopology right on {right} of {total} scenes")
-    return 0 if total else 1
+    print(f"\nSHA-256 of the nodes: {digest(answers)}")
+    return 0
 
 
 if __name__ == "__main__":

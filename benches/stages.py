@@ -1,9 +1,10 @@
 """Time the stages of a reconstruction from depth images, and print a table in milliseconds.
 
-python benches/stages.py SCENE.npz [SCENE.npz ...] [--runs N]
+python benches/stages.py [SCENE ...] [--runs N]
 
-"views" is the un-projection of the images, "rest" what belongs to no stage; the total, from the images to
-the model, is the median of all runs, then the quickest: on a busy machine it says more. Stages are medians.
+A SCENE is the name of one in benches/collection.py or an .npz file. "views" is the un-projection of the
+images, "rest" what belongs to no stage; the total, from the images to the model, is the median of all runs,
+then the quickest: on a busy machine it says more. Stages are medians.
 """
 
 from __future__ import annotations
@@ -12,24 +13,22 @@ import argparse
 import statistics
 import sys
 import time
-from pathlib import Path
 
-import numpy as np
+import collection
+from tables import head, row
 
 import strand
+from strand.synthetic import SyntheticScene
 
+SCENES = ("paper_0.7mm", "paper_fine")
 METHODS = {"default": strand.Config(), "published": strand.Config.published()}
 
 
-def timed(scene: strand.scene.Scene, path: Path, config: strand.Config) -> dict[str, float]:
+def timed(scene: SyntheticScene, config: strand.Config) -> dict[str, float]:
     """Seconds of each stage of one run."""
-    with np.load(path) as arrays:
-        images = arrays["depth"] * float(arrays["depth_scale"])
-        intrinsics, poses = arrays["K"], arrays["poses"]
+    images = zip(scene.depth * scene.depth_scale, scene.poses, strict=True)
     start = time.perf_counter()
-    views = [
-        strand.View.from_depth(image, intrinsics, pose) for image, pose in zip(images, poses, strict=True)
-    ]
+    views = [strand.View.from_depth(image, scene.intrinsics, pose) for image, pose in images]
     unprojected = time.perf_counter()
     model = strand.reconstruct(views, scene.radius, scene.bounds, config=config)
     total = time.perf_counter() - start
@@ -39,20 +38,19 @@ def timed(scene: strand.scene.Scene, path: Path, config: strand.Config) -> dict[
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", type=Path, nargs="+")
-    parser.add_argument("--runs", type=int, default=15)
+    scenes = f"names or .npz files (default: {' '.join(SCENES)})"
+    parser.add_argument("scenes", metavar="SCENE", nargs="*", default=SCENES, help=scenes)
+    parser.add_argument("--runs", type=int, default=15, metavar="N", help="of each (default: 15)")
     arguments = parser.parse_args()
-    print("| scene | method | total | quickest | stages |")
-    print("|---|---|---|---|---|")
-    for path in arguments.scenes:
-        scene = strand.load_scene(path)
+    print(head("scene", "method", "total", "quickest", "stages"))
+    for scene in map(collection.scene, arguments.scenes):
         for name, config in METHODS.items():
-            runs = [timed(scene, path, config) for _ in range(arguments.runs)]
+            runs = [timed(scene, config) for _ in range(arguments.runs)]
             totals = [sum(run.values()) * 1e3 for run in runs]
             stages = {stage: statistics.median(run[stage] for run in runs) * 1e3 for stage in runs[0]}
             parts = ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items())
-            row = [path.stem, name, f"{statistics.median(totals):.0f}", f"{min(totals):.0f}", parts]
-            print("|", " | ".join(row), "|", flush=True)
+            median, least = f"{statistics.median(totals):.0f}", f"{min(totals):.0f}"
+            print(row(scene.name, name, median, least, parts), flush=True)
     return 0
 
 

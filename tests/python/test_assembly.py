@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,6 @@ from strand.config import Linking
 from strand.synthetic import tangle
 from strand.visibility import Sight
 
-SHARED = Path(__file__).resolve().parents[3] / "shared"
-SCENES = SHARED / "scenes"
 R = 0.0042
 UP = np.array([0.0, 0.0, 5.0 * R])
 
@@ -65,10 +62,10 @@ def test_a_view_without_points_knows_nothing():
     assert sight.hidden(np.zeros((3, 3)), R).all()
 
 
-def test_a_second_look_finds_the_string_that_is_left_out(paper, paper_model):
+def test_a_second_look_finds_the_string_that_is_left_out(paper, paper_model, collected):
     fit = paper_model.stages["fit"]
     assert pieces.left_over(fit) == []
-    two = strand.load_scene(SCENES / "two_ropes.npz")
+    two = collected("two_ropes")
     model = strand.reconstruct(two.views, two.radius, two.bounds, keep_stages=True)
     fit = model.stages["fit"]
     clouds = tubes.Clouds.of([view.crop(two.bounds) for view in two.views], two.bounds)
@@ -253,9 +250,9 @@ def test_rings_start_at_the_same_place_however_the_data_waver():
     assert np.ptp(starts, axis=0).max() < 3.0 * R
 
 
-def test_other_ways_are_given_with_what_they_cost_more(tmp_path):
-    shared = strand.load_scene(SCENES / "paper_high.npz")
-    model = strand.reconstruct(shared.views, shared.radius, shared.bounds)
+def test_other_ways_are_given_with_what_they_cost_more(collected, tmp_path):
+    scene = collected("paper_mid")
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert model.alternatives
     costs = [other.cost for other in model.alternatives]
     assert costs == sorted(costs)
@@ -283,10 +280,10 @@ def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor
     assert any(f"the string looks {looks}" in warning for warning in model.warnings)
 
 
-def test_the_next_view_is_never_from_under_the_table():
-    for name in ("arc_low", "arc_mid"):
-        shared = strand.load_scene(SCENES / f"{name}.npz")
-        model = strand.reconstruct(shared.views, shared.radius, shared.bounds)
+def test_the_next_view_is_never_from_under_the_table(collected):
+    for name in ("arc_0.3mm", "arc_0.7mm"):
+        scene = collected(name)
+        model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
         assert model.next_view()[2] > 0.0
 
 
@@ -407,9 +404,8 @@ def test_tangles_refuse_what_cannot_be():
         tangle(1, 1, 0.0)
 
 
-def test_a_branched_object_comes_as_chains_that_meet_and_says_so():
-    path = SHARED / "real" / "harness" / "wireHarness.txt"
-    points = np.loadtxt(path)
+def test_a_branched_object_comes_as_chains_that_meet_and_says_so(data):
+    points = np.loadtxt(data / "harness" / "wireHarness.txt")
     model = strand.reconstruct([strand.View.from_world(points, points.mean(axis=0) + 40.0 * UP)], 0.006)
     assert len(model.chains) > 2
     assert sum("a branch?" in warning for warning in model.warnings) >= 1
@@ -436,16 +432,16 @@ def test_a_string_that_ends_short_of_another_is_no_branch(gap, said):
     assert any("a branch?" in warning for warning in model.warnings) == said
 
 
-def test_ropes_that_cross_near_an_end_are_no_branches():
-    scene = strand.load_scene(SCENES / "two_ropes.npz")
+def test_ropes_that_cross_near_an_end_are_no_branches(collected):
+    scene = collected("two_ropes")
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 2
     assert not any("a branch?" in warning for warning in model.warnings)
 
 
-@pytest.mark.parametrize("name", ["loop_high", "overhand_high"])
-def test_crossings_that_look_like_one_strand_for_long_are_told_apart(name):
-    scene = strand.load_scene(SCENES / f"{name}.npz")
+@pytest.mark.parametrize("name", ["loop_1.5mm", "overhand_1.5mm"])
+def test_crossings_that_look_like_one_strand_for_long_are_told_apart(collected, name):
+    scene = collected(name)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (chain,) = model.chains
     truth = strand.Chain(scene.truth[0], scene.radius)

@@ -17,7 +17,6 @@ import strand
 from strand import cli
 from strand.cli import main
 
-SHARED = Path(__file__).resolve().parents[3] / "shared"
 STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
 PUBLISHED_STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
 SCENE = strand.synthetic.scene("arc", views=3)

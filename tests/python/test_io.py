@@ -16,7 +16,6 @@ from strand.io import FileFormatError, load_scene, read_json, read_toml, write_b
 from strand.scene import parse_length
 from strand.view import View, pose_from_angles, turntable_pose
 
-SHARED = Path(__file__).resolve().parents[3] / "shared"
 POINTS = np.random.default_rng(0).normal(size=(40, 3)) + np.array([0.0, 0.0, 5.0])
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)
 K = np.array([[10.0, 0, 3.5], [0, 11.0, 2.5], [0, 0, 1]])
@@ -258,8 +257,8 @@ def test_npz_with_wrong_content(tmp_path, changes, message):
         load_scene(tmp_path / "a.npz")
 
 
-def test_shared_scene():
-    scene = load_scene(SHARED / "scenes" / "two_ropes.npz")
+def test_stored_scene(data):
+    scene = load_scene(data / "scenes" / "two_ropes.npz")
     assert len(scene.views) == 7
     assert len(scene.truth) == 2
     assert scene.radius == pytest.approx(0.0042)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from strand.radius import Radii, agreeing
 from strand.synthetic import camera_pose, render_depth, sense
 from strand.tubefit import unchecked_fit
 
-SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 CAMERA = np.array([0.0, 0.0, 0.4])
 
 
@@ -105,10 +103,10 @@ def test_what_has_no_radius_is_refused(views, error, message):
 
 
 @pytest.mark.parametrize(
-    ("name", "limit"), [("s_low", 0.01), ("coil_mid", 0.01), ("hard03", 0.02), ("s_high", 0.03)]
+    ("name", "limit"), [("s_0.3mm", 0.01), ("coil_0.7mm", 0.01), ("hard03", 0.02), ("s_1.5mm", 0.03)]
 )
-def test_a_reconstruction_finds_the_radius(name, limit):
-    scene = strand.load_scene(SCENES / f"{name}.npz")
+def test_a_reconstruction_finds_the_radius(collected, name, limit):
+    scene = collected(name)
     model = strand.reconstruct(scene.views, None, scene.bounds)
     (chain,) = model.chains
     assert chain.radius == pytest.approx(scene.radius, rel=limit)
@@ -182,8 +180,8 @@ def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeyp
     assert [chain.length for chain in model.chains] == pytest.approx(lengths, rel=0.02)
 
 
-def test_one_view_says_how_little_it_knows():
-    scene = strand.load_scene(SCENES / "s_mid.npz")
+def test_one_view_says_how_little_it_knows(collected):
+    scene = collected("s_0.7mm")
     model = strand.reconstruct([scene.views[3]], None, scene.bounds)
     chain = model.chains[0]
     assert abs(chain.radius - scene.radius) < 2 * chain.radius_sd < 0.6 * scene.radius
@@ -215,14 +213,14 @@ def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(mo
 @pytest.mark.parametrize(
     ("radius", "error"), [([], ValueError), ([0.004, -1.0], ValueError), (["a"], TypeError), ("a", TypeError)]
 )
-def test_wrong_radii_are_refused(radius, error):
-    scene = strand.load_scene(SCENES / "s_mid.npz")
+def test_wrong_radii_are_refused(collected, radius, error):
+    scene = collected("s_0.7mm")
     with pytest.raises(error, match="radius"):
         strand.reconstruct(scene.views, radius, scene.bounds)
 
 
-def test_the_published_method_takes_one_radius():
-    scene = strand.load_scene(SCENES / "s_mid.npz")
+def test_the_published_method_takes_one_radius(collected):
+    scene = collected("s_0.7mm")
     with pytest.raises(ValueError, match="radius"):
         strand.reconstruct(scene.views, [0.004, 0.006], scene.bounds, config=strand.Config.published())
 

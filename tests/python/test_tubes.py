@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from strand.config import Linking
 from strand.curve import Curve
 from strand.outliers import without_outliers
 
-SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 RADIUS = 0.0042
 
 
@@ -205,9 +203,9 @@ def test_the_radius_is_found_from_the_data(radius):
     assert len(model.chains) == 1
 
 
-@pytest.mark.parametrize("name", ["coil_mid", "overhand_mid", "paper_mid", "heap00", "hard03", "two_ropes"])
-def test_touching_strands_and_knots_come_out_whole(name):
-    scene = strand.load_scene(SCENES / f"{name}.npz")
+@pytest.mark.parametrize("name", ["coil_0.7mm", "overhand_mid", "paper_mid", "heap00", "hard03", "two_ropes"])
+def test_touching_strands_and_knots_come_out_whole(collected, name):
+    scene = collected(name)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == len(scene.truth)
     for chain in model.chains:

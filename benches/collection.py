@@ -1,0 +1,128 @@
+"""The collection: simulated scenes with known truth, each with a name, that benches and tests measure on.
+
+- `paper_mid`, `overhand_mid`, `figure8_low`, `loop_mid`, `heap06`, `hard00`, `two_ropes`: stored in
+  tests/data/scenes, rendered by another ray caster than strand's.
+- `straight_0.3mm` to `paper_1.5mm`: each shape of `strand.synthetic` at three levels of depth noise, with the
+  shape's place in `SHAPES` as seed; `paper_fine` has four times the pixels.
+- `heap00` to `hard06`: settled ropes of tests/data/settled_ropes.npz, with their number as seed.
+- `random_1` to `random_6`: as many crossings of one to three random ropes, with that number as seed.
+
+Whatever is not said is the default of `strand.synthetic.scene`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from strand import synthetic
+from strand.synthetic import SHAPES, SyntheticScene
+
+DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
+NOISES = (0.3e-3, 0.7e-3, 1.5e-3)  # metres
+FINE = (640, 480)  # pixels
+RANDOM = {1: 1, 2: 1, 3: 2, 4: 2, 6: 3}  # ropes by crossings
+
+_ARRAYS = ("depth", "depth_scale", "K", "poses", "poses_true", "box", "radius", "noise")
+
+
+def stored(path: Path) -> SyntheticScene:
+    """Read what `SyntheticScene.save` wrote; the scene is called as the file is.
+
+    Raises
+    ------
+    ValueError
+        If the file lacks an array.
+    """
+    with np.load(path) as arrays:
+        missing = [key for key in _ARRAYS if key not in arrays]
+        if missing:
+            raise ValueError(f"{path}: missing {', '.join(missing)}")
+        ropes = sum(key.startswith("truth_") for key in arrays)
+        low, high = arrays["box"]
+        return SyntheticScene(
+            name=path.stem,
+            depth=arrays["depth"],
+            depth_scale=float(arrays["depth_scale"]),
+            intrinsics=arrays["K"].astype(np.float64),
+            poses=arrays["poses"].astype(np.float64),
+            poses_true=arrays["poses_true"].astype(np.float64),
+            bounds=(low, high),
+            radius=float(arrays["radius"]),
+            truth=tuple(arrays[f"truth_{i}"].astype(np.float64) for i in range(ropes)),
+            noise=round(float(arrays["noise"]), 9),  # some files have it in single precision
+        )
+
+
+def _settled(name: str) -> SyntheticScene:
+    with np.load(DATA / "settled_ropes.npz") as ropes:
+        nodes = ropes[name].astype(np.float64)
+    return synthetic.scene(name, chains=[nodes], seed=int(name[-2:]))
+
+
+def _random(crossings: int) -> SyntheticScene:
+    chains = synthetic.tangle(crossings, RANDOM[crossings], seed=crossings)
+    return synthetic.scene(f"random_{crossings}", chains=chains, seed=crossings)
+
+
+def _makers() -> dict[str, Callable[[], SyntheticScene]]:
+    makers: dict[str, Callable[[], SyntheticScene]] = {
+        path.stem: partial(stored, path) for path in sorted((DATA / "scenes").glob("*.npz"))
+    }
+    for seed, shape in enumerate(SHAPES):
+        for noise in NOISES:
+            name = f"{shape}_{noise * 1e3:.1f}mm"
+            makers[name] = partial(synthetic.scene, shape, seed=seed, noise=noise)
+    makers["paper_fine"] = partial(synthetic.scene, "paper", seed=SHAPES.index("paper"), size=FINE)
+    with np.load(DATA / "settled_ropes.npz") as ropes:
+        makers |= {name: partial(_settled, name) for name in ropes}
+    return makers | {f"random_{count}": partial(_random, count) for count in RANDOM}
+
+
+_MAKERS = _makers()
+
+
+def names() -> list[str]:
+    """The names of all scenes."""
+    return list(_MAKERS)
+
+
+def scene(name: str) -> SyntheticScene:
+    """Make or read one scene: the same bits each time.
+
+    Parameters
+    ----------
+    name : str
+        A scene's name, or the path of an `.npz` file.
+    """
+    if name.endswith(".npz"):
+        return stored(Path(name))
+    return dataclasses.replace(_MAKERS[name](), name=name)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Let the command line choose scenes."""
+    parser.add_argument(
+        "folder",
+        metavar="DIR",
+        type=Path,
+        nargs="?",
+        help="a folder of .npz scenes as tests/data/README.md describes them (default: the collection)",
+    )
+    parser.add_argument("--only", metavar="TEXT", default="", help="scenes whose name holds this text")
+
+
+def chosen(arguments: argparse.Namespace) -> Iterator[SyntheticScene]:
+    """Yield the scenes that the command line chose; end the program if there are none."""
+    folder: Path | None = arguments.folder
+    paths = names() if folder is None else [str(path) for path in sorted(folder.glob("*.npz"))]
+    kept = [path for path in paths if arguments.only in Path(path).name.removesuffix(".npz")]
+    if not kept:
+        sys.exit(f"{folder or 'collection'}: no scene whose name holds {arguments.only!r}")
+    yield from map(scene, kept)

@@ -1,0 +1,44 @@
+"""The real depth frames: one rope between two grippers, seen by one camera (tests/data/README.md)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import strand
+
+Array = NDArray[np.float64]
+
+FOLDER = Path(__file__).resolve().parent.parent / "tests" / "data" / "mp2cdlo"
+
+
+def names() -> list[str]:
+    """The frames' numbers, as their files have them."""
+    return sorted(path.stem.removeprefix("depth_") for path in FOLDER.glob("depth_*.png"))
+
+
+def depth(name: str) -> Array:
+    """(H, W) Depth along the camera's z axis, metres; 0 for no return."""
+    return np.asarray(Image.open(FOLDER / f"depth_{name}.png")) * 1e-3
+
+
+def intrinsics() -> Array:
+    """(3, 3) The camera's pinhole matrix, pixels."""
+    camera = json.loads((FOLDER / "intrinsics.json").read_text())
+    return np.array([[camera["fx"], 0.0, camera["cx"]], [0.0, camera["fy"], camera["cy"]], [0.0, 0.0, 1.0]])
+
+
+def view(name: str) -> strand.View:
+    """The frame's points, turned so that y is up and z towards the camera: a plan of them stands upright."""
+    pose = strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.0])
+    return strand.View.from_depth(depth(name), intrinsics(), pose)
+
+
+def gray(name: str) -> NDArray[np.uint8] | None:
+    """(H, W) The colour image without its colours; None if the frame has none."""
+    path = FOLDER / f"color_image_{name}.png"
+    return np.asarray(Image.open(path).convert("L")) if path.exists() else None

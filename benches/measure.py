@@ -1,0 +1,205 @@
+"""The measure of a reconstruction: its chains beside the true centrelines.
+
+Chains and centrelines are resampled every millimetre. The topology is right when there are as many chains as
+ropes and each stays within 1.5 radii of its rope by the discrete Fréchet distance: it runs through the rope
+from end to end, in order, with no shortcut, jump or missing stretch. Chains and ropes are assigned to each
+other, and chains turned round, so that these distances are least. Errors are measured in order along the
+rope, so that a chain gets no credit for lying near another strand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3  # metres between the nodes that are compared
+RIGHT = 1.5  # radii: the greatest Fréchet distance of a chain that follows its rope
+APART = 8  # steps along a rope, the least between strands that cross
+SAME = 4.0  # radii of arc length within which a crossing found is the true one
+PARALLEL = 1e-9  # sine of the angle under which segments do not cross
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Crossings of ropes with themselves, seen from above.
+
+    Attributes
+    ----------
+    found, true : int
+        How many the chains have, and the ropes.
+    right : int
+        True crossings that were found: between the same places along the rope, the same strand on top.
+    """
+
+    found: int
+    true: int
+    right: int
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How well chains match ropes.
+
+    Attributes
+    ----------
+    chains, ropes : int
+        How many were found, and how many there are.
+    right : bool
+        Whether the topology is right.
+    frechet : float
+        Discrete Fréchet distance in radii, of the worst rope; infinite if a rope has no chain.
+    rms : float
+        Root mean square distance of the chains' nodes from their ropes, in order along them, metres;
+        infinite if there are no chains.
+    length_error : float
+        Difference of the lengths over the rope's, of the worst rope that has a chain; infinite if there
+        are no chains.
+    crossings : Crossings
+    """
+
+    chains: int
+    ropes: int
+    right: bool
+    frechet: float
+    rms: float
+    length_error: float
+    crossings: Crossings
+
+
+def measured(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radius: float) -> Measure:
+    """Compare chains with ropes.
+
+    Parameters
+    ----------
+    chains, truth : sequence of (N, 3) array_like
+        Nodes of the chains and of the ropes' centrelines in one frame, metres, end to end. Chains of fewer
+        than two nodes do not count.
+    radius : float
+        The ropes' radius, metres.
+    """
+    ropes = [resampled(nodes) for nodes in truth]
+    found = [resampled(nodes) for nodes in chains if len(np.asarray(nodes)) >= 2]
+    if not found:
+        return Measure(0, len(ropes), False, math.inf, math.inf, math.inf, Crossings(0, 0, 0))
+    # a chain in the direction in which it is nearer to the rope, with that distance
+    fits = [
+        [
+            min(((frechet(way, rope), way) for way in (chain, chain[::-1])), key=lambda fit: fit[0])
+            for rope in ropes
+        ]
+        for chain in found
+    ]
+    distances = np.array([[distance for distance, _ in row] for row in fits])
+    assigned = list(zip(*linear_sum_assignment(distances), strict=True))
+    pairs = [(fits[i][j][1], ropes[j]) for i, j in assigned]
+    worst = max(distances[i, j] for i, j in assigned) / radius if len(found) >= len(ropes) else math.inf
+    lengths = [(arc_lengths(chain)[-1], arc_lengths(rope)[-1]) for chain, rope in pairs]
+    counts = [crossings_found(chain, rope, radius) for chain, rope in pairs]
+    return Measure(
+        chains=len(found),
+        ropes=len(ropes),
+        right=len(found) == len(ropes) and bool(worst <= RIGHT),
+        frechet=float(worst),
+        rms=float(np.sqrt(np.mean([rms_in_order(chain, rope) ** 2 for chain, rope in pairs]))),
+        length_error=float(max(abs(length - true) / true for length, true in lengths)),
+        crossings=Crossings(*(sum(column) for column in zip(*counts, strict=True))),
+    )
+
+
+def arc_lengths(nodes: Array) -> Array:
+    """(N,) Length along straight segments from the first node to each, metres."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+
+
+def resampled(nodes: ArrayLike) -> Array:
+    """(M, 3) Nodes a step apart along straight segments, the ends included."""
+    nodes = np.asarray(nodes, dtype=np.float64)
+    at = arc_lengths(nodes)
+    s = np.linspace(0.0, at[-1], max(round(at[-1] / STEP) + 1, 2))
+    return np.stack([np.interp(s, at, nodes[:, k]) for k in range(3)], axis=1)
+
+
+def frechet(a: Array, b: Array) -> float:
+    """Discrete Fréchet distance of two curves by their nodes (Eiter and Mannila 1994), metres.
+
+    The least length of a leash that lets two walkers go from end to end, node by node and never back:
+    C[i, j] = max(D[i, j], min(C[i-1, j], C[i, j-1], C[i-1, j-1])).
+    """
+    apart = cdist(a, b)
+    n, m = apart.shape
+    # an antidiagonal i + j = k hangs on the two before it only; by i, with one place before the first
+    before, last = np.full(n + 1, np.inf), np.full(n + 1, np.inf)
+    last[1] = apart[0, 0]
+    for k in range(1, n + m - 1):
+        i = np.arange(max(0, k - m + 1), min(n - 1, k) + 1)
+        leash = np.full(n + 1, np.inf)
+        leash[i + 1] = np.maximum(apart[i, k - i], np.minimum(np.minimum(last[i], last[i + 1]), before[i]))
+        before, last = last, leash
+    return float(last[n])
+
+
+def rms_in_order(chain: Array, rope: Array) -> float:
+    """Root mean square distance of nodes from a rope, metres.
+
+    Nodes are matched with the rope's segments so that the squares' sum is least and no node lies on a segment
+    before the previous node's.
+    """
+    start, step = rope[:-1], np.diff(rope, axis=0)
+    offset = chain[:, None] - start
+    along = np.clip((offset * step).sum(axis=2) / (step**2).sum(axis=1), 0.0, 1.0)
+    squares = np.linalg.norm(offset - along[..., None] * step, axis=2) ** 2
+    cost = squares[0]
+    for row in squares[1:]:
+        cost = row + np.minimum.accumulate(cost)
+    return float(np.sqrt(cost.min() / len(chain)))
+
+
+def crossings_found(chain: Array, rope: Array, radius: float) -> tuple[int, int, int]:
+    """Crossings that the chain has, that the rope has, and how many of these the chain has too."""
+    here, there = crossings(chain), crossings(rope)
+    left = list(range(len(here)))
+    for place in there:
+        same = np.abs(here[left, :2] - place[:2]) < SAME * radius
+        same = same.all(axis=1) & (np.sign(here[left, 2]) == np.sign(place[2]))
+        if same.any():
+            del left[int(same.argmax())]
+    return len(here), len(there), len(here) - len(left)
+
+
+def crossings(nodes: Array) -> Array:
+    """(K, 3) Crossings of a curve with itself seen along z.
+
+    Each row has the two arc lengths, the less first, and how much higher the second strand is, metres.
+    """
+    start, step = nodes[:-1], np.diff(nodes, axis=0)
+    i, j = np.triu_indices(len(step), k=APART)
+    offset = start[j] - start[i]
+    # start_i + t step_i meets start_j + u step_j in the plane
+    size = _cross(step[i], step[j])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t, u = _cross(offset, step[j]) / size, _cross(offset, step[i]) / size
+    meet = (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
+    # along a straight rope t and u are rounding errors over rounding errors
+    meet &= np.abs(size) > PARALLEL * STEP**2
+    i, j, t, u = i[meet], j[meet], t[meet], u[meet]
+    at, height = arc_lengths(nodes), nodes[:, 2]
+    return np.stack(
+        [
+            at[i] + t * (at[i + 1] - at[i]),
+            at[j] + u * (at[j + 1] - at[j]),
+            height[j] + u * step[j, 2] - height[i] - t * step[i, 2],
+        ],
+        axis=1,
+    )
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -1,0 +1,151 @@
+"""The measure of a reconstruction, on chains whose faults are known."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from measure import Crossings, crossings, frechet, measured, resampled, rms_in_order
+
+R = 0.004
+ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture
+def rope():
+    """A loop: 0.05 m in, a circle of 0.03 m radius, 0.05 m on, its end passing over its start."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    into = np.stack([np.linspace(-0.05, 0.0, 50), np.zeros(50), np.full(50, R)], axis=1)
+    circle = 0.03 * np.stack([np.sin(angle), 1.0 - np.cos(angle), np.zeros(200)], axis=1)
+    circle[:, 2] = np.linspace(R, 3.0 * R, 200)
+    on = into + np.array([0.05, 0.0, 2.0 * R])
+    # turned a little, so that the strands cross instead of meeting in a line
+    on[:, 1] -= 0.3 * on[:, 0]
+    into[:, 1] -= 0.3 * into[:, 0]
+    return np.vstack([into[:-1], circle, on[1:]])
+
+
+def test_the_rope_itself_is_right_in_both_directions(rope):
+    for chain in (rope, rope[::-1]):
+        found = measured([chain], [rope], R)
+        assert found.right
+        assert (found.chains, found.ropes) == (1, 1)
+        # turned round, nodes are as far apart but elsewhere by parts of a step
+        assert found.frechet * R < 1e-3
+        assert found.rms < 1e-5
+        assert found.length_error < 1e-9
+        assert found.crossings == Crossings(1, 1, 1)
+
+
+def test_a_shift_is_measured():
+    nodes = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 50)
+    found = measured([nodes + 0.003 * ACROSS], [nodes], R)
+    assert found.right
+    assert found.frechet == pytest.approx(0.003 / R)
+    assert found.rms == pytest.approx(0.003)
+    assert not measured([nodes + 1.51 * R * ACROSS], [nodes], R).right
+
+
+def test_a_missing_end_counts_from_one_and_a_half_radii_on():
+    nodes = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 2001)
+    for missing, right in ((1.0, True), (2.0, False)):
+        chain = nodes[nodes[:, 0] <= 0.2 - missing * R]
+        found = measured([chain], [nodes], R)
+        assert found.right == right
+        assert found.frechet == pytest.approx(missing, abs=0.1)
+        assert found.length_error == pytest.approx(missing * R / 0.2, rel=0.02)
+
+
+def test_a_shortcut_is_wrong_though_every_node_is_on_the_rope(rope):
+    # from the crossing straight on, without the circle
+    short = np.vstack([rope[:49], rope[248:]])
+    found = measured([short], [rope], R)
+    assert not found.right
+    assert found.rms < 1.5 * R
+    assert found.frechet > 10.0
+    assert found.crossings == Crossings(0, 1, 0)
+
+
+def test_a_rope_in_two_pieces_is_wrong(rope):
+    found = measured([rope[:150], rope[149:]], [rope], R)
+    assert (found.chains, found.ropes, found.right) == (2, 1, False)
+    # the better piece is measured all the same
+    assert np.isfinite([found.frechet, found.rms, found.length_error]).all()
+
+
+def test_a_rope_without_a_chain_is_wrong():
+    one = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 50)
+    two = one + 0.05 * ACROSS
+    assert measured([two, one], [one, two], R).right
+    found = measured([one], [one, two], R)
+    assert (found.chains, found.ropes, found.right) == (1, 2, False)
+    assert found.frechet == np.inf
+    assert found.rms < 1e-9
+    for chains in ([], [one[:1]]):
+        found = measured(chains, [one], R)
+        assert (found.chains, found.right) == (0, False)
+        assert found.frechet == found.rms == found.length_error == np.inf
+
+
+def test_ropes_that_change_places_where_they_cross_are_wrong():
+    t = np.linspace(-0.1, 0.1, 201)[:, None]
+    one, two = t * [1.0, 0.5, 0.0], t * [1.0, -0.5, 0.0]
+    assert measured([one, two], [one, two], R).right
+    swapped = [np.vstack([one[:100], two[100:]]), np.vstack([two[:100], one[100:]])]
+    assert not measured(swapped, [one, two], R).right
+
+
+def test_the_wrong_strand_on_top_is_no_crossing_found(rope):
+    flipped = rope * [1.0, 1.0, -1.0] + [0.0, 0.0, 4.0 * R]
+    assert measured([flipped], [rope], 10.0 * R).crossings == Crossings(found=1, true=1, right=0)
+
+
+def test_a_crossing_elsewhere_is_not_the_true_one(rope):
+    chain = rope * [2.0, 2.0, 1.0]
+    assert measured([chain], [rope], R).crossings == Crossings(found=1, true=1, right=0)
+
+
+def test_crossings_are_told_by_arc_length_and_height(rope):
+    ((low, high, rise),) = crossings(resampled(rope))
+    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(rope, axis=0), axis=1))]
+    at = [[np.interp(s, lengths, rope[:, k]) for k in range(3)] for s in (low, high)]
+    np.testing.assert_allclose(at[0][:2], at[1][:2], atol=1e-4)
+    assert rise == pytest.approx(at[1][2] - at[0][2], abs=1e-5)
+    assert rise > R
+    straight = np.linspace([0.1, 0.2, 0.0], [0.3, -0.1, 0.0], 300)
+    assert len(crossings(straight)) == 0
+
+
+def test_frechet_is_that_of_its_definition():
+    rng = np.random.default_rng(0)
+    for n, m in ((1, 1), (1, 5), (6, 1), (7, 9), (12, 5)):
+        a, b = rng.normal(size=(n, 3)), rng.normal(size=(m, 3))
+
+        @cache
+        def leash(i, j, a=a, b=b):
+            before = [(k, p) for k, p in ((i - 1, j), (i, j - 1), (i - 1, j - 1)) if k >= 0 and p >= 0]
+            shortest = min((leash(*pair) for pair in before), default=0.0)
+            return max(float(np.linalg.norm(a[i] - b[j])), shortest)
+
+        assert frechet(a, b) == pytest.approx(leash(n - 1, m - 1), rel=1e-12)
+
+
+def test_errors_are_counted_in_order_along_the_rope():
+    # two strands side by side, 0.01 m apart, joined at one end
+    there = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], 101)
+    back = there[::-1] + 0.01 * ACROSS
+    rope = np.vstack([there, back])
+    assert rms_in_order(rope, rope) == 0.0
+    # one that starts on the wrong strand gets no credit for lying on it
+    wrong = np.vstack([there + 0.01 * ACROSS, back])
+    assert rms_in_order(wrong, rope) > 0.006
+
+
+def test_resampling_keeps_ends_and_length(rope):
+    nodes = resampled(rope)
+    np.testing.assert_allclose(nodes[[0, -1]], rope[[0, -1]])
+    steps = [np.linalg.norm(b - a) for a, b in pairwise(nodes)]
+    assert max(steps) < 1.01e-3
+    assert sum(steps) == pytest.approx(np.linalg.norm(np.diff(rope, axis=0), axis=1).sum(), rel=1e-3)
