@@ -111,7 +111,7 @@ pub struct TubeFitOptions {
     pub residual: Residual,
     /// Tukey's limit at the first and the last iteration, in radii.
     pub band: [f64; 2],
-    /// Most Gauss–Newton steps.
+    /// Most Gauss–Newton steps. Where a fit goes on from an earlier one, the first two count as taken.
     pub iterations: usize,
     /// After a step of less than this, in standard deviations of the unknowns, there is no other; after one of less than
     /// 0.1, another changes nothing that the data tell.
@@ -247,7 +247,7 @@ pub fn fit_tubes(
             return Err(Error::invalid("feet", "expected parameters of the curves"));
         }
     }
-    if views.iter().any(|view| view.feet.len() != if going_on(views) { view.points.len() } else { 0 }) {
+    if going_on(views) && views.iter().any(|view| view.feet.len() != view.points.len()) {
         return Err(Error::invalid("feet", "expected one for each point, or none for all views"));
     }
     if tubes.is_empty() || tubes.iter().any(|tube| tube.curve.control.len() < 4) {
@@ -346,10 +346,13 @@ fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
 
 impl State<'_> {
     fn run(&mut self, options: &TubeFitOptions) -> Result<TubeFit> {
-        // the limit beyond which residuals do not count need not begin wide again
-        let mut iteration = if self.goes_on() { CLOSE } else { 0 };
-        let mut step = f64::INFINITY;
-        let mut terms: Vec<ViewTerms> = Vec::new();
+        // after an earlier fit the limit beyond which residuals do not count need not begin wide again: its first
+        // steps count as taken
+        let (taken, mut step, mut terms) = match going_on(self.views) {
+            true => (CLOSE, 0.0, self.begun()),
+            false => (0, f64::INFINITY, Vec::new()),
+        };
+        let mut iteration = taken;
         loop {
             let share = iteration as f64 / options.iterations.saturating_sub(1).max(1) as f64;
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
@@ -359,25 +362,20 @@ impl State<'_> {
                     (planned * r).max(least).min(1.2 * r)
                 })
                 .collect();
-            let done = iteration == options.iterations;
+            let done = iteration >= options.iterations;
             let known = (step < SETTLED).then_some(terms);
             terms = self.terms(options, &bands, known);
             self.measure(&terms, options);
             if done {
-                return self.result(terms, &bands, iteration, options);
+                return self.result(terms, &bands, iteration - taken, options);
             }
             step = self.step(&terms, options)?;
             iteration += 1;
             if !self.stiffen(options) && iteration > CLOSE + 1 && step < options.tolerance {
                 let terms = self.terms(options, &bands, Some(terms));
-                return self.result(terms, &bands, iteration, options);
+                return self.result(terms, &bands, iteration - taken, options);
             }
         }
-    }
-
-    /// Whether an earlier fit left the points near their feet.
-    fn goes_on(&self) -> bool {
-        going_on(self.views)
     }
 
     /// Holds views at the reported poses in directions that the data leave open; says whether there are any.

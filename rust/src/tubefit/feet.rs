@@ -114,15 +114,14 @@ struct Eye<'a> {
 }
 
 impl State<'_> {
-    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on, or
-    /// at first on those that an earlier fit found, if there was one.
+    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on.
     pub(super) fn terms(
         &self,
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
     ) -> Vec<ViewTerms> {
-        let search = (known.is_none() && !self.goes_on()).then(|| Search::new(self, options.residual));
+        let search = known.is_none().then(|| Search::new(self, options.residual));
         let spans = Spans::new(self, options, bands);
         let in_view = |(view, known): (usize, Option<ViewTerms>)| {
             let motion = &self.motions[view];
@@ -134,19 +133,16 @@ impl State<'_> {
                 center: self.center,
                 residual: options.residual,
             };
-            let (order, mut places, mut near) = match (known, &search) {
-                (Some(known), _) => {
+            let (order, mut places, mut near) = match (&search, known) {
+                (None, Some(known)) => {
                     let places = known.places();
                     (known.order, places, known.near)
                 }
-                (None, Some(search)) => {
-                    let (order, places) = by_span(eye.searched(search).iter().flatten(), &spans);
+                (Some(search), _) => {
+                    let (order, places) = by_span(eye.searched(search).iter().flatten(), &spans.first);
                     (order, places, Vec::new())
                 }
-                (None, None) => {
-                    let (order, places) = by_span(self.views[view].feet, &spans);
-                    (order, places, Vec::new())
-                }
+                (None, None) => Default::default(),
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
                 newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
@@ -172,6 +168,17 @@ impl State<'_> {
             None => self.views.iter().map(|_| None).collect(),
         };
         known.into_par_iter().enumerate().map(in_view).collect()
+    }
+
+    /// Where an earlier fit left the points, of which no more is known.
+    pub(super) fn begun(&self) -> Vec<ViewTerms> {
+        let firsts = firsts(&self.curves);
+        let of_view = |view: &super::TubeView| {
+            let (order, places) = by_span(view.feet, &firsts);
+            let near = places.iter().map(|place| Near { t: place.t, ..Near::default() }).collect();
+            ViewTerms { order, runs: runs(&places), near, curves: Vec::new(), sums: Vec::new() }
+        };
+        self.views.iter().map(of_view).collect()
     }
 
     /// Where points ended, in their order.
@@ -264,14 +271,19 @@ impl Eye<'_> {
     }
 }
 
-/// The points that some tube is near to, sorted by span, and where.
+/// The points that some tube is near to, sorted by span, and where; `firsts` are the numbers of the curves' first spans.
 fn by_span<'a>(
     places: impl IntoIterator<Item = &'a Option<OnCurve>>,
-    spans: &Spans,
+    firsts: &[usize],
 ) -> (Vec<u32>, Vec<OnSpan>) {
+    let on_span = |place: OnCurve| {
+        let first = firsts[place.curve];
+        let span = (first + place.parameter as usize).min(firsts[place.curve + 1] - 1);
+        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
+    };
     let (order, starts) =
-        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, spans.of(place)))).unzip();
-    sorted(order, starts, spans.spans.len())
+        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, on_span(place)))).unzip();
+    sorted(order, starts, firsts[firsts.len() - 1])
 }
 
 /// Sorts points by the span that they are on; those of one span stay in their order.
@@ -356,13 +368,6 @@ impl Spans {
             }
         }
         Self { first: firsts(&state.curves), spans }
-    }
-
-    /// A place by its span.
-    fn of(&self, place: OnCurve) -> OnSpan {
-        let first = self.first[place.curve];
-        let span = (first + place.parameter as usize).min(self.first[place.curve + 1] - 1);
-        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
     }
 }
 
