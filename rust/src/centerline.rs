@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
+use crate::checks::{check_finite, check_normals, check_positive, check_same_length};
+use crate::error::Result;
 use crate::geometry::{advance, squared_distance};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;

@@ -1,6 +1,7 @@
 //! Ordered chains from axis points by greedy tracing (section V-A, fig. 9–10).
 
-use crate::error::{Error, Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
 use crate::geometry::{centroid, squared_distance};
 use crate::index::Grid;
 use crate::{Point, parallel};

@@ -4,7 +4,8 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use crate::error::{Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::Result;
 use crate::geometry::cell_of;
 use crate::index::Grid;
 use crate::{Point, parallel};

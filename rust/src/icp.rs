@@ -4,7 +4,8 @@ mod pairing;
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
-use crate::error::{Error, Result, check_finite, check_normals, check_positive, check_same_length};
+use crate::checks::{check_finite, check_normals, check_positive, check_same_length};
+use crate::error::{Error, Result};
 use crate::geometry::{RigidMotion, dot, sub};
 use crate::{Point, parallel};
 use pairing::{Pairing, Pairs};

@@ -30,6 +30,7 @@ mod banded;
 mod bridge;
 mod centerline;
 mod chain;
+mod checks;
 mod crop;
 mod density;
 mod depth;

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::checks::{check_finite, check_positive};
 use crate::depth::{Pinhole, has_return};
-use crate::error::{Result, check_finite, check_positive};
+use crate::error::Result;
 use crate::geometry::{RigidMotion, advance, cross, dot, normalized, sub};
 use crate::{Point, parallel};
 

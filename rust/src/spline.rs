@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::Point;
-use crate::error::{Error, Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
 use crate::geometry::{dot, sub};
 
 /// Longest curve that a spline is fitted to, in spans: the fit is dense.

@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use crate::error::{Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::Result;
 use crate::geometry::{advance, cross, dot, normalized, sub};
 use crate::index::Grid;
 use crate::{Point, parallel};

@@ -6,7 +6,8 @@
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 
-use crate::error::{Error, Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
 use crate::geometry::{RigidMotion, advance, centroid, dot, normalized, sub};
 use crate::spline::Spline;
 use crate::{Point, parallel};

@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use crate::error::{Result, check_finite, check_positive, check_same_length};
+use crate::checks::{check_finite, check_positive, check_same_length};
+use crate::error::Result;
 use crate::geometry::{Moments, advance, dot, eigen_symmetric, normalized, squared_distance, sub};
 use crate::index::Grid;
 use crate::normals::Viewpoints;
