@@ -1,4 +1,6 @@
 //! Axis points from surface points and normals (section IV-D, eq. 16–18).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
 use std::borrow::Cow;
 
