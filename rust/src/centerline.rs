@@ -1,8 +1,11 @@
 //! Axis points from surface points and normals (section IV-D, eq. 16–18).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
 use std::borrow::Cow;
 
-use crate::error::{Result, check_finite, check_normals, check_positive, check_same_length};
+use crate::checks::{check_finite, check_normals, check_positive, check_same_length};
+use crate::error::Result;
 use crate::geometry::{advance, squared_distance};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;

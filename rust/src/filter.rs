@@ -1,6 +1,9 @@
 //! Outlier filter: drop points with too few neighbours within a searching radius (section IV-A).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
-use crate::error::{Result, check_finite, check_positive};
+use crate::checks::{check_finite, check_positive};
+use crate::error::Result;
 use crate::geometry::squared_distance;
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::Cells;

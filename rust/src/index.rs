@@ -13,7 +13,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::error::{Result, check_finite};
+use crate::checks::check_finite;
+use crate::error::Result;
 use crate::geometry::{dot, squared_distance, sub};
 use crate::index::cells::sort_words;
 use crate::{Point, parallel};

@@ -1,6 +1,9 @@
 //! Surface normals by principal components (section IV-B, eq. 10–14).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
-use crate::error::{Result, check_finite, check_positive, check_same_length};
+use crate::checks::{check_finite, check_positive, check_same_length};
+use crate::error::Result;
 use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::cells::Cells;

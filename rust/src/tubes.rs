@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use crate::error::{Result, check_finite, check_positive, check_same_length};
+use crate::checks::{check_finite, check_positive, check_same_length};
+use crate::error::Result;
 use crate::geometry::{Moments, advance, dot, eigen_symmetric, normalized, squared_distance, sub};
 use crate::index::Grid;
 use crate::normals::Viewpoints;
@@ -20,6 +21,8 @@ const LEAST_SCORE: f64 = 0.25;
 const CLEARANCE: f64 = 0.7;
 /// Nodes nearer than this to another arc, or to their own from farther back, have run into it, in radii.
 const COLLISION: f64 = 0.6;
+/// Fewest nodes of an arc, where the caller does not say.
+pub const MIN_NODES: usize = 4;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
 /// Sides of the cubes that give a seed each, in radii: each size only where arcs from larger ones left points free.
@@ -35,7 +38,7 @@ const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, pr
 /// What a step may change.
 const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
 
-/// A stretch of string along which its surface was seen.
+/// A stretch of rope along which its surface was seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arc {
     /// Nodes of the axis, half a radius apart, metres.

@@ -456,6 +456,9 @@ def test_a_fit_goes_on_from_an_earlier_one():
     sd = np.sqrt(np.trace(again.covariances[0][:, 0], axis1=1, axis2=2)).mean()
     assert np.abs(again.curves[0] - anew.curves[0])[3:-3].max() < sd
     assert (again.inlier == anew.inlier).mean() > 0.999
+    # no more steps than allowed, however far it is from its end
+    once = fit(first.curves, first.motions, previous=first, iterations=1, tolerance=1e-300)
+    assert np.abs(once.curves[0] - again.curves[0])[3:-3].max() < sd
     lost = ~np.isfinite(first.residual)
     assert not np.isfinite(again.residual[lost]).any()
     with pytest.raises(ValueError, match="previous"):
