@@ -39,19 +39,18 @@ mod filter;
 mod geometry;
 mod icp;
 mod index;
-mod lanes;
 mod normals;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
 mod sight;
+mod simd;
 mod spline;
 mod straighten;
 mod strips;
 mod tubefit;
 mod tubelet;
 mod tubes;
-mod wide;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];

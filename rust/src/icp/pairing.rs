@@ -15,7 +15,7 @@ use crate::geometry::{RigidMotion, centroid, squared_distance};
 use crate::index::Tree;
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::{Bounds, Cells, bounds, reach_of};
-use crate::wide::{self, BATCH, LANES, Lanes, Simd, Singles, Wide};
+use crate::simd::{BATCH, Doubles, LANES, Simd, Singles, kernel};
 
 /// Target points that are within the width of a cell from one.
 const NEAR: usize = 40;
@@ -164,9 +164,7 @@ impl Pairing {
         let mut batches = std::mem::take(&mut self.batches);
         let parts: Vec<[f64; TERMS]> = batches
             .par_chunks_mut(BATCHES_PER_TASK)
-            .map_init(Around::default, |around, batches| {
-                wide::run(Pair { pairing: self, batches, pose, origin, around })
-            })
+            .map_init(Around::default, |around, batches| pair(self, batches, pose, origin, around))
             .collect();
         self.batches = batches;
         self.pose = *pose;
@@ -234,22 +232,16 @@ impl Pairing {
     }
 }
 
-/// Moves the points of some batches, finds their partners and sums over the pairs.
-struct Pair<'a> {
-    pairing: &'a Pairing,
-    batches: &'a mut [Batch],
-    pose: &'a RigidMotion,
-    origin: Point,
-    /// What a task keeps from search to search.
-    around: &'a mut Around,
-}
-
-impl Wide for Pair<'_> {
-    type Output = [f64; TERMS];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [f64; TERMS] {
-        let Self { pairing, batches, pose, origin, around } = self;
+kernel! {
+    /// Moves the points of some batches, finds their partners and sums over the pairs.
+    fn pair<S>(
+        simd,
+        pairing: &Pairing,
+        batches: &mut [Batch],
+        pose: &RigidMotion,
+        origin: Point,
+        around: &mut Around,
+    ) -> [f64; TERMS] {
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
@@ -341,7 +333,7 @@ fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
 /// Adds the pairs of half a batch.
 #[inline(always)]
 fn add_pairs(
-    sums: &mut [Lanes; TERMS],
+    sums: &mut [Doubles; TERMS],
     half: usize,
     moved: &[[f64; BATCH]; 3],
     targets: &[[f64; BATCH]; 3],

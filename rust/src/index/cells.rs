@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::Point;
 use crate::geometry::squared_distance;
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, LANES, Simd, Wide};
+use crate::simd::{BATCH, LANES, kernel};
 
 /// Most bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 19;
@@ -503,10 +503,8 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
     // a ball that holds many more than k points may hold more than a piece of surface: then a smaller one
     let rounds = if part.len() < points.len() { 2 } else { 1 };
     for round in 1..=rounds {
-        let counts = points
-            .par_chunks(POINTS_PER_PART)
-            .map(|points| wide::run(CountBelow { points, seeds: &seeds, squares: &squares }))
-            .reduce(
+        let counts =
+            points.par_chunks(POINTS_PER_PART).map(|points| count_below(points, &seeds, &squares)).reduce(
                 || vec![0; seeds.len()],
                 |mut a, b| {
                     a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
@@ -523,20 +521,11 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
     squares[squares.len() / 2].sqrt().max(SHORTEST)
 }
 
-/// How many points lie within each seed's distance.
-struct CountBelow<'a> {
-    points: &'a [Point],
-    seeds: &'a [Point],
-    squares: &'a [f64],
-}
-
-impl Wide for CountBelow<'_> {
-    type Output = Vec<u64>;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) -> Vec<u64> {
-        let mut counts = vec![0; self.seeds.len()];
-        for points in self.points.chunks(256) {
+kernel! {
+    /// How many points lie within each seed's distance, squared.
+    fn count_below<S>(_, points: &[Point], seeds: &[Point], squares: &[f64]) -> Vec<u64> {
+        let mut counts = vec![0; seeds.len()];
+        for points in points.chunks(256) {
             let mut axes = [[f64::INFINITY; 256]; 3];
             for (i, p) in points.iter().enumerate() {
                 for k in 0..3 {
@@ -544,7 +533,7 @@ impl Wide for CountBelow<'_> {
                 }
             }
             let [x, y, z] = &axes;
-            for ((count, seed), square) in counts.iter_mut().zip(self.seeds).zip(self.squares) {
+            for ((count, seed), square) in counts.iter_mut().zip(seeds).zip(squares) {
                 let mut sum = 0;
                 for i in 0..256 {
                     let d = [x[i] - seed[0], y[i] - seed[1], z[i] - seed[2]];
