@@ -67,7 +67,6 @@ pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
-pub use index::Tree;
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use sight::{Saw, Seen, Sight, SightView, hides};

@@ -40,6 +40,8 @@ const CLOSE: usize = 2;
 /// in at most so many more steps.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const HOLD: f64 = 1e4;
+/// Most steps to the eigenvectors of a view's covariance, which needs a few.
+const EIGEN_STEPS: usize = 1000;
 const STEPS_HELD: usize = 6;
 
 /// A string to fit.
@@ -388,7 +390,8 @@ impl State<'_> {
         let mut open = false;
         for (held, covariance) in self.held.iter_mut().zip(&uncertainty.poses) {
             let scaled = Matrix6::from_fn(|i, j| covariance[i][j] / (sd[i] * sd[j]));
-            let eigen = SymmetricEigen::new(scaled);
+            // one that does not converge, as of numbers that are not finite, says nothing: the view is not held
+            let Some(eigen) = SymmetricEigen::try_new(scaled, f64::EPSILON, EIGEN_STEPS) else { continue };
             for (&variance, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
                 if variance > FIXED * FIXED {
                     open = true;

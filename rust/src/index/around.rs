@@ -4,7 +4,9 @@
 //! have done to them is known, so that callers can tell which answers are sure. The points of a lane are met in the
 //! order of the cells, so sums are the same bits for any width of the instructions.
 
-use super::cells::{Bounds, Cells, Sweep};
+use super::bounds::Bounds;
+use super::cells::Cells;
+use super::cells::sweep::Sweep;
 use crate::Point;
 use crate::simd::{BATCH, Simd, Singles};
 

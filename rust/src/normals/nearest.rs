@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
 use crate::index::Tree;
 use crate::index::around::Around;
-use crate::index::cells::{Cells, reach_of};
+use crate::index::cells::Cells;
+use crate::index::reach::reach_of;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 use crate::{Point, parallel};
 
@@ -51,7 +52,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let tree: &Tree = tree.get_or_init(|| Tree::of_finite(points));
+                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
                     for i in tree.nearest(center, count) {
