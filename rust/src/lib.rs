@@ -46,19 +46,18 @@ mod filter;
 mod geometry;
 mod icp;
 mod index;
-mod lanes;
 mod normals;
 mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod simd;
 mod spline;
 mod straighten;
 mod tubefit;
 mod tubelet;
 mod tubes;
 mod visibility;
-mod wide;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
@@ -71,7 +70,6 @@ pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
-pub use index::Tree;
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::{Place, Spline};

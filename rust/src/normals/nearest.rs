@@ -8,8 +8,9 @@ use crate::error::{Error, Result};
 use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
 use crate::index::Tree;
 use crate::index::around::Around;
-use crate::index::cells::{Cells, reach_of};
-use crate::wide::{self, BATCH, Simd, Singles, Wide};
+use crate::index::cells::Cells;
+use crate::index::reach::reach_of;
+use crate::simd::{BATCH, Simd, Singles, kernel};
 use crate::{Point, parallel};
 
 /// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
@@ -51,7 +52,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let tree: &Tree = tree.get_or_init(|| Tree::of_finite(points));
+                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
                     for i in tree.nearest(center, count) {
@@ -91,8 +92,8 @@ enum Cut {
 impl Search {
     /// Looks for the nearest points of those that are left, up to a reach.
     fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) {
-        let Self { left, around, sums, guess } = self;
-        let cuts = wide::run(SumNearest { cells, k, reach, left, around, sums, guess });
+        let cuts = sum_nearest(self, cells, k, reach);
+        let Self { left, around, sums, .. } = self;
         let mut kept = 0;
         for l in 0..left.len() {
             let position = left[l] as usize;
@@ -113,23 +114,10 @@ impl Search {
     }
 }
 
-/// Sums over the nearest points of those of a batch.
-struct SumNearest<'a> {
-    cells: &'a Cells,
-    k: usize,
-    reach: f64,
-    left: &'a [u32],
-    around: &'a mut Around,
-    sums: &'a mut Sums,
-    guess: &'a mut f32,
-}
-
-impl Wide for SumNearest<'_> {
-    type Output = [Cut; BATCH];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [Cut; BATCH] {
-        let Self { cells, k, reach, left, around, sums, guess } = self;
+kernel! {
+    /// Sums over the nearest points of each that is left, up to a reach.
+    fn sum_nearest<S>(simd, search: &mut Search, cells: &Cells, k: usize, reach: f64) -> [Cut; BATCH] {
+        let Search { left, around, sums, guess } = search;
         let frame = around.find(simd, cells, &cells.bounds(left), reach);
         if around.count() < k || around.count() > MOST * k {
             return [Cut::Beyond; BATCH];
