@@ -1,4 +1,4 @@
-//! Curves over the gaps between stretches of string.
+//! Curves over the gaps between stretches of rope.
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, sub};
@@ -28,8 +28,8 @@ pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
 
 /// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
 ///
-/// `span` is the stretch of each over which its direction is taken, `reach` the lengths of the tangents at the two ends
-/// as parts of the gap.
+/// The direction of each stretch is taken over `span` of it. `reach` holds the lengths of the tangents at the two ends, as
+/// parts of the gap.
 pub(crate) fn bridge(
     before: &[Point],
     after: &[Point],

@@ -92,9 +92,9 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     for s in s {
         counts[((s / width) as usize).min(bins - 1)] += 1;
     }
-    let usual = median(counts.iter().copied().filter(|&count| count > 0).collect());
+    let typical = median(counts.iter().copied().filter(|&count| count > 0).collect());
     let full = |&i: &usize| {
-        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * usual);
+        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * typical);
         counts[i] as f64 >= 0.4 * density && (counts[i] + counts[i + 1]) as f64 >= 0.8 * density
     };
     let first = (0..bins - 1).find(full).unwrap_or(0);

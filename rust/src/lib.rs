@@ -1,4 +1,4 @@
-//! From depth-camera point clouds of strings, ropes, cables and hoses to ordered 3D centrelines.
+//! From depth-camera point clouds of ropes, cables and hoses to ordered 3D centrelines.
 //!
 //! The kernels of the pipeline, each usable alone, in the order in which data flow through them:
 //! [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`] for the published

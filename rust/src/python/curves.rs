@@ -128,7 +128,7 @@ pub(super) fn end_direction<'py>(
 /// `span` is the stretch of each over which its direction is taken, `spacing` that between nodes, metres; `reach` are the
 /// lengths of the tangents at the two ends as parts of the gap.
 #[pyfunction]
-#[pyo3(name = "bridge")]
+#[pyo3(name = "bridge", signature = (before, after, span, spacing, reach = [1.0, 1.0]))]
 pub(super) fn bridge_nodes<'py>(
     py: Python<'py>,
     before: &Bound<'py, PyAny>,

@@ -32,7 +32,7 @@ const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// steps.
 const HOLD: f64 = 1e4;
 const STEPS_HELD: usize = 6;
-/// Of the eigenvectors of a 6x6 matrix; a dozen are usual.
+/// Most iterations for the eigenvectors of a 6x6 matrix, which take about a dozen.
 const MOST_ROTATIONS: usize = 1000;
 
 /// State of a fit between iterations.
