@@ -154,7 +154,9 @@ def test_every_layout_gives_the_same_answer(kernel, layout):
 @pytest.mark.parametrize("kernel", CALLS)
 def test_arguments_are_left_alone_and_results_are_the_callers_own(kernel):
     before = {name: array.copy() for name, array in ARRAYS[kernel].items()}
-    for result in numbers(call(kernel)):
+    results = numbers(call(kernel))
+    assert results
+    for result in results:
         assert result.flags.c_contiguous
         assert result.flags.writeable
         assert not any(np.shares_memory(result, array) for array in ARRAYS[kernel].values())
@@ -176,7 +178,9 @@ def test_shapes_and_dtypes_of_the_answers():
     axis, indices = centerline(points, normals, 0.25, 3)
     assert axis.shape == (len(indices), 3)
     assert indices.dtype == np.int64
-    assert all(chain.dtype == np.int64 and chain.ndim == 1 for chain in trace_chains(points, 0.25, 0.5))
+    chains = trace_chains(points, 0.25, 0.5)
+    assert chains
+    assert all(chain.dtype == np.int64 and chain.ndim == 1 for chain in chains)
 
 
 @pytest.mark.parametrize(

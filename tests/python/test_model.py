@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import strand
@@ -71,8 +71,7 @@ def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
 def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed):
     points = np.array(nodes)
     # nodes that only rounding tells apart count as equal along a chain
-    if (np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1) < 1e-12).any():
-        return
+    assume((np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1) >= 1e-12).all())
     path = tmp_path_factory.mktemp("model") / "model.json"
     model = Model((Chain(points, 0.0042, closed),), np.eye(4)[None], {"trace": 0.25}, ("a warning",))
     model.save(path)

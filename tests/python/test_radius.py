@@ -136,6 +136,7 @@ def test_a_radius_is_as_sure_as_it_is_right_in_a_tangle(crossings, views, seed):
     scene = strand.synthetic.scene(chains=chains, seed=seed, views=views)
     for radius in (None, scene.radius):
         model = strand.reconstruct(scene.views, radius, scene.bounds)
+        assert len(model.chains) == len(chains)
         for chain in model.chains:
             assert abs(chain.radius - scene.radius) < 2.5 * chain.radius_sd
 

@@ -119,6 +119,7 @@ def test_crossings_of_the_papers_string_are_steep_and_isolated(seed):
         d = at(x + 0.3) - at(x - 0.3)
         return d / np.linalg.norm(d)
 
+    assert len(found) == CROSSINGS["paper"]
     for low, high in found:
         angle = np.degrees(np.arccos(abs(direction(low) @ direction(high))))
         assert 60 <= angle <= 90

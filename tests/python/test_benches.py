@@ -1,0 +1,106 @@
+"""The benches start, and what they share: the collection of scenes and the real frames."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import collection
+import frames
+import numpy as np
+import pytest
+
+import strand
+
+BENCHES = Path(collection.__file__).parent
+SCRIPTS = [path.name for path in sorted(BENCHES.glob("*.py")) if "def main()" in path.read_text()]
+
+
+def run(script, *arguments, folder):
+    return subprocess.run(
+        [sys.executable, BENCHES / script, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_there_are_benches():
+    assert {"compare.py", "demo.py", "fresh.py", "scenes.py", "stages.py"} <= set(SCRIPTS)
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_every_bench_says_how_it_is_used(script, tmp_path):
+    done = run(script, "--help", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"usage: {script}" in done.stdout
+
+
+def test_the_same_answers_have_the_same_digest(tmp_path):
+    digests = []
+    for options in ([], ["--views", "0", "3", "6"], []):
+        done = run("scenes.py", "--only", "arc_0.3mm", "--runs", "1", *options, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "| arc_0.3mm | right | 1 of 1 |" in done.stdout
+        assert "Topology right on 1 of 1 scenes" in done.stdout
+        digests += re.findall(r"^SHA-256 of the nodes: ([0-9a-f]{64})$", done.stdout, re.MULTILINE)
+    assert len(digests) == 3
+    assert digests[0] == digests[2] != digests[1]
+
+
+def test_a_folder_of_scenes_is_taken_instead_of_the_collection(tmp_path):
+    made = strand.synthetic.scene("s", seed=3, views=3)
+    made.save(tmp_path / "mine.npz")
+    (scene,) = collection.chosen(argparse.Namespace(folder=tmp_path, only=""))
+    assert scene.name == "mine"
+    np.testing.assert_array_equal(scene.depth, made.depth)
+    np.testing.assert_array_equal(scene.poses_true, made.poses_true)
+    np.testing.assert_array_equal(scene.bounds, made.bounds)
+    assert (scene.radius, scene.noise, scene.depth_scale) == (made.radius, made.noise, made.depth_scale)
+    with pytest.raises(SystemExit, match="no scene whose name holds 'yours'"):
+        list(collection.chosen(argparse.Namespace(folder=tmp_path, only="yours")))
+    with np.load(tmp_path / "mine.npz") as arrays:
+        np.savez(tmp_path / "less.npz", **{key: arrays[key] for key in arrays if key != "noise"})
+    with pytest.raises(ValueError, match=r"less\.npz: missing noise"):
+        collection.stored(tmp_path / "less.npz")
+
+
+def test_the_collection_has_stored_and_drawn_scenes(collected):
+    names = collection.names()
+    assert len(names) == len(set(names)) > 40
+    assert {path.stem for path in (collection.DATA / "scenes").glob("*.npz")} < set(names)
+    for name, ropes in (("two_ropes", 2), ("heap00", 1), ("random_3", 2), ("coil_1.5mm", 1)):
+        scene = collected(name)
+        assert (scene.name, len(scene.truth), len(scene.views)) == (name, ropes, 7)
+        again = collection.scene(name)
+        assert again is not scene
+        np.testing.assert_array_equal(again.depth, scene.depth)
+        np.testing.assert_array_equal(again.poses, scene.poses)
+
+
+def test_a_stored_scene_is_what_the_package_reads():
+    path = collection.DATA / "scenes" / "two_ropes.npz"
+    ours, theirs = collection.stored(path), strand.load_scene(path)
+    for view, other in zip(ours.views, theirs.views, strict=True):
+        np.testing.assert_array_equal(view.world_points, other.world_points)
+    for nodes, others in zip(ours.truth, theirs.truth, strict=True):
+        np.testing.assert_array_equal(nodes, others)
+    np.testing.assert_array_equal(ours.bounds, theirs.bounds)
+    assert ours.radius == theirs.radius
+
+
+def test_real_frames_are_depths_in_metres():
+    names = frames.names()
+    assert names == ["0091", "0156", "0190", "0285", "0500", "0590"]
+    assert [name for name in names if frames.gray(name) is not None] == ["0285", "0500"]
+    for name in names:
+        depth = frames.depth(name)
+        assert depth.shape == (720, 1280)
+        assert 0.3 < np.median(depth[depth > 0]) < 1.0
+        view = frames.view(name)
+        assert len(view.points) == np.count_nonzero(depth)
+        assert view.world_points[:, 2].max() < 0.0
