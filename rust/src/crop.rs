@@ -38,10 +38,10 @@ pub struct DepthView<'a> {
     pub pose: RigidMotion,
 }
 
-/// The points of depth images that lie in a box of the world frame, in their camera's frame: what [`unproject`] and
-/// [`crop`] give, in one pass.
+/// The points of depth images that lie in a box of the world frame, in their camera's frame.
 ///
-/// [`unproject`]: crate::depth::unproject
+/// One pass over the images: pixels outside the box are not un-projected. The box is closed; infinite bounds leave a side
+/// open.
 pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let bands: Vec<(usize, usize, &[f64])> = views
         .iter()
