@@ -67,7 +67,7 @@ def _settled(name: str) -> SyntheticScene:
 
 
 def _random(crossings: int) -> SyntheticScene:
-    chains = synthetic.tangle(crossings, RANDOM[crossings], seed=crossings)
+    chains = synthetic.random_ropes(crossings, RANDOM[crossings], seed=crossings)
     return synthetic.scene(f"random_{crossings}", chains=chains, seed=crossings)
 
 

@@ -11,7 +11,7 @@ import sys
 from tables import head, row
 
 import strand
-from strand import report
+from strand.report.tables import accuracy, chain_counts
 
 
 def main() -> int:
@@ -25,11 +25,11 @@ def main() -> int:
         model = strand.reconstruct(
             scene.views, scene.radius, scene.bounds, ropes=1, config=published, keep_stages=True
         )
-        counts = report.chain_counts(model)
-        accuracy = report.accuracy(model.chains[0], scene.truth[0])
-        errors = f"{accuracy.length_error * 100:+.2f}", f"{accuracy.rms * 1e3:.2f}"
+        counts = chain_counts(model)
+        error = accuracy(model.chains[0], scene.truth[0])
+        errors = f"{error.length_error * 100:+.2f}", f"{error.rms * 1e3:.2f}"
         print(row(seed, *counts, *errors), flush=True)
-        good += counts[1:] == (7, 1) and abs(accuracy.length_error) < 0.02 and accuracy.rms < 1e-3
+        good += counts[1:] == (7, 1) and abs(error.length_error) < 0.02 and error.rms < 1e-3
     print(f"\nseven segments, one string, length within 2 %, RMS under 1 mm: {good} of {arguments.seeds}")
     return 0
 

@@ -26,7 +26,7 @@ from measure import measured
 from tables import head, row
 
 import strand
-from strand.synthetic import SyntheticScene, scene, tangle
+from strand.synthetic import SyntheticScene, random_ropes, scene
 
 SHAPES = ("loop", "figure8", "overhand", "paper", "coil")
 SIZES = ((320, 240), (640, 480), (1280, 720))
@@ -52,7 +52,7 @@ def draw(seed: int) -> tuple[SyntheticScene, dict[str, Any]]:
         return scene(name, **common), drawn
     while True:
         try:
-            chains = tangle(crossings, ropes, radius, seed)
+            chains = random_ropes(crossings, ropes, radius, seed)
         except ValueError:
             # many crossings are hard to draw with few ropes
             ropes, crossings = min(ropes + 1, 3), crossings - (ropes == 3)

@@ -19,15 +19,14 @@ from matplotlib.figure import Figure
 from tables import head, row
 
 import strand
-from strand.certainty import branches
-from strand.visibility import Sight
+from strand.model import DOUBTS
 
 POINTS = DATA / "harness" / "wireHarness.txt"
 RADIUS = 0.006  # metres
 HEIGHT = 40.0  # metres above the middle
 
 
-def draw(points: np.ndarray, view: strand.View, model: strand.Model, path: Path) -> None:
+def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
     figure = Figure(figsize=(8, 7.5), layout="constrained")
     axes = figure.subplots(1, 2, width_ratios=[4, 1])
     for axis, (across, up) in zip(axes, ((0, 1), (2, 1)), strict=True):
@@ -37,7 +36,7 @@ def draw(points: np.ndarray, view: strand.View, model: strand.Model, path: Path)
             label = f"{number}: {chain.length * 1e3:.0f} mm"
             axis.plot(nodes[:, across], nodes[:, up], color=f"C{number}", linewidth=2.0, label=label)
             axis.plot(nodes[[0, -1], across], nodes[[0, -1], up], "o", color=f"C{number}", markersize=5.0)
-        for _, _, place in branches(model.chains, Sight.of([view], [view.pose])):
+        for place in (warning.place for warning in model.warnings if warning.kind == "branch"):
             axis.plot(place[across], place[up], "o", color="black", fillstyle="none", markersize=16.0)
         axis.set_title("from the side" if across == 2 else "from above")
         axis.set_aspect("equal")
@@ -58,15 +57,15 @@ def main() -> int:
     view = strand.View.from_world(points, camera)
     model = strand.reconstruct([view], RADIUS)
     lengths = ", ".join(f"{chain.length * 1e3:.0f}" for chain in model.chains)
-    meeting = sum("a branch?" in warning for warning in model.warnings)
-    unsure = sum(warning.startswith("unsure") for warning in model.warnings)
+    meeting = sum(warning.kind == "branch" for warning in model.warnings)
+    unsure = sum(warning.kind in DOUBTS for warning in model.warnings)
     print(head("points", "chains", "lengths mm", "confidence", "ends on another's side", "places in doubt"))
     print(
         row(len(points), len(model.chains), lengths, f"{model.confidence:.5f}", meeting, unsure), end="\n\n"
     )
     print(*model.warnings, sep="\n")
     if arguments.out:
-        draw(points, view, model, arguments.out / "harness.png")
+        draw(points, model, arguments.out / "harness.png")
     return 0
 
 

@@ -21,22 +21,32 @@ from tables import head, row
 
 import strand
 from strand.config import Config, Reconnection
-from strand.ends import string_parts
-from strand.linking import Links, link
+from strand.evidence.join_evidence import JoinEvidence
+from strand.polyline import path_length
+from strand.published.reconnection import reconnect
+from strand.published.splitting import Split
 from strand.radius import Radii
 from strand.synthetic import SyntheticScene
-from strand.topology import Split, path_length, reconnect
-from strand.tubes import Arcs, Clouds, fit_strings
+from strand.tubes.chaining import chained
+from strand.tubes.clouds import Arcs, Chains, Clouds
+from strand.tubes.ends import extents
+from strand.tubes.join_costs import join_costs
+from strand.tubes.matching import matched
+from strand.tubes.ropes import fit_ropes
 
 
-def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> list[tuple[np.ndarray, bool]]:
+def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> Chains:
     joins = reconnect(Split((), (), tuple(arcs), ()), radius, None, Reconnection()).joins
-    return Links(tuple(arcs), {}).joined(joins, radius, Config().linking, None)
+    return chained(arcs, joins, JoinEvidence(radius, Config().linking))
 
 
-def fitted(
-    scene: SyntheticScene, model: strand.Model, chains: list[tuple[np.ndarray, bool]]
-) -> list[np.ndarray]:
+def by_the_matching(arcs: Sequence[np.ndarray], radius: float) -> Chains:
+    evidence = JoinEvidence(radius, Config().linking)
+    joins, _ = matched(join_costs(arcs, evidence), evidence.config.free_end)
+    return chained(arcs, joins, evidence)
+
+
+def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[np.ndarray]:
     """Nodes of ropes after the last fit, from the corrected poses of the model."""
     config = Config()
     least = config.linking.min_length * scene.radius
@@ -45,8 +55,8 @@ def fitted(
     viewpoints = np.array([view.viewpoint for view in scene.views])
     clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, scene.bounds)
     closed = [ring for _, ring in kept]
-    fit = fit_strings(clouds, ropes, closed, model.stages["fit"], Radii.given(scene.radius), config)
-    parts = [part for part in string_parts(fit, exclusive=True) if part is not None]
+    fit = fit_ropes(clouds, ropes, closed, model.stages["fit"], Radii.given(scene.radius), config)
+    parts = [part for part in extents(fit, exclusive=True) if part is not None]
     return [part.at(part.nodes(0.25 * scene.radius))[0] for part in parts]
 
 
@@ -61,7 +71,7 @@ def main() -> int:
         arcs = model.stages["arcs"]
         answers = [
             fitted(scene, model, by_the_papers_rule(arcs, scene.radius)),
-            fitted(scene, model, link(arcs, scene.radius, Config().linking)),
+            fitted(scene, model, by_the_matching(arcs, scene.radius)),
             [chain.points for chain in model.chains],
         ]
         found = [measured(answer, scene.truth, scene.radius) for answer in answers]
