@@ -81,23 +81,21 @@ fn main() {
         }
         "tubes" => Box::new(|| drop(black_box(trace_tubes(&points, above, RADIUS, 4)))),
         "fit" => {
-            let views = [TubeView { points: &points, viewpoint: [0.0, 0.0, 1.0], ends: &[], feet: &[] }];
+            let views = [TubeView {
+                points: &points,
+                viewpoint: [0.0, 0.0, 1.0],
+                end_observations: &[],
+                foot_points: &[],
+            }];
             let axis: Vec<Point> = points.chunks(200).map(|some| some[some.len() / 2]).collect();
             let curve = Spline::through(&axis, 2.5 * RADIUS, 0.0).expect("a curve");
-            let tubes = [Tube { curve, rope: 0 }];
+            let tubes = [Tube { curve, radius_class: 0 }];
             let options = TubeFitOptions {
-                fit_curves: true,
-                radius_prior: None,
-                reference: None,
-                pose_sd: [0.01, 0.002],
                 residual: Residual::Ray,
-                band: [0.6, 0.4],
+                pose_sd: [0.01, 0.002],
                 iterations: 5,
                 tolerance: 1e-9,
-                min_bend: 1.5,
-                noise: None,
-                bounds: None,
-                uncertainty: true,
+                ..TubeFitOptions::default()
             };
             Box::new(move || {
                 let still = [RigidMotion::identity()];

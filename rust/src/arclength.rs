@@ -8,7 +8,7 @@ use crate::spline::{Place, Spline};
 const PLACES: f64 = 16.0;
 
 /// A stretch of a spline whose places are told by arc length.
-pub struct ByLength<'a> {
+pub(crate) struct ByLength<'a> {
     spline: &'a Spline,
     start: f64,
     step: f64,
@@ -79,7 +79,7 @@ impl<'a> ByLength<'a> {
 }
 
 /// Unit tangent of a place.
-pub fn tangent(place: &Place) -> Point {
+pub(crate) fn tangent(place: &Place) -> Point {
     normalized(place.first)
 }
 

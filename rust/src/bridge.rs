@@ -1,4 +1,4 @@
-//! Curves over the gaps between stretches of string.
+//! Curves over the gaps between stretches of rope.
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, sub};
@@ -12,7 +12,7 @@ const MOST_TURN: f64 = 1.4;
 /// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it.
 ///
 /// A chain shorter than that gives the direction of the whole chain; a single node, or none, the zero vector.
-pub fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
+pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
     let backwards: Vec<Point> = nodes.iter().rev().copied().collect();
     let Some(last) = nodes.len().checked_sub(1) else { return [0.0; 3] };
     let back = arc_length(&backwards);
@@ -28,9 +28,15 @@ pub fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
 
 /// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
 ///
-/// `span` is the stretch of each over which its direction is taken, `reach` the lengths of the tangents at the two ends
-/// as parts of the gap.
-pub fn bridge(before: &[Point], after: &[Point], span: f64, spacing: f64, reach: [f64; 2]) -> Vec<Point> {
+/// The direction of each stretch is taken over `span` of it. `reach` holds the lengths of the tangents at the two ends, as
+/// parts of the gap.
+pub(crate) fn bridge(
+    before: &[Point],
+    after: &[Point],
+    span: f64,
+    spacing: f64,
+    reach: [f64; 2],
+) -> Vec<Point> {
     let (Some(&start), Some(&stop)) = (before.last(), after.first()) else { return Vec::new() };
     let step = sub(stop, start);
     let gap = dot(step, step).sqrt();
@@ -56,7 +62,7 @@ pub fn bridge(before: &[Point], after: &[Point], span: f64, spacing: f64, reach:
 /// For a gap L bent by the angles a and b at its two ends it is 2 (a² + b²), the bending energy of a cubic
 /// (8 r / L) (a² + b² − a b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways offset.
 /// Infinite where the curve would have to turn back.
-pub fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
+pub(crate) fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
     let angle = |a: Point, b: Point| dot(a, b).clamp(-1.0, 1.0).acos();
     let step = sub(q, p);
     let gap = dot(step, step).sqrt();
@@ -78,7 +84,7 @@ pub fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -
 }
 
 /// Bending energy of a polyline, ∫κ² ds, 1/m.
-pub fn bending(nodes: &[Point]) -> f64 {
+pub(crate) fn bending(nodes: &[Point]) -> f64 {
     let steps: Vec<Point> = nodes.windows(2).map(|pair| sub(pair[1], pair[0])).collect();
     let lengths: Vec<f64> = steps.iter().map(|&step| dot(step, step).sqrt()).collect();
     let turn = |i: usize| {

@@ -1,4 +1,5 @@
-//! Ordered chains from axis points by greedy tracing (section V-A, fig. 9–10).
+//! Ordered chains from axis points by greedy tracing (section V-A, fig. 9–10 of *Shape Modeling of A String And
+//! Recognition Using Distance Sensor*).
 
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};

@@ -27,6 +27,16 @@ pub(crate) fn check_positive(name: &'static str, value: f64) -> Result<()> {
     }
 }
 
+/// Refuses a direction that is not of unit length.
+pub(crate) fn check_unit(name: &'static str, direction: Point) -> Result<()> {
+    let length = dot(direction, direction).sqrt();
+    if (length - 1.0).abs() <= 1e-6 {
+        Ok(())
+    } else {
+        Err(Error::invalid(name, format!("expected a vector of unit length, got one of length {length}")))
+    }
+}
+
 /// Refuses normals that are neither of unit length, to single precision and a little more, nor zero.
 pub(crate) fn check_normals(name: &'static str, normals: &[Point]) -> Result<()> {
     check_finite(name, normals)?;

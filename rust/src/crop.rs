@@ -15,7 +15,7 @@ const ROUNDING: f64 = 1e-12;
 /// The numbers of the points of a camera frame that lie in a box of the world frame, on its faces too, in their order.
 ///
 /// Sides may be infinite; a coordinate that is NaN lies in no box.
-pub fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
+pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
     let inside = |i: &usize| is_inside(pose.apply(points[*i]), [low, high]);
     parallel::run(|| (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).filter(inside).collect())
 }
@@ -38,10 +38,10 @@ pub struct DepthView<'a> {
     pub pose: RigidMotion,
 }
 
-/// The points of depth images that lie in a box of the world frame, in their camera's frame: what [`unproject`] and
-/// [`crop`] give, in one pass.
+/// The points of depth images that lie in a box of the world frame, in their camera's frame.
 ///
-/// [`unproject`]: crate::unproject
+/// One pass over the images: pixels outside the box are not un-projected. The box is closed; infinite bounds leave a side
+/// open.
 pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let bands: Vec<(usize, usize, &[f64])> = views
         .iter()
@@ -138,7 +138,7 @@ mod tests {
         };
         let mut depth: Vec<f64> = (0..37 * 20).map(|i| 1.0 + (f64::from(i) * 0.7).sin()).collect();
         (depth[3], depth[50], depth[99]) = (f64::NAN, 0.0, f64::INFINITY);
-        let points = crate::unproject(&depth, 37, camera);
+        let points = crate::depth::unproject(&depth, 37, camera);
         let world = pose.apply(points[200]);
         for bounds in [
             [[-0.3, -0.4, f64::NEG_INFINITY], [0.6, 0.9, 0.8]],

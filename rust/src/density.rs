@@ -10,16 +10,16 @@ use crate::geometry::cell_of;
 use crate::index::Grid;
 use crate::{Point, parallel};
 
-/// The median over so many points, evenly among all, is within a few percent of that over all of them.
+/// Points of the sample that the median is taken over, evenly spaced among all.
 const SAMPLE: usize = 250;
-/// Of the sample, looked at by one task.
+/// Points of the sample that one task looks at.
 const POINTS_PER_TASK: usize = 25;
 
-/// The usual number of other points within `radius` of a point: the median over a sample of them, 0 for no points.
+/// The typical number of other points within `radius` of a point: the median over a sample of them, 0 for no points.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
-pub fn usual_neighbors(points: &[Point], radius: f64) -> Result<usize> {
+pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> {
     check_finite("points", points)?;
     check_positive("radius", radius)?;
     let step = points.len().div_ceil(SAMPLE).max(1);
@@ -39,26 +39,26 @@ pub fn usual_neighbors(points: &[Point], radius: f64) -> Result<usize> {
     Ok(if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 })
 }
 
-/// How many cubes of an even lattice hold points.
+/// How many voxels, cubes of an even lattice, hold points.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `side` is not positive.
-pub fn occupied_cubes(points: &[&[Point]], side: f64) -> Result<usize> {
+pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
     check_positive("side", side)?;
     for points in points {
         check_finite("points", points)?;
     }
-    let mut cubes = HashSet::new();
+    let mut voxels = HashSet::new();
     let mut last = None;
     for &p in points.iter().copied().flatten() {
-        let cube = Some(cell_of(p, side));
-        // neighbours in an image are mostly in one cube
-        if cube != last {
-            cubes.extend(cube);
-            last = cube;
+        let voxel = Some(cell_of(p, side));
+        // neighbours in an image are mostly in one voxel
+        if voxel != last {
+            voxels.extend(voxel);
+            last = voxel;
         }
     }
-    Ok(cubes.len())
+    Ok(voxels.len())
 }
 
 #[cfg(test)]
@@ -68,18 +68,18 @@ mod tests {
     #[test]
     fn a_line_of_points_has_as_many_neighbors_to_both_sides() {
         let points: Vec<Point> = (0..5000).map(|i| [f64::from(i) * 0.1, 0.0, 0.0]).collect();
-        assert_eq!(usual_neighbors(&points, 1.05).unwrap(), 20);
-        assert_eq!(usual_neighbors(&points[..1], 1.05).unwrap(), 0);
-        assert_eq!(usual_neighbors(&[], 1.05).unwrap(), 0);
-        assert!(usual_neighbors(&points, 0.0).is_err());
+        assert_eq!(typical_neighbors(&points, 1.05).unwrap(), 20);
+        assert_eq!(typical_neighbors(&points[..1], 1.05).unwrap(), 0);
+        assert_eq!(typical_neighbors(&[], 1.05).unwrap(), 0);
+        assert!(typical_neighbors(&points, 0.0).is_err());
     }
 
     #[test]
-    fn cubes_count_once() {
+    fn voxels_count_once() {
         let points: Vec<Point> = (-50..50).map(|i| [f64::from(i) * 0.1 + 0.05, 0.0, 7.0]).collect();
-        assert_eq!(occupied_cubes(&[&points, &points[..7], &[]], 1.0).unwrap(), 10);
-        assert_eq!(occupied_cubes(&[], 1.0).unwrap(), 0);
-        assert!(occupied_cubes(&[&points], 0.0).is_err());
-        assert!(occupied_cubes(&[&[[f64::NAN; 3]]], 1.0).is_err());
+        assert_eq!(occupied_voxels(&[&points, &points[..7], &[]], 1.0).unwrap(), 10);
+        assert_eq!(occupied_voxels(&[], 1.0).unwrap(), 0);
+        assert!(occupied_voxels(&[&points], 0.0).is_err());
+        assert!(occupied_voxels(&[&[[f64::NAN; 3]]], 1.0).is_err());
     }
 }

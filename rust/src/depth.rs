@@ -30,7 +30,7 @@ pub(crate) fn has_return(z: f64) -> bool {
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
-pub fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usize)> {
+pub(crate) fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usize)> {
     let mut copy = Vec::with_capacity(depth.len());
     let (mut dropped, mut outside) = (0, false);
     for part in depth.chunks(1024) {
@@ -50,7 +50,7 @@ pub fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usize)> {
 }
 
 /// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
-pub fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
+pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
     let mut points = Vec::with_capacity(depth.len());
     for (v, row) in depth.chunks_exact(width.max(1)).enumerate() {
         for (u, &z) in row.iter().enumerate() {

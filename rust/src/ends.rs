@@ -1,24 +1,26 @@
-//! Where a string ends: points that stop, found by counting.
+//! Where a rope ends: its points stop, which counting finds.
 
 use crate::arclength::{ByLength, tangent};
-use crate::geometry::{advance, dot, squared_distance, sub};
+use crate::geometry::{advance, dot, sub};
 use crate::{Point, Tube};
 
-/// All in radii: width of the counting bins; the stretch near an end whose points are looked at twice; how far inside the
-/// end the density is taken, from and to; how far the end may lie from the first full bin.
+/// Width of the bins in which points are counted, in radii.
 const BIN: f64 = 0.5;
+/// Points this near to an end may lie on another rope's surface too, in radii.
 const NEAR_END: f64 = 7.0;
+/// From where to where inside an end the density of points is taken, in radii.
 const INSIDE: [f64; 2] = [1.0, 5.0];
+/// How far an end may lie from the first full bin, in radii.
 const REACH: f64 = 1.5;
 /// Fewer points support no curve.
 const FEWEST: usize = 8;
 
 /// A surface point that a curve explains.
 #[derive(Debug, Clone, Copy)]
-pub struct OnTube {
+pub(crate) struct OnTube {
     /// Number of the curve.
     pub curve: usize,
-    /// Parameter of its foot there.
+    /// Parameter of its foot point there.
     pub parameter: f64,
     /// Where it is, metres.
     pub position: Point,
@@ -26,27 +28,29 @@ pub struct OnTube {
     pub to_camera: Point,
 }
 
-/// Cuts fitted curves to the stretch that points support: the parameters from which to which each is string, if it is.
+/// Cuts fitted curves to the stretch that points support: the parameters from which to which each is rope, if it is.
 ///
-/// With n points for each metre of string and m points past L₀ − r, where L₀ is about where they give out, the end is at
-/// L₀ − r + m / n: unbiased, where a threshold on the density is not. With `slack`, for each tube how far from the
-/// surface its points may be, those near an end that lie on another strand's surface too are left out: they say nothing
-/// about that end.
-pub fn string_parts(
+/// With n points for each metre of rope and m points past L₀ − r, L₀ being about where they give out, the end is at
+/// L₀ − r + m / n: unbiased, where a threshold on the density is not.
+///
+/// Points near an end that lie on another curve's surface too say nothing about that end. `surface_tolerance` gives for
+/// each curve how far from a surface its points may lie to count as on it, metres, and leaves these points out; None
+/// counts all points.
+pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],
     points: &[OnTube],
-    slack: Option<&[f64]>,
+    surface_tolerance: Option<&[f64]>,
 ) -> Vec<Option<[f64; 2]>> {
     let curves: Vec<ByLength> =
         tubes.iter().map(|tube| ByLength::new(&tube.curve, 0.0, tube.curve.end())).collect();
-    let strands = slack.map(|slack| (Strands::new(&curves, tubes, radii), slack));
+    let strands = surface_tolerance.map(|tolerance| (Strands::new(&curves, tubes, radii), tolerance));
     let mut places: Vec<Vec<f64>> = vec![Vec::new(); tubes.len()];
     let mut near_ends: Vec<[Vec<(f64, usize)>; 2]> = vec![Default::default(); tubes.len()];
     for (i, point) in points.iter().enumerate() {
         let curve = &curves[point.curve];
         let s = curve.arc_length(point.parameter);
-        let near = NEAR_END * radii[tubes[point.curve].rope];
+        let near = NEAR_END * radii[tubes[point.curve].radius_class];
         if strands.is_some() && s < near {
             near_ends[point.curve][0].push((s, i));
         } else if strands.is_some() && s > curve.length() - near {
@@ -55,10 +59,10 @@ pub fn string_parts(
             places[point.curve].push(s);
         }
     }
-    if let Some((strands, slack)) = &strands {
+    if let Some((strands, tolerance)) = &strands {
         for (number, ends) in near_ends.iter().enumerate() {
             for end in ends {
-                let own = strands.alone(number, slack[number], end, points);
+                let own = strands.alone(number, tolerance[number], end, points);
                 places[number].extend(own);
             }
         }
@@ -70,7 +74,7 @@ pub fn string_parts(
             if s.len() < FEWEST {
                 return None;
             }
-            let (curve, radius) = (&curves[number], radii[tubes[number].rope]);
+            let (curve, radius) = (&curves[number], radii[tubes[number].radius_class]);
             let length = curve.length();
             let start = end(&s, length, radius);
             let backwards: Vec<f64> = s.iter().map(|s| length - s).collect();
@@ -78,15 +82,6 @@ pub fn string_parts(
             (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
         })
         .collect()
-}
-
-/// For each place of strands, whether it is nearer than `contact` to another strand, or to its own farther along than
-/// `own`. A place is given with its strand's number and the arc length there.
-pub fn crowded(places: &[(Point, usize, f64)], contact: f64, own: f64) -> Vec<bool> {
-    let crowds = |&(a, strand, s): &(Point, usize, f64), &(b, other, t): &(Point, usize, f64)| {
-        squared_distance(a, b) < contact * contact && (strand != other || (s - t).abs() >= own)
-    };
-    places.iter().map(|one| places.iter().any(|other| crowds(one, other))).collect()
 }
 
 /// Arc length at which places of points, in any order and at least two, begin.
@@ -97,9 +92,9 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     for s in s {
         counts[((s / width) as usize).min(bins - 1)] += 1;
     }
-    let usual = median(counts.iter().copied().filter(|&count| count > 0).collect());
+    let typical = median(counts.iter().copied().filter(|&count| count > 0).collect());
     let full = |&i: &usize| {
-        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * usual);
+        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * typical);
         counts[i] as f64 >= 0.4 * density && (counts[i] + counts[i + 1]) as f64 >= 0.8 * density
     };
     let first = (0..bins - 1).find(full).unwrap_or(0);
@@ -113,7 +108,7 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
         return about;
     }
     let density = inside as f64 / (far - near);
-    // where another strand hides part of the inside, the density is too low: no end lies beyond all points
+    // where another strand occludes part of the inside, the density is too low: no end lies beyond all points
     let [_, second] =
         s.iter().fold(
             [f64::INFINITY; 2],
@@ -152,7 +147,7 @@ struct Strands {
 
 impl Strands {
     fn new(curves: &[ByLength], tubes: &[Tube], radii: &[f64]) -> Self {
-        let radii_of: Vec<f64> = tubes.iter().map(|tube| radii[tube.rope]).collect();
+        let radii_of: Vec<f64> = tubes.iter().map(|tube| radii[tube.radius_class]).collect();
         let mut nodes = Vec::new();
         for (number, (curve, &radius)) in curves.iter().zip(&radii_of).enumerate() {
             for s in curve.nodes(0.25 * radius) {
@@ -165,9 +160,9 @@ impl Strands {
     }
 
     /// Places along a curve of those of its points near one end that lie on no other strand's surface.
-    fn alone(&self, curve: usize, slack: f64, at_end: &[(f64, usize)], points: &[OnTube]) -> Vec<f64> {
+    fn alone(&self, curve: usize, tolerance: f64, at_end: &[(f64, usize)], points: &[OnTube]) -> Vec<f64> {
         let r = self.radii[curve];
-        let reach = 1.3 * self.widest + slack;
+        let reach = 1.3 * self.widest + tolerance;
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
         for &(_, i) in at_end {
@@ -191,7 +186,8 @@ impl Strands {
                 }
                 let across = advance(offset, -lengthwise, node.tangent);
                 let distance = dot(across, across).sqrt();
-                (distance - node.radius).abs() < slack && dot(across, points[i].to_camera) > -0.1 * distance
+                (distance - node.radius).abs() < tolerance
+                    && dot(across, points[i].to_camera) > -0.1 * distance
             })
         };
         at_end.iter().filter(|point| !shared(point)).map(|&(s, _)| s).collect()
@@ -224,32 +220,25 @@ mod tests {
     }
 
     #[test]
-    fn a_string_is_as_long_as_its_points_are() {
-        let tubes = [Tube { curve: straight(40.0, 16), rope: 0 }];
+    fn a_rope_is_as_long_as_its_points_are() {
+        let tubes = [Tube { curve: straight(40.0, 16), radius_class: 0 }];
         let points = on_top(&tubes[0]);
-        for slack in [None, Some(&[0.15][..])] {
-            let parts = string_parts(&tubes, &[1.0], &points, slack);
+        for tolerance in [None, Some(&[0.15][..])] {
+            let parts = rope_extents(&tubes, &[1.0], &points, tolerance);
             let [start, stop] = parts[0].unwrap().map(|u| u * 2.5);
             assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
         }
-        assert_eq!(string_parts(&tubes, &[1.0], &points[..7], None), [None]);
-    }
-
-    #[test]
-    fn strands_crowd_others_and_themselves_farther_along() {
-        let places = [([0.0; 3], 0, 0.0), ([1.0, 0.0, 0.0], 0, 1.0), ([2.0, 0.0, 0.0], 1, 0.0)];
-        assert_eq!(crowded(&places, 1.5, 5.0), [false, true, true]);
-        assert_eq!(crowded(&places, 1.5, 1.0), [true, true, true]);
-        assert_eq!(crowded(&places, 0.5, 1.0), [false; 3]);
+        assert_eq!(rope_extents(&tubes, &[1.0], &points[..7], None), [None]);
     }
 
     #[test]
     fn points_on_another_strand_too_do_not_count_for_an_end() {
         let across = Spline { control: (0..9).map(|i| [36.5, 2.5 * f64::from(i - 4), 0.0]).collect() };
-        let tubes = [Tube { curve: straight(40.0, 16), rope: 0 }, Tube { curve: across, rope: 0 }];
+        let tubes =
+            [Tube { curve: straight(40.0, 16), radius_class: 0 }, Tube { curve: across, radius_class: 0 }];
         let mut points = on_top(&tubes[0]);
         points.retain(|point| point.position[0] < 34.0 || point.position[0] > 36.2);
-        let stop = |slack| string_parts(&tubes, &[1.0], &points, slack)[0].unwrap()[1] * 2.5;
+        let stop = |tolerance| rope_extents(&tubes, &[1.0], &points, tolerance)[0].unwrap()[1] * 2.5;
         assert!(stop(None) > 34.5);
         assert!(stop(Some(&[0.15, 0.15])) < 34.3);
     }

@@ -1,4 +1,6 @@
 //! Outlier filter: drop points with too few neighbours within a searching radius (section IV-A).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
 use crate::checks::{check_finite, check_positive};
 use crate::error::Result;

@@ -1,4 +1,5 @@
-//! Registration of two clouds by iterated closest points (section IV-C, eq. 15).
+//! Registration of two clouds by iterated closest points (section IV-C, eq. 15 of *Shape Modeling of A String And
+//! Recognition Using Distance Sensor*).
 
 mod pairing;
 
@@ -21,6 +22,8 @@ pub enum Objective<'a> {
 }
 
 /// Where registration starts and when it ends.
+///
+/// By default it starts at the identity. No correspondence distance suits all data: it must be set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IcpOptions {
     /// Start pose: source frame to target frame.
@@ -32,6 +35,24 @@ pub struct IcpOptions {
     /// Ends when an update changes the fitness by no more than this, and the inlier RMSE by no more than
     /// this times the correspondence distance.
     pub tolerance: f64,
+}
+
+impl IcpOptions {
+    /// The default of `max_iterations`.
+    pub const MAX_ITERATIONS: usize = 30;
+    /// The default of `tolerance`.
+    pub const TOLERANCE: f64 = 1e-6;
+}
+
+impl Default for IcpOptions {
+    fn default() -> Self {
+        Self {
+            start: RigidMotion::identity(),
+            max_correspondence_distance: 0.0,
+            max_iterations: Self::MAX_ITERATIONS,
+            tolerance: Self::TOLERANCE,
+        }
+    }
 }
 
 /// Why the iterations ended.
@@ -104,7 +125,8 @@ pub fn icp(
     }))
 }
 
-/// Registers clouds one after the other, each to all before it where these have come to lie (eq. 15); the first stays.
+/// Registers clouds one after the other (eq. 15): the first stays, each of the others is registered to all before it,
+/// where these have come to lie.
 ///
 /// Gives the outcomes for all but the first.
 ///

@@ -1,13 +1,16 @@
-//! From depth-camera point clouds of strings, ropes, cables and hoses to ordered 3D centrelines.
+//! From depth-camera point clouds of ropes, cables and hoses to ordered 3D centrelines.
 //!
 //! The kernels of the pipeline, each usable alone, in the order in which data flow through them:
 //! [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`] for the published
 //! method, [`trace_tubes`] → [`fit_tubes`] for tubes fitted together with the cameras' poses.
 //! Slices go in and values come out; nothing is printed, read from files or kept between calls.
 //!
+//! The published method is that of *Shape Modeling of A String And Recognition Using Distance Sensor*; sections, equations
+//! and figures that the documentation cites are of that paper.
+//!
 //! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
-//! threads ([`set_num_threads`]); those of the filter, normals, registration and axis points also for any width of
-//! the processor's registers, which are chosen when the program runs (AVX-512, AVX2, or what every processor has).
+//! threads ([`set_num_threads`]). Those of the filter, normals, registration and axis points are also the same for any
+//! width of the processor's registers, which is chosen when the program runs (AVX-512, AVX2, or what every processor has).
 //!
 //! ```
 //! // a ring of points on a tube of radius 1 about the x axis, seen from above
@@ -24,7 +27,10 @@
 //! # Ok::<(), strand::Error>(())
 //! ```
 #![warn(missing_docs)]
+// the bindings use more of the crate than it exports
+#![cfg_attr(not(feature = "python"), allow(dead_code))]
 
+mod apparent_radius;
 mod arclength;
 mod banded;
 mod bridge;
@@ -42,29 +48,25 @@ mod icp;
 mod index;
 mod lanes;
 mod normals;
+mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
-mod sight;
 mod spline;
 mod straighten;
-mod strips;
 mod tubefit;
 mod tubelet;
 mod tubes;
+mod visibility;
 mod wide;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
 
-pub use arclength::ByLength;
-pub use bridge::{bending, bridge, end_direction, join_cost};
 pub use centerline::{Centerline, centerline};
 pub use chain::trace_chains;
-pub use crop::{DepthView, crop, crop_images};
-pub use density::{occupied_cubes, usual_neighbors};
-pub use depth::{Pinhole, copy_depth, unproject};
-pub use ends::{OnTube, crowded, string_parts};
+pub use crop::{DepthView, crop_images};
+pub use depth::Pinhole;
 pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
@@ -72,11 +74,9 @@ pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
 pub use index::Tree;
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
-pub use sight::{Saw, Seen, Sight, SightView, hides};
-pub use spline::{Spline, arc_length};
-pub use straighten::straighten;
-pub use strips::{Strip, strip_radii};
+pub use spline::{Place, Spline};
 pub use tubefit::{
-    EndSighting, Foot, OnCurve, Residual, Tube, TubeFit, TubeFitOptions, TubeView, fit_tubes, placed,
+    EndObservation, FootPoint, OnCurve, Residual, Tube, TubeFit, TubeFitOptions, TubeView, Uncertainty,
+    fit_tubes,
 };
-pub use tubes::{Arc, trace_tubes};
+pub use tubes::{Arc, MIN_NODES, trace_tubes};

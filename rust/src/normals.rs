@@ -1,4 +1,6 @@
 //! Surface normals by principal components (section IV-B, eq. 10–14).
+//!
+//! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::Result;

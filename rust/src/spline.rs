@@ -29,7 +29,7 @@ pub struct Place {
 }
 
 /// A spline as one cubic for each span: quicker at many places.
-pub struct Pieces {
+pub(crate) struct Pieces {
     /// Coefficients of 1, t, t² and t³, t running from 0 to 1 in each span.
     spans: Vec<[Point; 4]>,
 }
@@ -144,7 +144,7 @@ impl Spline {
     }
 
     /// The same curve, span by span.
-    pub fn pieces(&self) -> Pieces {
+    pub(crate) fn pieces(&self) -> Pieces {
         let span = |c: &[Point]| {
             [[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]
                 .map(|row| combine(c, row.map(|x| x / 6.0)))
@@ -156,13 +156,6 @@ impl Spline {
     #[inline]
     pub fn end(&self) -> f64 {
         (self.control.len() - 3) as f64
-    }
-
-    /// Weights of the control points at a parameter, and the first of the four that they belong to.
-    #[inline]
-    pub fn basis(&self, u: f64) -> (usize, [f64; 4]) {
-        let (first, t) = span(u, self.control.len());
-        (first, weights(t))
     }
 
     /// Position and derivatives at a parameter.
@@ -239,7 +232,7 @@ fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
 }
 
 /// Arc length from the first node to each.
-pub fn arc_length(nodes: &[Point]) -> Vec<f64> {
+pub(crate) fn arc_length(nodes: &[Point]) -> Vec<f64> {
     let mut total = 0.0;
     let mut arc = vec![0.0];
     for pair in nodes.windows(2) {

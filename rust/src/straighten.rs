@@ -1,4 +1,6 @@
-//! What averages over a neighbourhood do to bends, undone.
+//! Corrects axis points for what an average over their neighbourhood does to bends.
+//!
+//! Equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +13,7 @@ use crate::spline::arc_length;
 /// Around a point of a tube, the surface points within 2r reach s² ≤ 2 r² (1 + cos φ) along the axis at the angle φ about
 /// it. Their mean s² is 8/9 r², so the mean of their axis points lies 4/9 r² κ inside an axis whose curvature vector is
 /// κ: that of the parabola of least squares through the nodes within `span` along the chain.
-pub fn straighten(nodes: &[Point], radius: f64, span: f64) -> Vec<Point> {
+pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Vec<Point> {
     let s = arc_length(nodes);
     let straightened = |i: usize| {
         let (low, high) = (s.partition_point(|&t| s[i] - t > span), s.partition_point(|&t| t - s[i] <= span));

@@ -10,7 +10,7 @@ use crate::lanes::{Eight, LANES, Lanes, Three, wide};
 const NOISE: f64 = 0.25;
 
 /// Blocks of a patch that there is room for from the start.
-const USUAL: usize = 64;
+const TYPICAL: usize = 64;
 
 /// A piece of a bent tube: its axis is c + a τ + ½ a² κ for |a| up to its half length.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +48,7 @@ pub struct Patch {
 impl Patch {
     /// No points yet, about a place and for tubes of a radius.
     pub fn new(origin: Point, radius: f64) -> Self {
-        Self { origin, radius, inverse: 1.0 / radius, blocks: Vec::with_capacity(USUAL), filled: LANES }
+        Self { origin, radius, inverse: 1.0 / radius, blocks: Vec::with_capacity(TYPICAL), filled: LANES }
     }
 
     /// Adds a point and the unit vector to its camera.

@@ -1,7 +1,7 @@
 //! Arcs of tubes traced through oriented points.
 //!
-//! Where strands touch, an average over a neighbourhood mixes them. A tube fitted to the points that face their
-//! cameras, with nothing inside it, does not: of two strands in contact each has the other outside.
+//! Where strands touch, an average over a neighbourhood mixes them. A tube with nothing inside it, fitted to the points
+//! that face their cameras, does not: of two strands in contact each lies outside the other.
 
 use rayon::prelude::*;
 
@@ -17,14 +17,16 @@ use crate::{Point, parallel};
 const PATCH: f64 = 2.6;
 /// Share of the seeds' 90th percentile of scores that a seed must reach.
 const LEAST_SCORE: f64 = 0.25;
-/// Seeds nearer than this to a node are skipped, in radii.
+/// Seeds nearer than this to a node are left out, in radii.
 const CLEARANCE: f64 = 0.7;
-/// Nodes nearer than this to another arc, or to their own from farther back, have run into it, in radii.
+/// An arc ends where it comes nearer than this to another arc, or to its own nodes farther back, in radii.
 const COLLISION: f64 = 0.6;
+/// Fewest nodes of an arc, where the caller does not say.
+pub const MIN_NODES: usize = 4;
 /// Distance between the nodes of an arc, in radii.
 const STEP: f64 = 0.5;
-/// Sides of the cubes that give a seed each, in radii: each size only where arcs from larger ones left points free.
-const SEED_CUBES: [f64; 3] = [4.8, 2.4, 0.8];
+/// Sides of the voxels that give a seed each, in radii. A smaller size follows where arcs left points free.
+const SEED_VOXELS: [f64; 3] = [4.8, 2.4, 0.8];
 /// Directions tried at a seed.
 const DIRECTIONS: usize = 6;
 /// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
@@ -36,7 +38,7 @@ const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, pr
 /// What a step may change.
 const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
 
-/// A stretch of string along which its surface was seen.
+/// A stretch of rope along which its surface was seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arc {
     /// Nodes of the axis, half a radius apart, metres.
@@ -104,7 +106,7 @@ impl Tracer {
     fn trace(&mut self, min_nodes: usize) -> Vec<Arc> {
         let mut arcs = Vec::new();
         let mut enough = None;
-        for size in SEED_CUBES {
+        for size in SEED_VOXELS {
             let mut seeds = self.seeds(size);
             seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
             let Some(good) = seeds.get(seeds.len() / 10) else { continue };
@@ -172,7 +174,7 @@ impl Tracer {
         self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
     }
 
-    /// Tubelets at one free point of each cube of a size, in radii, the best of several directions.
+    /// Tubelets at one free point of each voxel of a size, in radii, the best of several directions.
     fn seeds(&self, size: f64) -> Vec<Seed> {
         let chosen = self.grid.sample(size * self.radius, |i| self.free[i]);
         let fitted: Vec<Vec<Option<Seed>>> = chosen
@@ -219,7 +221,7 @@ impl Tracer {
     fn march(&self, start: Tubelet, density: f64) -> Vec<(Tubelet, f64)> {
         let r = self.radius;
         let mut steps: Vec<(Tubelet, f64)> = Vec::new();
-        let (mut last, mut usual) = (start, density);
+        let (mut last, mut typical) = (start, density);
         loop {
             let expected = last.ahead(STEP * r);
             let patch = self.patch(expected.center);
@@ -230,7 +232,7 @@ impl Tracer {
             let limit = (COLLISION * r).powi(2);
             let collides = |node: &Point| squared_distance(*node, tubelet.center) < limit;
             let own = steps.len().saturating_sub(8);
-            if ahead < (0.22 * usual).max(3.0)
+            if ahead < (0.22 * typical).max(3.0)
                 || !straight
                 || jump >= 0.6 * r
                 || support.inside as f64 >= 0.5 * support.inliers as f64 + 2.0
@@ -239,7 +241,7 @@ impl Tracer {
             {
                 return steps;
             }
-            usual = 0.8 * usual + 0.2 * ahead;
+            typical = 0.8 * typical + 0.2 * ahead;
             steps.push((tubelet, ahead));
             last = tubelet;
             let bend = dot(last.curvature, last.curvature).sqrt();

@@ -502,6 +502,8 @@ fn wrong_arguments_are_named() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert_eq!(refused(&points, &points, to_points, &options(bad)), "max_correspondence_distance");
     }
+    let unset = IcpOptions::default();
+    assert_eq!(refused(&points, &points, to_points, &unset), "max_correspondence_distance");
     for tolerance in [-1e-9, f64::NAN] {
         let limits = IcpOptions { tolerance, ..options(1.0) };
         assert_eq!(refused(&points, &points, to_points, &limits), "tolerance");

@@ -1,7 +1,7 @@
 //! Tubes traced and fitted, against simulated half-shells with known axes and poses.
 
 use strand::{
-    EndSighting, Error, Point, Residual, RigidMotion, Spline, Tube, TubeFitOptions, TubeView, Viewpoints,
+    EndObservation, Error, Point, Residual, RigidMotion, Spline, Tube, TubeFitOptions, TubeView, Viewpoints,
     fit_tubes, trace_tubes,
 };
 
@@ -43,20 +43,7 @@ fn distance_from_axis(p: Point) -> f64 {
 const CAMERAS: [Point; 3] = [[0.0, -0.4, 0.3], [0.0, 0.0, 0.5], [0.0, 0.4, 0.3]];
 
 fn options() -> TubeFitOptions {
-    TubeFitOptions {
-        fit_curves: true,
-        radius_prior: None,
-        reference: Some(1),
-        pose_sd: [0.01, 2e-3],
-        residual: Residual::Distance,
-        band: [0.6, 0.4],
-        iterations: 20,
-        tolerance: 0.1,
-        min_bend: 1.5,
-        noise: None,
-        bounds: None,
-        uncertainty: true,
-    }
+    TubeFitOptions { reference: Some(1), pose_sd: [0.01, 2e-3], iterations: 20, ..TubeFitOptions::default() }
 }
 
 #[test]
@@ -98,7 +85,7 @@ fn a_joint_fit_finds_poses_radius_and_axis() {
     let views: Vec<TubeView> = clouds
         .iter()
         .zip(CAMERAS)
-        .map(|(points, viewpoint)| TubeView { points, viewpoint, ends: &[], feet: &[] })
+        .map(|(points, viewpoint)| TubeView { points, viewpoint, end_observations: &[], foot_points: &[] })
         .collect();
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
     let curve = Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap();
@@ -108,7 +95,8 @@ fn a_joint_fit_finds_poses_radius_and_axis() {
         pose_sd: [0.1, 0.02],
         ..options()
     };
-    let fit = fit_tubes(&views, &[Tube { curve, rope: 0 }], &still, &[1.04 * RADIUS], &options).unwrap();
+    let fit =
+        fit_tubes(&views, &[Tube { curve, radius_class: 0 }], &still, &[1.04 * RADIUS], &options).unwrap();
     assert!((fit.radii[0] / RADIUS - 1.0).abs() < 2e-3, "{}", fit.radii[0]);
     for view in 0..3 {
         for x in [-0.1, 0.0, 0.1] {
@@ -143,12 +131,13 @@ fn straight(radius: f64, y: f64) -> Vec<Point> {
 }
 
 #[test]
-fn ropes_have_a_radius_each() {
+fn each_class_has_a_radius() {
     let points = [straight(0.003, -0.02), straight(0.006, 0.02)].concat();
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
-    let tube = |y: f64, rope: usize| {
+    let views =
+        [TubeView { points: &points, viewpoint: CAMERAS[1], end_observations: &[], foot_points: &[] }];
+    let tube = |y: f64, radius_class: usize| {
         let nodes: Vec<Point> = (0..60).map(|i| [-0.14 + 0.0047 * f64::from(i), y, 0.0]).collect();
-        Tube { curve: Spline::through(&nodes, 0.01, 0.0).unwrap(), rope }
+        Tube { curve: Spline::through(&nodes, 0.01, 0.0).unwrap(), radius_class }
     };
     let start = [0.0033, 0.0055];
     let options = TubeFitOptions {
@@ -161,13 +150,13 @@ fn ropes_have_a_radius_each() {
     assert!((fit.radii[0] / 0.003 - 1.0).abs() < 0.01, "{:?}", fit.radii);
     assert!((fit.radii[1] / 0.006 - 1.0).abs() < 0.01, "{:?}", fit.radii);
     assert!(fit.uncertainty.unwrap().radii.iter().all(|&sd| sd > 0.0 && sd < 1e-4));
-    // pieces of one rope share its radius
+    // pieces of one class share its radius
     let same = fit_tubes(&views, &[tube(-0.02, 1), tube(-0.02, 1)], &still, &start, &options).unwrap();
     assert!((same.radii[1] - 0.003).abs() < (same.radii[0] - 0.003).abs());
 }
 
 #[test]
-fn a_string_bends_no_tighter_than_it_may() {
+fn a_rope_bends_no_tighter_than_it_may() {
     // two straight tubes that meet at an angle of 130 degrees, without a bend between
     let (sin, cos) = 25f64.to_radians().sin_cos();
     let mut points = Vec::new();
@@ -179,10 +168,11 @@ fn a_string_bends_no_tighter_than_it_may() {
             points.push([s * cos - side * aside * sin, s * side * sin + aside * cos, RADIUS * up]);
         }
     }
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
+    let views =
+        [TubeView { points: &points, viewpoint: CAMERAS[1], end_observations: &[], foot_points: &[] }];
     let nodes: Vec<Point> =
         (-30..=30).map(|i| 0.003 * f64::from(i)).map(|s| [s * cos, s.abs() * sin, 0.0]).collect();
-    let tubes = [Tube { curve: Spline::through(&nodes, RADIUS, 0.0).unwrap(), rope: 0 }];
+    let tubes = [Tube { curve: Spline::through(&nodes, RADIUS, 0.0).unwrap(), radius_class: 0 }];
     let tightest = |min_bend: f64| {
         let options = TubeFitOptions { reference: None, min_bend, iterations: 40, ..options() };
         let fit = fit_tubes(&views, &tubes, &[RigidMotion::identity()], &[RADIUS], &options).unwrap();
@@ -201,9 +191,10 @@ fn a_string_bends_no_tighter_than_it_may() {
 #[test]
 fn deviations_follow_the_noise_that_is_given() {
     let points = half_shell(CAMERAS[1]);
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
+    let views =
+        [TubeView { points: &points, viewpoint: CAMERAS[1], end_observations: &[], foot_points: &[] }];
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
-    let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, 0.0).unwrap(), rope: 0 }];
+    let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, 0.0).unwrap(), radius_class: 0 }];
     let sd = |noise: f64| {
         let options =
             TubeFitOptions { reference: None, residual: Residual::Ray, noise: Some(noise), ..options() };
@@ -226,8 +217,9 @@ fn wrong_input_is_refused_by_name() {
     );
     assert!(trace_tubes(&[], one, RADIUS, 4).unwrap().is_empty());
     let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
-    let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap(), rope: 0 }];
-    let views = [TubeView { points: &points, viewpoint: CAMERAS[1], ends: &[], feet: &[] }];
+    let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, RADIUS).unwrap(), radius_class: 0 }];
+    let views =
+        [TubeView { points: &points, viewpoint: CAMERAS[1], end_observations: &[], foot_points: &[] }];
     let still = [RigidMotion::identity()];
     let fit = |change: &dyn Fn(&mut TubeFitOptions)| {
         let mut options = TubeFitOptions { reference: Some(0), ..options() };
@@ -242,7 +234,7 @@ fn wrong_input_is_refused_by_name() {
     assert_eq!(name(fit(&|o| o.noise = Some(-1.0)).unwrap_err()), "noise");
     assert_eq!(name(fit(&|o| o.radius_prior = Some(vec![])).unwrap_err()), "radius_prior");
     assert_eq!(name(fit(&|o| o.radius_prior = Some(vec![[RADIUS, 0.0]])).unwrap_err()), "radius_prior");
-    assert_eq!(name(fit_tubes(&views, &tubes, &still, &[], &options()).unwrap_err()), "ropes");
+    assert_eq!(name(fit_tubes(&views, &tubes, &still, &[], &options()).unwrap_err()), "radius_classes");
     assert_eq!(name(fit_tubes(&views, &[], &still, &[RADIUS], &options()).unwrap_err()), "curves");
     assert_eq!(name(fit_tubes(&views, &tubes, &[], &[RADIUS], &options()).unwrap_err()), "motions");
     assert_eq!(name(Spline::through(&nodes[..1], 0.01, 0.0).unwrap_err()), "nodes");
@@ -251,9 +243,9 @@ fn wrong_input_is_refused_by_name() {
 }
 
 #[test]
-fn ends_that_views_see_keep_a_straight_string_from_sliding() {
+fn ends_that_views_see_keep_a_straight_rope_from_sliding() {
     let line: Vec<Point> = (0..80).map(|i| [-0.15 + 0.004 * f64::from(i), 0.0, 0.0]).collect();
-    let tube = Tube { curve: Spline::through(&line, 2.0 * RADIUS, 0.0).unwrap(), rope: 0 };
+    let tube = Tube { curve: Spline::through(&line, 2.0 * RADIUS, 0.0).unwrap(), radius_class: 0 };
     // half-shells of a straight tube; the first view's pose is 3 mm off along it
     let slide = [0.003, 0.0, 0.0];
     let clouds: Vec<Vec<Point>> = CAMERAS
@@ -277,8 +269,9 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
             points
         })
         .collect();
-    let sighting = |x: f64| EndSighting { end: 0, place: [x, 0.0, 0.0], outward: [1.0, 0.0, 0.0], sd: 1e-4 };
-    let seen = [vec![sighting(0.123)], vec![sighting(0.12)], Vec::new()];
+    let seen_at =
+        |x: f64| EndObservation { end: 0, place: [x, 0.0, 0.0], outward: [1.0, 0.0, 0.0], sd: 1e-4 };
+    let seen = [vec![seen_at(0.123)], vec![seen_at(0.12)], Vec::new()];
     let fitted = |use_ends: bool| {
         let views: Vec<TubeView> = clouds
             .iter()
@@ -287,8 +280,8 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
             .map(|((points, viewpoint), ends)| TubeView {
                 points,
                 viewpoint,
-                ends: if use_ends { ends } else { &[] },
-                feet: &[],
+                end_observations: if use_ends { ends } else { &[] },
+                foot_points: &[],
             })
             .collect();
         fit_tubes(
@@ -307,8 +300,9 @@ fn ends_that_views_see_keep_a_straight_string_from_sliding() {
     assert!(with.motions[2].translation[0].abs() < 1e-4);
     let sd = |fit: &strand::TubeFit, view: usize| fit.uncertainty.as_ref().unwrap().poses[view][3][3].sqrt();
     assert!(sd(&with, 0) < 2e-4 && sd(&with, 2) > 1e-3 && sd(&without, 0) > 1e-3);
-    let twice = [sighting(0.1), sighting(0.1)];
-    let views = [TubeView { points: &clouds[1], viewpoint: CAMERAS[1], ends: &twice, feet: &[] }];
+    let twice = [seen_at(0.1), seen_at(0.1)];
+    let views =
+        [TubeView { points: &clouds[1], viewpoint: CAMERAS[1], end_observations: &twice, foot_points: &[] }];
     let one = TubeFitOptions { reference: None, ..options() };
     assert!(fit_tubes(&views, &[tube], &[RigidMotion::identity()], &[RADIUS], &one).is_err());
 }

@@ -1,8 +1,10 @@
 //! What Python hands in, checked and made into slices; what Rust hands back, made into arrays.
 
 use std::borrow::Cow;
+use std::convert::Infallible;
 
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::Borrowed;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -15,7 +17,17 @@ pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
 pub(super) struct FloatArray<'py>(pub(super) PyReadonlyArrayDyn<'py, f64>);
 
 impl<'py> FloatArray<'py> {
+    /// An array of lengths, which whole numbers are not: they have no unit.
     pub(super) fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        Self::of_kind(name, value, "f")
+    }
+
+    /// A small array that can mean only numbers; these may be whole.
+    pub(super) fn of_numbers(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        Self::of_kind(name, value, "fiu")
+    }
+
+    fn of_kind(name: &str, value: &Bound<'py, PyAny>, kinds: &str) -> PyResult<Self> {
         let py = value.py();
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
             && array.is_c_contiguous()
@@ -26,9 +38,15 @@ impl<'py> FloatArray<'py> {
         let numpy = py.import("numpy")?;
         let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
         let dtype = array.getattr("dtype")?;
-        if dtype.getattr("kind")?.extract::<String>()? != "f" {
+        let kind: String = dtype.getattr("kind")?.extract()?;
+        if !kinds.contains(&kind) {
+            let wanted = if kinds == "f" { "floating point numbers" } else { "numbers" };
+            let reason = match kind.as_str() {
+                "i" | "u" => ": whole numbers have no unit, convert them to metres",
+                _ => "",
+            };
             return Err(PyTypeError::new_err(format!(
-                "{name}: expected floating point numbers, got dtype {dtype}"
+                "{name}: expected {wanted}, got dtype {dtype}{reason}"
             )));
         }
         // C order and alignment, copied only where the array lacks either
@@ -36,9 +54,9 @@ impl<'py> FloatArray<'py> {
         Ok(Self(array.extract()?))
     }
 
-    /// Several arguments of one name.
+    /// The arrays of a sequence, each with its number in errors.
     pub(super) fn all(name: &str, values: &[Bound<'py, PyAny>]) -> PyResult<Vec<Self>> {
-        values.iter().map(|value| Self::new(name, value)).collect()
+        values.iter().enumerate().map(|(i, value)| Self::new(&format!("{name}[{i}]"), value)).collect()
     }
 
     /// The array as rows of three; `shape` is what the error message asks for.
@@ -57,7 +75,9 @@ impl<'py> FloatArray<'py> {
 }
 
 pub(super) fn wrong_shape(name: &str, want: &str, got: &[usize]) -> PyErr {
-    PyValueError::new_err(format!("{name}: expected shape {want}, got {got:?}"))
+    let sizes: Vec<String> = got.iter().map(usize::to_string).collect();
+    let comma = if got.len() == 1 { "," } else { "" };
+    PyValueError::new_err(format!("{name}: expected shape {want}, got ({}{comma})", sizes.join(", ")))
 }
 
 /// An error of NumPy about an argument's value, with the argument's name.
@@ -69,10 +89,21 @@ pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     }
 }
 
+/// The points of several clouds.
+pub(super) fn rows_of<'a>(name: &str, clouds: &'a [FloatArray]) -> PyResult<Vec<&'a [Point]>> {
+    clouds.iter().enumerate().map(|(i, cloud)| cloud.rows(&format!("{name}[{i}]"), "(N, 3)")).collect()
+}
+
+/// So many numbers.
+pub(super) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    let array = FloatArray::of_numbers(name, value)?;
+    let found = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
+    found.ok_or_else(|| wrong_shape(name, &format!("({N},)"), array.0.shape()))
+}
+
 /// A place or a vector.
 pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
-    let array = FloatArray::new(name, value)?;
-    array.slice()?.try_into().map_err(|_| wrong_shape(name, "(3,)", array.0.shape()))
+    numbers(name, value)
 }
 
 /// A real number.
@@ -89,14 +120,41 @@ pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
         .map_err(|_| PyValueError::new_err(format!("{name}: expected a number >= 0, got {number}")))
 }
 
+/// A rigid motion.
 pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {
-    let array = FloatArray::new(name, value)?;
+    let array = FloatArray::of_numbers(name, value)?;
     if array.0.shape() != [4, 4] {
         return Err(wrong_shape(name, "(4, 4)", array.0.shape()));
     }
     let rows: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| array.0.as_array()[[i, j]]));
     RigidMotion::from_rows(&rows)
         .map_err(|error| PyValueError::new_err(error.to_string().replacen("pose", name, 1)))
+}
+
+/// The rigid motions of a sequence, each with its number in errors.
+pub(super) fn motions(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<RigidMotion>> {
+    values.iter().enumerate().map(|(i, value)| motion(&format!("{name}[{i}]"), value)).collect()
+}
+
+/// An argument that the caller may leave out; the core says what holds then.
+pub(super) struct Given<'py>(pub(super) Option<Bound<'py, PyAny>>);
+
+impl<'py> FromPyObject<'_, 'py> for Given<'py> {
+    type Error = Infallible;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self, Infallible> {
+        Ok(Self(Some(value.to_owned())))
+    }
+}
+
+impl<'py> Given<'py> {
+    pub(super) fn or<T>(
+        &self,
+        default: T,
+        read: impl FnOnce(&Bound<'py, PyAny>) -> PyResult<T>,
+    ) -> PyResult<T> {
+        self.0.as_ref().map_or(Ok(default), read)
+    }
 }
 
 /// Which rows of the arguments a kernel sees.
@@ -164,16 +222,39 @@ pub(super) fn require_same_length(name: &str, got: usize, want: usize) -> PyResu
     }
 }
 
-/// One camera's centre, or one for each of `count` points.
-pub(super) fn viewpoints<'a>(array: &'a FloatArray, count: usize) -> PyResult<(Point, Option<&'a [Point]>)> {
-    const SHAPE: &str = "(3,) or (N, 3)";
-    if array.0.ndim() == 2 {
-        let rows = array.rows("viewpoint", SHAPE)?;
-        require_same_length("viewpoint", rows.len(), count)?;
-        return Ok(([0.0; 3], Some(rows)));
+/// One camera's centre, or one for each of several points.
+pub(super) enum Viewpoint<'py> {
+    One(Point),
+    Each(FloatArray<'py>),
+}
+
+impl<'py> Viewpoint<'py> {
+    const SHAPE: &'static str = "(3,) or (N, 3)";
+
+    pub(super) fn new(value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let array = FloatArray::of_numbers("viewpoint", value)?;
+        if array.0.ndim() == 2 {
+            return Ok(Self::Each(FloatArray::new("viewpoint", value)?));
+        }
+        let one = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
+        one.map(Self::One).ok_or_else(|| wrong_shape("viewpoint", Self::SHAPE, array.0.shape()))
     }
-    let one = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
-    Ok((one.ok_or_else(|| wrong_shape("viewpoint", SHAPE, array.0.shape()))?, None))
+
+    /// Those of `count` points, if there is one for each.
+    pub(super) fn each(&self, count: usize) -> PyResult<Option<&[Point]>> {
+        let Self::Each(array) = self else { return Ok(None) };
+        let rows = array.rows("viewpoint", Self::SHAPE)?;
+        require_same_length("viewpoint", rows.len(), count)?;
+        Ok(Some(rows))
+    }
+
+    /// That of all points; NaN if there is one for each.
+    pub(super) fn one(&self) -> Point {
+        match self {
+            Self::One(one) => *one,
+            Self::Each(_) => [f64::NAN; 3],
+        }
+    }
 }
 
 pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {

@@ -1,10 +1,13 @@
-//! Bindings of curves: splines, where strings end along them, polylines and bridges between these.
+//! Bindings of curves: splines, polylines and bridges between these.
 
 use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, PointsArray, points_array, require_same_length};
-use crate::{ByLength, OnTube, Point, Spline, Tube};
+use super::arguments::{FloatArray, PointsArray, point, points_array, require_same_length};
+use crate::arclength::ByLength;
+use crate::overlap::{self, Along};
+use crate::{Point, Spline, bridge, spline, straighten};
 
 /// Fit a uniform cubic B-spline through ordered nodes by least squares.
 ///
@@ -39,7 +42,7 @@ pub(super) fn spline_through<'py>(
 ) -> PyResult<PointsArray<'py>> {
     let nodes = FloatArray::new("nodes", nodes)?;
     let nodes = nodes.rows("nodes", "(M, 3)")?;
-    let spline = py.detach(|| crate::Spline::through(nodes, spacing, extension))?;
+    let spline = py.detach(|| Spline::through(nodes, spacing, extension))?;
     points_array(py, spline.control)
 }
 
@@ -50,7 +53,8 @@ pub(super) fn spline_places<'py>(
     control: &Bound<'py, PyAny>,
     parameters: &Bound<'py, PyAny>,
 ) -> PyResult<(PointsArray<'py>, PointsArray<'py>, PointsArray<'py>)> {
-    let (spline, parameters) = (spline("control", control)?, FloatArray::new("parameter", parameters)?);
+    let (spline, parameters) =
+        (checked_spline("control", control)?, FloatArray::new("parameters", parameters)?);
     let parameters = parameters.slice()?;
     let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(parameters.len()));
     for place in parameters.iter().map(|&u| spline.at(u)) {
@@ -70,75 +74,31 @@ pub(super) fn arc_lengths<'py>(
     start: f64,
     stop: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let spline = spline("control", control)?;
+    let spline = checked_spline("control", control)?;
     Ok(PyArray1::from_vec(py, ByLength::new(&spline, start, stop).into_table()))
 }
 
-/// Cut curves to the stretch that points support; see `strand.ends.string_parts`.
+/// Which places of curves lie nearer than `distance` to another curve, or to their own at least `apart` along it.
 ///
-/// `slack` is None, or how far from each curve's surface its points may be.
+/// `curve` is the number of each place's curve, `arc_length` where along that it is, metres.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
-pub(super) fn string_parts<'py>(
-    py: Python<'py>,
-    curves: Vec<Bound<'py, PyAny>>,
-    ropes: Vec<usize>,
-    radii: Vec<f64>,
-    counted: PyReadonlyArray1<'py, bool>,
-    curve: PyReadonlyArray1<'py, i64>,
-    parameter: PyReadonlyArray1<'py, f64>,
-    points: &Bound<'py, PyAny>,
-    to_camera: &Bound<'py, PyAny>,
-    slack: Option<Vec<f64>>,
-) -> PyResult<Vec<Option<[f64; 2]>>> {
-    let (points, to_camera) = (FloatArray::new("points", points)?, FloatArray::new("to_camera", to_camera)?);
-    let (points, to_camera) = (points.rows("points", "(N, 3)")?, to_camera.rows("to_camera", "(N, 3)")?);
-    let (counted, curve, parameter) = (counted.as_slice()?, curve.as_slice()?, parameter.as_slice()?);
-    for (name, length) in [
-        ("to_camera", to_camera.len()),
-        ("counted", counted.len()),
-        ("curve", curve.len()),
-        ("parameter", parameter.len()),
-    ] {
-        require_same_length(name, length, points.len())?;
-    }
-    let tubes: Vec<Tube> = curves
-        .iter()
-        .zip(ropes)
-        .map(|(curve, rope)| Ok(Tube { curve: spline("curves", curve)?, rope }))
-        .collect::<PyResult<_>>()?;
-    Ok(py.detach(|| {
-        let on_tubes: Vec<OnTube> = (0..points.len())
-            .filter(|&i| counted[i])
-            .map(|i| OnTube {
-                curve: curve[i] as usize,
-                parameter: parameter[i],
-                position: points[i],
-                to_camera: to_camera[i],
-            })
-            .collect();
-        crate::string_parts(&tubes, &radii, &on_tubes, slack.as_deref())
-    }))
-}
-
-/// Which places of strands, given with their strands' numbers and the arc lengths there, crowd others.
-#[pyfunction]
-pub(super) fn crowded<'py>(
+pub(super) fn overlapping<'py>(
     py: Python<'py>,
     places: &Bound<'py, PyAny>,
-    strands: PyReadonlyArray1<'py, i64>,
-    lengths: PyReadonlyArray1<'py, f64>,
-    contact: f64,
-    own: f64,
+    curve: PyReadonlyArray1<'py, i64>,
+    arc_length: PyReadonlyArray1<'py, f64>,
+    distance: f64,
+    apart: f64,
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
     let places = FloatArray::new("places", places)?;
-    let (places, strands, lengths) =
-        (places.rows("places", "(N, 3)")?, strands.as_slice()?, lengths.as_slice()?);
-    require_same_length("strands", strands.len(), places.len())?;
-    require_same_length("lengths", lengths.len(), places.len())?;
-    let nodes: Vec<(Point, usize, f64)> =
-        (0..places.len()).map(|i| (places[i], strands[i] as usize, lengths[i])).collect();
-    Ok(PyArray1::from_vec(py, py.detach(|| crate::crowded(&nodes, contact, own))))
+    let (places, curve, arc_length) =
+        (places.rows("places", "(N, 3)")?, curve.as_slice()?, arc_length.as_slice()?);
+    require_same_length("curve", curve.len(), places.len())?;
+    require_same_length("arc_length", arc_length.len(), places.len())?;
+    let places: Vec<Along> = (places.iter().zip(curve).zip(arc_length))
+        .map(|((&position, &curve), &arc_length)| Along { curve: curve as usize, arc_length, position })
+        .collect();
+    Ok(PyArray1::from_vec(py, py.detach(|| overlap::overlapping(&places, distance, apart))))
 }
 
 /// Arc length from the first of ordered nodes to each, metres.
@@ -148,10 +108,10 @@ pub(super) fn path_length<'py>(
     nodes: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let nodes = FloatArray::new("nodes", nodes)?;
-    Ok(PyArray1::from_vec(py, crate::arc_length(nodes.rows("nodes", "(M, 3)")?)))
+    Ok(PyArray1::from_vec(py, spline::arc_length(nodes.rows("nodes", "(M, 3)")?)))
 }
 
-/// The unit vector out of the last of ordered nodes; see `strand.topology.end_direction`.
+/// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it; metres.
 #[pyfunction]
 pub(super) fn end_direction<'py>(
     py: Python<'py>,
@@ -160,12 +120,16 @@ pub(super) fn end_direction<'py>(
     span: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let nodes = FloatArray::new("nodes", nodes)?;
-    Ok(PyArray1::from_slice(py, &crate::end_direction(nodes.rows("nodes", "(M, 3)")?, skip, span)))
+    Ok(PyArray1::from_slice(py, &bridge::end_direction(nodes.rows("nodes", "(M, 3)")?, skip, span)))
 }
 
-/// Nodes of the cubic from one stretch to the next; see `strand.strings.bridge`.
+/// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
+///
+/// `span` is the stretch of each over which its direction is taken, `spacing` that between nodes, metres; `reach` are the
+/// lengths of the tangents at the two ends as parts of the gap.
 #[pyfunction]
-pub(super) fn bridge<'py>(
+#[pyo3(name = "bridge")]
+pub(super) fn bridge_nodes<'py>(
     py: Python<'py>,
     before: &Bound<'py, PyAny>,
     after: &Bound<'py, PyAny>,
@@ -175,28 +139,33 @@ pub(super) fn bridge<'py>(
 ) -> PyResult<PointsArray<'py>> {
     let (before, after) = (FloatArray::new("before", before)?, FloatArray::new("after", after)?);
     let (before, after) = (before.rows("before", "(K, 3)")?, after.rows("after", "(K, 3)")?);
-    points_array(py, crate::bridge(before, after, span, spacing, reach))
+    points_array(py, bridge::bridge(before, after, span, spacing, reach))
 }
 
-/// Undo what an average does to bends; see `strand.strings.straighten`.
+/// Undo what the average over two radii does to the bends of a chain of axis points.
+///
+/// `span` is how far along the chain the bend at a node is taken from, metres.
 #[pyfunction]
-pub(super) fn straighten<'py>(
+#[pyo3(name = "straighten")]
+pub(super) fn straightened<'py>(
     py: Python<'py>,
     nodes: &Bound<'py, PyAny>,
     radius: f64,
     span: f64,
 ) -> PyResult<PointsArray<'py>> {
     let nodes = FloatArray::new("nodes", nodes)?;
-    points_array(py, crate::straighten(nodes.rows("nodes", "(M, 3)")?, radius, span))
+    points_array(py, straighten::straighten(nodes.rows("nodes", "(M, 3)")?, radius, span))
 }
 
 /// Bending energy of a polyline, 1/m.
 #[pyfunction]
 pub(super) fn bending(nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
-    Ok(crate::bending(FloatArray::new("nodes", nodes)?.rows("nodes", "(M, 3)")?))
+    Ok(bridge::bending(FloatArray::new("nodes", nodes)?.rows("nodes", "(M, 3)")?))
 }
 
-/// Cost of joining two ends; see `strand.linking.join_cost`.
+/// Cost of the curve that leaves the end `p` along `leave` and meets the end `q`, which points along `arrive`.
+///
+/// Grows with its bends, and with the gap over the rope's radius; infinite where the curve would have to turn back.
 #[pyfunction]
 pub(super) fn join_cost(
     p: &Bound<'_, PyAny>,
@@ -205,12 +174,18 @@ pub(super) fn join_cost(
     arrive: &Bound<'_, PyAny>,
     radius: f64,
 ) -> PyResult<f64> {
-    let [p, leave, q, arrive] = [("p", p), ("leave", leave), ("q", q), ("arrive", arrive)]
-        .map(|(name, value)| super::arguments::point(name, value));
-    Ok(crate::join_cost(p?, leave?, q?, arrive?, radius))
+    let [p, leave, q, arrive] =
+        [("p", p), ("leave", leave), ("q", q), ("arrive", arrive)].map(|(name, value)| point(name, value));
+    Ok(bridge::join_cost(p?, leave?, q?, arrive?, radius))
 }
 
 /// A spline of checked control points.
-fn spline(name: &str, control: &Bound<'_, PyAny>) -> PyResult<Spline> {
-    Ok(Spline { control: FloatArray::new(name, control)?.rows(name, "(n, 3)")?.to_vec() })
+pub(super) fn checked_spline(name: &str, control: &Bound<'_, PyAny>) -> PyResult<Spline> {
+    let array = FloatArray::new(name, control)?;
+    let control = array.rows(name, "(n, 3)")?.to_vec();
+    if control.len() < 4 {
+        let reason = format!("{name}: expected at least four control points, got {}", control.len());
+        return Err(PyValueError::new_err(reason));
+    }
+    Ok(Spline { control })
 }

@@ -1,10 +1,11 @@
-//! The normal equations: what the points, the sightings of ends and the priors say of the unknowns.
+//! The normal equations: what the points, the end observations and the priors say of the unknowns.
 
 use std::collections::BTreeMap;
 
-use super::feet::ViewTerms;
+use super::foot_points::ViewTerms;
+use super::solver::State;
 use super::sums::{Band, RESIDUAL};
-use super::{EndSighting, State, TubeFitOptions, Uncertainty};
+use super::{EndObservation, TubeFitOptions, Uncertainty};
 use crate::banded::{Bordered, WIDTH};
 use crate::error::{Error, Result};
 use crate::geometry::{cross, dot, normalized, sub};
@@ -57,7 +58,7 @@ impl State<'_> {
         }
     }
 
-    /// The normal equations at the given feet: the matrix, and the right-hand sides of its band and its border.
+    /// The normal equations at the given foot points: the matrix, and the right-hand sides of its band and its border.
     pub(super) fn assemble(
         &self,
         terms: &[ViewTerms],
@@ -79,7 +80,7 @@ impl State<'_> {
             let column = layout.column(view);
             for sums in &terms.sums {
                 used += sums.used;
-                let radius = (layout.radii > 0).then_some(layout.poses + self.ropes[sums.curve]);
+                let radius = (layout.radii > 0).then_some(layout.poses + self.radius_classes[sums.curve]);
                 if options.fit_curves {
                     sums.add_band_to(&mut bands[sums.curve][sums.first]);
                     let start = layout.offsets[sums.curve] + 3 * sums.first;
@@ -116,13 +117,13 @@ impl State<'_> {
         }
         if options.fit_curves {
             for (i, (curve, &offset)) in self.curves.iter().zip(&layout.offsets).enumerate() {
-                smoothness(curve, offset, self.radius(i), self.slack[i], &mut matrix, &mut right_band);
+                smoothness(curve, offset, self.radius(i), self.bend_scale[i], &mut matrix, &mut right_band);
             }
         }
-        for (rope, [mean, sd]) in options.radius_prior.iter().flatten().enumerate() {
-            let column = layout.poses + rope;
+        for (class, [mean, sd]) in options.radius_prior.iter().flatten().enumerate() {
+            let column = layout.poses + class;
             matrix.add_corner(column, column, sd.powi(-2));
-            right_border[column] -= (self.radii[rope] - mean) / (sd * sd);
+            right_border[column] -= (self.radii[class] - mean) / (sd * sd);
         }
         self.add_ends(layout, &mut matrix, &mut right_border);
         let precision: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3].powi(-2));
@@ -143,24 +144,24 @@ impl State<'_> {
         Ok((matrix, right_band, right_border))
     }
 
-    /// Adds the sightings of ends: each end has one place along its string, an unknown that is eliminated here.
+    /// Adds the end observations: each end has one place along its rope, an unknown that is eliminated here.
     fn add_ends(&self, layout: &Layout, matrix: &mut Bordered, right: &mut [f64]) {
-        let mut ends: BTreeMap<usize, Vec<(usize, &EndSighting)>> = BTreeMap::new();
+        let mut ends: BTreeMap<usize, Vec<(usize, &EndObservation)>> = BTreeMap::new();
         for (view, seen) in self.views.iter().enumerate() {
-            for sighting in seen.ends {
-                ends.entry(sighting.end).or_default().push((view, sighting));
+            for observation in seen.end_observations {
+                ends.entry(observation.end).or_default().push((view, observation));
             }
         }
-        for sightings in ends.values() {
-            let rows: Vec<(Option<usize>, [f64; 6], f64, f64)> = sightings
+        for observations in ends.values() {
+            let rows: Vec<(Option<usize>, [f64; 6], f64, f64)> = observations
                 .iter()
-                .map(|&(view, sighting)| {
-                    let moved = self.motions[view].apply(sighting.place);
+                .map(|&(view, observation)| {
+                    let moved = self.motions[view].apply(observation.place);
                     let arm = sub(moved, self.center);
-                    let (turn, along) = (cross(arm, sighting.outward), dot(arm, sighting.outward));
+                    let (turn, along) = (cross(arm, observation.outward), dot(arm, observation.outward));
                     let jacobian =
-                        std::array::from_fn(|k| if k < 3 { turn[k] } else { sighting.outward[k - 3] });
-                    (layout.column(view), jacobian, along, sighting.sd.powi(-2))
+                        std::array::from_fn(|k| if k < 3 { turn[k] } else { observation.outward[k - 3] });
+                    (layout.column(view), jacobian, along, observation.sd.powi(-2))
                 })
                 .collect();
             let total: f64 = rows.iter().map(|&(.., weight)| weight).sum();
@@ -204,9 +205,9 @@ impl State<'_> {
             })
             .collect();
         let radii = (0..self.radii.len())
-            .map(|rope| match layout.radii {
+            .map(|class| match layout.radii {
                 0 => 0.0,
-                _ => border[(layout.poses + rope, layout.poses + rope)].sqrt(),
+                _ => border[(layout.poses + class, layout.poses + class)].sqrt(),
             })
             .collect();
         // of a coordinate with one that is as many or fewer than WIDTH - 1 rows later
@@ -242,7 +243,14 @@ pub(super) fn undetermined() -> Error {
 }
 
 /// Adds a curve's prior to the normal equations.
-fn smoothness(curve: &Spline, offset: usize, r: f64, slack: f64, matrix: &mut Bordered, right: &mut [f64]) {
+fn smoothness(
+    curve: &Spline,
+    offset: usize,
+    r: f64,
+    bend_scale: f64,
+    matrix: &mut Bordered,
+    right: &mut [f64],
+) {
     let control = &curve.control;
     let mut difference = |stencil: &[f64], sd: f64| {
         let precision = sd.powi(-2);
@@ -261,7 +269,7 @@ fn smoothness(curve: &Spline, offset: usize, r: f64, slack: f64, matrix: &mut Bo
     };
     let span = curve.length() / curve.end();
     difference(&[-1.0, 3.0, -3.0, 1.0], THIRD_DIFFERENCE * r * (span / (1.5 * r)).powi(3));
-    difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r * slack);
+    difference(&[1.0, -2.0, 1.0], SECOND_DIFFERENCE * r * bend_scale);
     for i in 0..control.len() {
         let tangent = normalized(curve.at((i as f64 - 1.0).clamp(0.0, curve.end())).first);
         for a in 0..3 {

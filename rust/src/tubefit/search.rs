@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::{OnCurve, Residual, State};
+use super::solver::State;
+use super::{OnCurve, Residual};
 use crate::Point;
 use crate::geometry::{cell_of, dot, normalized, sub};
 use crate::lanes::{Eight, LANES, Lanes, Three, wide};

@@ -1,32 +1,25 @@
-//! Where points belong: the curve and the place on it that explain each best, and how far from its surface it is.
+//! Foot points: the place of the curves that explains each point best, and how far from the surface the point is.
 //!
 //! Points are sorted by view and by the span that they are on, so that eight of them at a time share one cubic. What is
 //! worked out in single precision is relative to the span and in radii: its rounding is far below any noise.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::search::{Search, places};
+use super::solver::State;
+use super::spans::{
+    DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
+};
 use super::sums::{Features, SpanSums};
-use super::{Foot, OnCurve, Residual, State, TubeFitOptions};
+use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
 use crate::Point;
-use crate::geometry::{normalized, sub};
 use crate::lanes::{Eight, LANES, Lanes, Three, wide};
-use crate::spline::{Pieces, Spline};
 
-/// Points searched for, and points on one span that are worked on, by one task; fixed, so that results do not depend on
-/// the number of threads.
-const POINTS_PER_TASK: usize = 512;
 /// Runs of points that one task works on.
 const RUNS_PER_TASK: usize = 8;
-/// How far to both sides a curve's direction is taken where poses are concerned, in spans.
-const STRETCH: f64 = 2.0;
-/// At how many places of a span it is taken.
-const DIRECTIONS: usize = 8;
 
-/// The foot of a point that no tube is near to.
-const NOWHERE: Foot = Foot {
+/// The foot point of a point that no tube is near to.
+const NOWHERE: FootPoint = FootPoint {
     curve: 0,
     parameter: 0.0,
     residual: f64::INFINITY,
@@ -37,24 +30,7 @@ const NOWHERE: Foot = Foot {
     inlier: false,
 };
 
-/// Points of one view on one span.
-#[derive(Clone)]
-struct Run {
-    /// Number of the span, counted through all curves.
-    span: usize,
-    /// Which of the view's sorted points.
-    points: Range<usize>,
-}
-
-/// A place on one of the spans, counted through all curves.
-#[derive(Clone, Copy, Default)]
-struct OnSpan {
-    span: u32,
-    /// The parameter within the span.
-    t: f32,
-}
-
-/// A [`Foot`] on a known span, in radii.
+/// A [`FootPoint`] on a known span, in radii.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Near {
     /// The parameter within the span.
@@ -80,29 +56,6 @@ pub(super) struct ViewTerms {
     pub(super) sums: Vec<SpanSums>,
 }
 
-/// All curves, span by span.
-struct Spans {
-    /// Number of each curve's first span, and of all spans.
-    first: Vec<usize>,
-    spans: Vec<Span>,
-}
-
-/// A cubic c₁ t + c₂ t² + c₃ t³ about an origin, in radii.
-struct Span {
-    curve: usize,
-    /// Number of the span in its curve, and how many spans there are.
-    number: usize,
-    count: usize,
-    origin: Point,
-    radius: f64,
-    cubic: [[f32; 3]; 3],
-    /// The curve's direction over a longer stretch, at places from 0 to 1.
-    directions: [[f32; 3]; DIRECTIONS + 1],
-    /// The extraction range less a margin for noise, about the origin.
-    bounds: [[f32; 3]; 2],
-    band: f32,
-}
-
 /// What the work on a view's points needs to know of it.
 struct Eye<'a> {
     points: &'a [Point],
@@ -114,7 +67,7 @@ struct Eye<'a> {
 }
 
 impl State<'_> {
-    /// The feet of all points at the current curves, poses and radius; on the curves that they are known to be on.
+    /// The foot points of all points at the current curves, poses and radii; on the curves that they are known to be on.
     pub(super) fn terms(
         &self,
         options: &TubeFitOptions,
@@ -152,14 +105,14 @@ impl State<'_> {
             let (order, places) = sorted(order, places, spans.spans.len());
             let runs = self::runs(&places);
             near.resize(places.len(), Near::default());
-            let look = |(run, near): (&Run, &mut [Near])| {
+            let of_run = |(run, near): (&Run, &mut [Near])| {
                 let span = &spans.spans[run.span];
                 let mut sums = SpanSums::new(span.curve, span.number);
-                feet(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
+                look(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
                 sums
             };
             let sums =
-                of_runs(&runs, &mut near).into_par_iter().with_min_len(RUNS_PER_TASK).map(look).collect();
+                of_runs(&runs, &mut near).into_par_iter().with_min_len(RUNS_PER_TASK).map(of_run).collect();
             let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
             ViewTerms { order, runs, near, curves, sums }
         };
@@ -173,8 +126,8 @@ impl State<'_> {
     /// Where an earlier fit left the points, of which no more is known.
     pub(super) fn begun(&self) -> Vec<ViewTerms> {
         let firsts = firsts(&self.curves);
-        let of_view = |view: &super::TubeView| {
-            let (order, places) = by_span(view.feet, &firsts);
+        let of_view = |view: &TubeView| {
+            let (order, places) = by_span(view.foot_points, &firsts);
             let near = places.iter().map(|place| Near { t: place.t, ..Near::default() }).collect();
             ViewTerms { order, runs: runs(&places), near, curves: Vec::new(), sums: Vec::new() }
         };
@@ -182,15 +135,15 @@ impl State<'_> {
     }
 
     /// Where points ended, in their order.
-    pub(super) fn feet(&self, terms: &[ViewTerms]) -> Vec<Vec<Foot>> {
+    pub(super) fn foot_points(&self, terms: &[ViewTerms]) -> Vec<Vec<FootPoint>> {
         let firsts = firsts(&self.curves);
-        let of_view = |(terms, view): (&ViewTerms, &super::TubeView)| {
-            let mut feet = vec![NOWHERE; view.points.len()];
+        let of_view = |(terms, view): (&ViewTerms, &TubeView)| {
+            let mut foot_points = vec![NOWHERE; view.points.len()];
             for (run, &curve) in terms.runs.iter().zip(&terms.curves) {
                 let r = self.radius(curve);
                 for position in run.points.clone() {
                     let near = &terms.near[position];
-                    feet[terms.order[position] as usize] = Foot {
+                    foot_points[terms.order[position] as usize] = FootPoint {
                         curve,
                         parameter: (run.span - firsts[curve]) as f64 + f64::from(near.t),
                         residual: r * f64::from(near.residual),
@@ -202,7 +155,7 @@ impl State<'_> {
                     };
                 }
             }
-            feet
+            foot_points
         };
         terms.iter().zip(self.views).map(of_view).collect()
     }
@@ -218,7 +171,7 @@ impl ViewTerms {
         self.runs.iter().flat_map(on_span).collect()
     }
 
-    /// The curves, and the feet on them, of the points that belong somewhere.
+    /// The curves, and the foot points on them, of the points that belong somewhere.
     pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &Near)> {
         self.runs
             .iter()
@@ -271,106 +224,6 @@ impl Eye<'_> {
     }
 }
 
-/// The points that some tube is near to, sorted by span, and where; `firsts` are the numbers of the curves' first spans.
-fn by_span<'a>(
-    places: impl IntoIterator<Item = &'a Option<OnCurve>>,
-    firsts: &[usize],
-) -> (Vec<u32>, Vec<OnSpan>) {
-    let on_span = |place: OnCurve| {
-        let first = firsts[place.curve];
-        let span = (first + place.parameter as usize).min(firsts[place.curve + 1] - 1);
-        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
-    };
-    let (order, starts) =
-        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, on_span(place)))).unzip();
-    sorted(order, starts, firsts[firsts.len() - 1])
-}
-
-/// Sorts points by the span that they are on; those of one span stay in their order.
-fn sorted(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec<u32>, Vec<OnSpan>) {
-    if places.is_sorted_by_key(|place| place.span) {
-        return (order, places);
-    }
-    let mut next = vec![0usize; spans + 1];
-    for place in &places {
-        next[place.span as usize + 1] += 1;
-    }
-    for span in 0..spans {
-        next[span + 1] += next[span];
-    }
-    let mut sorted = (vec![0; order.len()], vec![OnSpan::default(); order.len()]);
-    for (number, place) in order.into_iter().zip(places) {
-        let position = &mut next[place.span as usize];
-        (sorted.0[*position], sorted.1[*position]) = (number, place);
-        *position += 1;
-    }
-    sorted
-}
-
-/// Stretches of sorted points on one span, none longer than a task.
-fn runs(places: &[OnSpan]) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    for (i, place) in places.iter().enumerate() {
-        let span = place.span as usize;
-        match runs.last_mut() {
-            Some(run) if run.span == span && run.points.len() < POINTS_PER_TASK => run.points.end = i + 1,
-            _ => runs.push(Run { span, points: i..i + 1 }),
-        }
-    }
-    runs
-}
-
-/// Each run with its part of values of all points.
-fn of_runs<'a, T>(runs: &'a [Run], mut values: &'a mut [T]) -> Vec<(&'a Run, &'a mut [T])> {
-    let part = |run: &'a Run| (run, values.split_off_mut(..run.points.len()).unwrap_or_default());
-    runs.iter().map(part).collect()
-}
-
-/// Number of each curve's first span, and of all spans.
-fn firsts(curves: &[Spline]) -> Vec<usize> {
-    let mut firsts = vec![0];
-    for curve in curves {
-        firsts.push(firsts[firsts.len() - 1] + curve.end() as usize);
-    }
-    firsts
-}
-
-impl Spans {
-    fn new(state: &State, options: &TubeFitOptions, bands: &[f64]) -> Self {
-        let mut spans = Vec::new();
-        for (curve, spline) in state.curves.iter().enumerate() {
-            let pieces = spline.pieces();
-            let directions = directions(&pieces);
-            let radius = state.radius(curve);
-            let count = pieces.end() as usize;
-            for number in 0..count {
-                let [origin, cubic @ ..] = pieces.span(number);
-                let bounds = options.bounds.map_or([[-f32::INFINITY; 3], [f32::INFINITY; 3]], |bounds| {
-                    let margin = 2.0 * state.sigma;
-                    [0, 1].map(|side| {
-                        let inwards = if side == 0 { margin } else { -margin };
-                        std::array::from_fn(|k| ((bounds[side][k] + inwards - origin[k]) / radius) as f32)
-                    })
-                });
-                spans.push(Span {
-                    curve,
-                    number,
-                    count,
-                    origin,
-                    radius,
-                    cubic: cubic.map(|c| c.map(|x| (x / radius) as f32)),
-                    directions: std::array::from_fn(|i| {
-                        directions[number * DIRECTIONS + i].map(|x| x as f32)
-                    }),
-                    bounds,
-                    band: (bands[state.ropes[curve]] / radius) as f32,
-                });
-            }
-        }
-        Self { first: firsts(&state.curves), spans }
-    }
-}
-
 impl Span {
     /// Positions and derivatives.
     #[inline(always)]
@@ -383,21 +236,8 @@ impl Span {
     }
 }
 
-/// Directions of a curve at places all along, each over a longer stretch.
-///
-/// A fitted curve wavers with the noise of its points, and so do its normals. Against a straight string's wavering a
-/// view could slide until the noise fits best, and the normal equations would count that as information. The
-/// direction over a longer stretch hardly wavers, and in a bend it is the tangent.
-fn directions(pieces: &Pieces) -> Vec<Point> {
-    let place = |u: f64| pieces.at(u.clamp(0.0, pieces.end())).position;
-    (0..=pieces.end() as usize * DIRECTIONS)
-        .map(|i| i as f64 / DIRECTIONS as f64)
-        .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
-        .collect()
-}
-
 wide! {
-    /// Moves places on a span to the feet of their points, which may lie on another span of the curve.
+    /// Moves places on a span to the foot points of their points, which may lie on another span of the curve.
     fn newton<V>(span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
         let least = V::all(-(span.number as f32));
         let most = V::all((span.count - span.number) as f32);
@@ -426,8 +266,8 @@ wide! {
 }
 
 wide! {
-    /// The feet of points at their places on a span, and their part in the normal equations.
-    fn feet<V>(
+    /// The foot points of points at their places on a span, and their part in the normal equations.
+    fn look<V>(
         span: &Span,
         eye: &Eye,
         numbers: &[u32],
@@ -515,8 +355,8 @@ wide! {
     }
 }
 
-/// Eight feet.
-struct Feet<V> {
+/// Eight foot points.
+struct FootPoints<V> {
     residual: V,
     outward: Three<V>,
     facing: V,
@@ -527,13 +367,13 @@ struct Feet<V> {
 
 /// The distance from the surface, of points at `q` from the axis, `d` away from it.
 #[inline(always)]
-fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> Feet<V> {
+fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> FootPoints<V> {
     let one = V::all(1.0);
     let outward = q * (one / d);
     let facing = outward.dot(to_camera);
     let residual = d - one;
     let explained = V::all(0.1).below(facing);
-    Feet {
+    FootPoints {
         residual,
         outward,
         facing,
@@ -543,9 +383,9 @@ fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> Feet<V> 
     }
 }
 
-/// The residual along the viewing ray, with the tube's straight cylinder at the foot.
+/// The residual along the viewing ray, with the tube's straight cylinder at the foot point.
 #[inline(always)]
-fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band: V) -> Feet<V> {
+fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band: V) -> FootPoints<V> {
     let (zero, one) = (V::all(0.0), V::all(1.0));
     // across the axis: the ray is q + λ w, nearest to the axis at λ₀
     let w = to_camera - tangent * to_camera.dot(tangent);
@@ -563,7 +403,7 @@ fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band
     let near = length.abs().below(V::all(1.2));
     let weight = tukey(residual, band * cosine.max(V::all(0.5))) / (cosine * cosine);
     let explained = hit.max(missed_by.below(V::all(0.25)));
-    Feet {
+    FootPoints {
         residual,
         outward,
         facing,

@@ -1,7 +1,7 @@
-//! A string's radius from how wide its surface looks.
+//! A rope's radius from how wide it looks to one camera.
 //!
-//! Seen from its camera, a stretch of string is a strip whose points lie between −r and r of its middle. Across a
-//! strip their variance is r² / 3, whatever the noise along the viewing rays is.
+//! Seen from its camera, a stretch of rope is a strip whose points lie between −r and r of its middle. Across the
+//! strip their variance is r² / 3, however large the noise along the viewing rays is.
 
 use rayon::prelude::*;
 
@@ -22,24 +22,29 @@ const REACHES: [f64; 2] = [0.5, 2.5];
 /// Seeds worked on by one task; fixed, so that results do not depend on the number of threads.
 const SEEDS_PER_TASK: usize = 16;
 
-/// What a patch says about the string around it.
+/// What a patch says of the rope around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Strip {
+pub(crate) struct ApparentRadius {
     /// Half the strip's width, metres.
     pub radius: f64,
-    /// Side of the square that each of its points stands for across the viewing ray, metres.
+    /// Side of the square that each point of the strip stands for, across the viewing ray, metres.
     pub footprint: f64,
 }
 
-/// Estimates the radius of the string at up to `seeds` points that one camera saw, spread over the cloud.
+/// Estimates the rope's radius at up to `seeds` points that one camera saw, spread over the cloud.
 ///
 /// Around each seed a patch grows, projected along the viewing ray, until it is longer than wide; half its width is
-/// √(3 λ), λ the smaller eigenvalue of its covariance. Seeds whose patches never become strips, or ones wider than
-/// `largest`, give none. Where strands lie side by side they look like one wide strip: take the most frequent value.
+/// √(3 λ), λ the smaller eigenvalue of its covariance. Seeds whose patches never become strips give no radius, nor do
+/// strips wider than `largest`. Strands side by side look like one wide strip: take the most frequent value.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `largest` is not positive.
-pub fn strip_radii(points: &[Point], viewpoint: Point, largest: f64, seeds: usize) -> Result<Vec<Strip>> {
+pub(crate) fn apparent_radii(
+    points: &[Point],
+    viewpoint: Point,
+    largest: f64,
+    seeds: usize,
+) -> Result<Vec<ApparentRadius>> {
     check_finite("points", points)?;
     check_finite("viewpoint", &[viewpoint])?;
     check_positive("largest", largest)?;
@@ -48,7 +53,7 @@ pub fn strip_radii(points: &[Point], viewpoint: Point, largest: f64, seeds: usiz
         let step = points.len().div_ceil(seeds.max(1)).max(1);
         // the finer grid's order runs through the cloud from cell to cell, so every k-th point spreads over it
         let chosen: Vec<Point> = (0..points.len()).step_by(step).map(|i| grids[0].point(i)).collect();
-        let found: Vec<Vec<Option<Strip>>> = chosen
+        let found: Vec<Vec<Option<ApparentRadius>>> = chosen
             .par_chunks(SEEDS_PER_TASK)
             .map(|seeds| seeds.iter().map(|&seed| strip(seed, viewpoint, &grids)).collect())
             .collect();
@@ -57,7 +62,7 @@ pub fn strip_radii(points: &[Point], viewpoint: Point, largest: f64, seeds: usiz
 }
 
 /// The strip around a seed.
-fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<Strip> {
+fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentRadius> {
     let ray = normalized(sub(seed, viewpoint));
     let range = dot(sub(seed, viewpoint), ray);
     let least = (0..3).min_by(|&a, &b| ray[a].abs().total_cmp(&ray[b].abs()))?;
@@ -86,7 +91,10 @@ fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<Strip> {
                 if small > 0.0 && large > ELONGATION * small {
                     // sides of a rectangle with these variances
                     let area = 12.0 * (small * large).sqrt();
-                    return Some(Strip { radius: (3.0 * small).sqrt(), footprint: (area / n).sqrt() });
+                    return Some(ApparentRadius {
+                        radius: (3.0 * small).sqrt(),
+                        footprint: (area / n).sqrt(),
+                    });
                 }
                 next = squared * GROWTH * GROWTH;
             }

@@ -1,4 +1,4 @@
-//! What cameras saw of a place: something there, something before it, or nothing but what lies behind.
+//! Space as the cameras saw it: a place is occupied, occluded by something in front of it, or free.
 
 use rayon::prelude::*;
 
@@ -22,25 +22,25 @@ const MOST_CELLS: f64 = 4e7;
 /// Points projected by one task; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 16384;
 
-/// What one view says of a tube about a place.
+/// What one view says of a tube around a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Seen {
+pub(crate) enum Occupancy {
     /// No points in that direction.
     Unknown,
-    /// Nothing but points in front of it.
-    Hidden,
-    /// Points about where the surface would be.
-    Supported,
-    /// Nothing but points behind it, so nothing is there.
-    Empty,
+    /// All points in that direction lie in front of it.
+    Occluded,
+    /// Points lie where its surface would be.
+    Occupied,
+    /// All points in that direction lie behind it: nothing is there.
+    Free,
 }
 
-/// One view, for [`Sight::new`].
+/// One view, for [`Visibility::new`].
 #[derive(Debug, Clone, Copy)]
-pub struct SightView<'a> {
-    /// All that it saw, what lies beyond the strings too: that a ray reached the table says that nothing was before it.
-    pub saw: Saw<'a>,
-    /// What it will be asked about: directions far from all of it are left out.
+pub(crate) struct VisibilityView<'a> {
+    /// All that it saw, the background too: a ray that reached the table met nothing before.
+    pub observed: Observed<'a>,
+    /// Points near all places that will be asked about: directions far from all of them are left out.
     pub about: &'a [Point],
     /// Camera to world.
     pub pose: RigidMotion,
@@ -48,16 +48,16 @@ pub struct SightView<'a> {
 
 /// What one camera saw.
 #[derive(Debug, Clone, Copy)]
-pub enum Saw<'a> {
+pub(crate) enum Observed<'a> {
     /// Points in the camera frame, metres.
     Points(&'a [Point]),
     /// A depth image: depths row by row, metres, how many make a row, and the camera.
     Image(&'a [f64], usize, Pinhole),
 }
 
-/// What all views saw, for questions about places.
+/// What all views saw of space, for questions about places.
 #[derive(Debug)]
-pub struct Sight {
+pub(crate) struct Visibility {
     views: Vec<(Point, Option<Buffer>)>,
 }
 
@@ -81,16 +81,16 @@ struct Ray {
     squared: f32,
 }
 
-impl Sight {
+impl Visibility {
     /// Grids views by direction.
     ///
     /// # Errors
     /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
-    pub fn new(views: &[SightView]) -> Result<Self> {
+    pub fn new(views: &[VisibilityView]) -> Result<Self> {
         for view in views {
             check_finite("about", view.about)?;
         }
-        let of_view = |view: &SightView| (view.pose.translation.into(), Buffer::new(view));
+        let of_view = |view: &VisibilityView| (view.pose.translation.into(), Buffer::new(view));
         Ok(Self { views: parallel::run(|| views.par_iter().map(of_view).collect()) })
     }
 
@@ -99,52 +99,52 @@ impl Sight {
         self.views.len()
     }
 
-    /// Says what one view saw of tubes of a radius about places of the world.
+    /// Says what one view saw of tubes of a radius around places of the world.
     ///
     /// # Errors
     /// [`InvalidArgument`](crate::Error::InvalidArgument) if the radius is not positive.
-    pub fn seen(&self, view: usize, places: &[Point], radius: f64) -> Result<Vec<Seen>> {
+    pub fn states(&self, view: usize, places: &[Point], radius: f64) -> Result<Vec<Occupancy>> {
         check_positive("radius", radius)?;
         let (camera, buffer) = &self.views[view];
-        let seen = |&place: &Point| match buffer {
-            Some(buffer) => buffer.seen(sub(place, *camera), radius),
-            None => Seen::Unknown,
+        let state = |&place: &Point| match buffer {
+            Some(buffer) => buffer.state(sub(place, *camera), radius),
+            None => Occupancy::Unknown,
         };
-        Ok(places.iter().map(seen).collect())
+        Ok(places.iter().map(state).collect())
     }
 
-    /// Whether the views say that there is no string at places: some saw past it, and fewer saw one.
+    /// Whether the space at places is free: more views saw it free than occupied.
     ///
     /// # Errors
-    /// As [`Sight::seen`].
-    pub fn empty(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+    /// As [`Visibility::states`].
+    pub fn free(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
         let mut votes = vec![0i64; places.len()];
         for view in 0..self.views() {
-            for (vote, seen) in votes.iter_mut().zip(self.seen(view, places, radius)?) {
-                *vote += i64::from(seen == Seen::Empty) - i64::from(seen == Seen::Supported);
+            for (vote, state) in votes.iter_mut().zip(self.states(view, places, radius)?) {
+                *vote += i64::from(state == Occupancy::Free) - i64::from(state == Occupancy::Occupied);
             }
         }
         Ok(votes.into_iter().map(|vote| vote > 0).collect())
     }
 
-    /// Whether no view could have seen a string at places.
+    /// Whether places are occluded from all views or outside what these saw.
     ///
     /// # Errors
-    /// As [`Sight::seen`].
-    pub fn hidden(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
-        let mut hidden = vec![true; places.len()];
+    /// As [`Visibility::states`].
+    pub fn occluded(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+        let mut occluded = vec![true; places.len()];
         for view in 0..self.views() {
-            for (hidden, seen) in hidden.iter_mut().zip(self.seen(view, places, radius)?) {
-                *hidden &= matches!(seen, Seen::Hidden | Seen::Unknown);
+            for (occluded, state) in occluded.iter_mut().zip(self.states(view, places, radius)?) {
+                *occluded &= matches!(state, Occupancy::Occluded | Occupancy::Unknown);
             }
         }
-        Ok(hidden)
+        Ok(occluded)
     }
 
-    /// Whether some view saw through the side that it faces of a tube in a direction, a unit vector, about places.
+    /// Whether some view saw through the near side of a tube along `direction`, a unit vector, around places.
     ///
     /// # Errors
-    /// As [`Sight::seen`].
+    /// As [`Visibility::states`].
     pub fn seen_through(&self, places: &[Point], direction: Point, radius: f64) -> Result<Vec<bool>> {
         check_positive("radius", radius)?;
         let through = |&place: &Point| {
@@ -153,18 +153,18 @@ impl Sight {
                 let to_camera = sub(*camera, place);
                 let across = normalized(advance(to_camera, -dot(to_camera, direction), direction));
                 let surface = sub(advance(place, radius, across), *camera);
-                // a place whose near side that place of the surface is
+                // the axis whose near side is there
                 let within = advance(surface, radius, normalized(surface));
-                buffer.seen(within, radius) == Seen::Empty
+                buffer.state(within, radius) == Occupancy::Free
             })
         };
         Ok(places.iter().map(through).collect())
     }
 }
 
-/// Whether any of some places hides a stretch from a camera: it is nearer than `distance` to a line of sight, in front of
-/// what should be seen or beside it.
-pub fn hides(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
+/// Whether any of `others` occludes a stretch from a camera: it lies within `distance` of a line of sight, in front of the
+/// stretch or beside it.
+pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
     stretch.iter().any(|&place| {
         let to_camera = normalized(sub(camera, place));
         others.iter().any(|&other| {
@@ -175,7 +175,7 @@ pub fn hides(others: &[Point], stretch: &[Point], camera: Point, distance: f64) 
     })
 }
 
-impl Saw<'_> {
+impl Observed<'_> {
     /// The rays to all points that have one, task by task.
     fn rays(&self, ray: impl Fn(Point) -> Option<Ray> + Sync) -> Vec<Vec<Ray>> {
         match *self {
@@ -203,12 +203,12 @@ impl Saw<'_> {
 
 impl Buffer {
     /// Grids one view; none if it has hardly any points.
-    fn new(view: &SightView) -> Option<Self> {
+    fn new(view: &VisibilityView) -> Option<Self> {
         let axes = axes_towards(view.about)?;
         let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
         let (low, high) = (asked.0.map(|x| (x - MARGIN) as f32), asked.1.map(|x| (x + MARGIN) as f32));
         let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
-        let rays = view.saw.rays(|p| Ray::to(p, &axes).filter(near));
+        let rays = view.observed.rays(|p| Ray::to(p, &axes).filter(near));
         let count = rays.iter().map(Vec::len).sum();
         if count < FEWEST {
             return None;
@@ -235,26 +235,26 @@ impl Buffer {
         Some(Self { axes: turned, cell, low, shape, nearest })
     }
 
-    /// What the view saw of a place, given relative to its camera.
-    fn seen(&self, offset: Point, radius: f64) -> Seen {
+    /// The state of a place, given relative to the view's camera.
+    fn state(&self, offset: Point, radius: f64) -> Occupancy {
         let reach = dot(offset, offset).sqrt() - radius;
         let [x, y, depth] = self.axes.map(|axis| dot(axis, offset));
         if depth <= reach.max(1e-12) / 1f64.hypot(WIDEST) {
-            return Seen::Unknown;
+            return Occupancy::Unknown;
         }
         let place = [0, 1].map(|k| (([x, y][k] / depth - self.low[k]) / self.cell).floor());
         if (0..2).any(|k| place[k] < 0.0 || place[k] >= self.shape[k] as f64) {
-            return Seen::Unknown;
+            return Occupancy::Unknown;
         }
         let nearest = f64::from(self.nearest[place[0] as usize * self.shape[1] + place[1] as usize]);
         if nearest == f64::INFINITY {
-            Seen::Unknown
+            Occupancy::Unknown
         } else if nearest < reach - APART * radius {
-            Seen::Hidden
+            Occupancy::Occluded
         } else if nearest > reach + APART * radius {
-            Seen::Empty
+            Occupancy::Free
         } else {
-            Seen::Supported
+            Occupancy::Occupied
         }
     }
 }
@@ -359,17 +359,28 @@ mod tests {
     }
 
     #[test]
-    fn places_are_supported_hidden_empty_or_unknown() {
+    fn places_are_occupied_occluded_free_or_unknown() {
         let points = wall_and_bar();
         let pose = RigidMotion::identity();
-        let sight = Sight::new(&[SightView { saw: Saw::Points(&points), about: &points, pose }]).unwrap();
+        let visibility =
+            Visibility::new(&[VisibilityView { observed: Observed::Points(&points), about: &points, pose }])
+                .unwrap();
         let places = [[0.0, 0.1, 0.51], [0.0, 0.1, 0.8], [0.1, 0.1, 0.5], [0.0, 0.0, -1.0], [0.9, 0.0, 1.0]];
-        let seen = sight.seen(0, &places, 0.01).unwrap();
-        let around = sight.seen_through(&places, [0.0, 1.0, 0.0], 0.01).unwrap();
+        let states = visibility.states(0, &places, 0.01).unwrap();
+        let around = visibility.seen_through(&places, [0.0, 1.0, 0.0], 0.01).unwrap();
         assert_eq!(around, [false, false, true, false, false]);
-        assert_eq!(seen, [Seen::Supported, Seen::Hidden, Seen::Empty, Seen::Unknown, Seen::Unknown]);
-        assert_eq!(sight.empty(&places, 0.01).unwrap(), [false, false, true, false, false]);
-        assert_eq!(sight.hidden(&places, 0.01).unwrap(), [false, true, false, true, true]);
+        assert_eq!(
+            states,
+            [
+                Occupancy::Occupied,
+                Occupancy::Occluded,
+                Occupancy::Free,
+                Occupancy::Unknown,
+                Occupancy::Unknown
+            ]
+        );
+        assert_eq!(visibility.free(&places, 0.01).unwrap(), [false, false, true, false, false]);
+        assert_eq!(visibility.occluded(&places, 0.01).unwrap(), [false, true, false, true, true]);
     }
 
     #[test]
@@ -382,28 +393,29 @@ mod tests {
                 _ => 1.0,
             })
             .collect();
-        let points = crate::unproject(&depth, 200, camera);
+        let points = crate::depth::unproject(&depth, 200, camera);
         let pose = RigidMotion { translation: [0.1, 0.0, -0.2].into(), ..RigidMotion::identity() };
-        let views = [Saw::Image(&depth, 200, camera), Saw::Points(&points)].map(|saw| SightView {
-            saw,
-            about: &points,
-            pose,
-        });
-        let sight = Sight::new(&views).unwrap();
+        let views = [Observed::Image(&depth, 200, camera), Observed::Points(&points)]
+            .map(|observed| VisibilityView { observed, about: &points, pose });
+        let visibility = Visibility::new(&views).unwrap();
         let places: Vec<Point> = points.iter().step_by(7).map(|p| [p[0] + 0.1, p[1], 0.6]).collect();
-        let seen = sight.seen(0, &places, 0.01).unwrap();
-        assert_eq!(seen, sight.seen(1, &places, 0.01).unwrap());
-        for kind in [Seen::Hidden, Seen::Empty] {
-            assert!(seen.contains(&kind));
+        let states = visibility.states(0, &places, 0.01).unwrap();
+        assert_eq!(states, visibility.states(1, &places, 0.01).unwrap());
+        for kind in [Occupancy::Occluded, Occupancy::Free] {
+            assert!(states.contains(&kind));
         }
     }
 
     #[test]
     fn a_view_of_hardly_any_points_knows_nothing() {
         let points = [[0.0, 0.0, 1.0]; 3];
-        let view = SightView { saw: Saw::Points(&points), about: &points, pose: RigidMotion::identity() };
-        let sight = Sight::new(&[view]).unwrap();
-        assert_eq!(sight.seen(0, &points, 0.1).unwrap(), [Seen::Unknown; 3]);
-        assert!(sight.seen(0, &points, 0.0).is_err());
+        let view = VisibilityView {
+            observed: Observed::Points(&points),
+            about: &points,
+            pose: RigidMotion::identity(),
+        };
+        let visibility = Visibility::new(&[view]).unwrap();
+        assert_eq!(visibility.states(0, &points, 0.1).unwrap(), [Occupancy::Unknown; 3]);
+        assert!(visibility.states(0, &points, 0.0).is_err());
     }
 }

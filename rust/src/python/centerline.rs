@@ -1,0 +1,119 @@
+//! Bindings of axis points and the chains through them. Sections, equations and figures are those of *Shape Modeling of A
+//! String And Recognition Using Distance Sensor*.
+
+use numpy::PyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::arguments::{FloatArray, PointsArray, Rows, count, number, points_array, require_same_length};
+
+/// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
+///
+/// Every surface point moves inwards by the rope's radius, c_i = p_i - r n_i; where at least
+/// `min_neighbors` points p_j lie within 2r of p_i (p_i itself is one), the axis point is the mean of their c_j.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     Surface points, metres, any frame.
+/// normals : (N, 3) array_like of float
+///     Their outward unit normals; points with the zero vector take no part.
+/// radius : float
+///     The rope's radius r, metres.
+/// min_neighbors : int
+///     N_lim.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///
+/// Returns
+/// -------
+/// axis_points : (M, 3) ndarray
+///     Averaged axis points, metres, in the order of the points they belong to.
+/// indices : (M,) ndarray of int64
+///     Which input point each was computed at.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If an array does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, a normal is neither of unit length nor zero, or
+///     `radius` is not positive.
+#[pyfunction]
+#[pyo3(signature = (points, normals, radius, min_neighbors, *, nonfinite = "raise"))]
+pub(super) fn centerline<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    normals: &Bound<'py, PyAny>,
+    radius: &Bound<'py, PyAny>,
+    min_neighbors: &Bound<'py, PyAny>,
+    nonfinite: &str,
+) -> PyResult<(PointsArray<'py>, Bound<'py, PyArray1<i64>>)> {
+    let (points, normals) = (FloatArray::new("points", points)?, FloatArray::new("normals", normals)?);
+    let (points, normals) = (points.rows("points", "(N, 3)")?, normals.rows("normals", "(N, 3)")?);
+    require_same_length("normals", normals.len(), points.len())?;
+    let radius = number("radius", radius)?;
+    let min_neighbors = count("min_neighbors", min_neighbors)?;
+    let rows = Rows::new(nonfinite, &[points, normals])?;
+    let result =
+        py.detach(|| crate::centerline(&rows.select(points), &rows.select(normals), radius, min_neighbors))?;
+    Ok((points_array(py, result.points)?, PyArray1::from_vec(py, rows.original(result.indices))))
+}
+
+/// Trace ordered chains through axis points (section V-A, fig. 9-10).
+///
+/// From a base point, all points within `near` stop being targets, the nearest target within `far` is the
+/// next node, and so on until there is none; the other side of the base grows in the same way, and the
+/// targets that remain give new chains.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     Axis points, metres, any frame.
+/// near : float
+///     r_n, the least distance between nodes, metres.
+/// far : float
+///     r_f > r_n, the reach to the next node, metres.
+/// start : int, optional
+///     The first base point. If not given, and for later chains, it is the target farthest from the cloud's
+///     centroid.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///
+/// Returns
+/// -------
+/// list of (K,) ndarray of int64
+///     Indices of each chain's nodes from end to end, in the order in which the chains were found. A point
+///     with no target in reach makes a chain of one node.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `points` does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, `near` is not positive, `far` is not above `near`, or
+///     `start` is not the index of a point that takes part.
+#[pyfunction]
+#[pyo3(signature = (points, near, far, *, start = None, nonfinite = "raise"))]
+pub(super) fn trace_chains<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    near: &Bound<'py, PyAny>,
+    far: &Bound<'py, PyAny>,
+    start: Option<&Bound<'py, PyAny>>,
+    nonfinite: &str,
+) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let (near, far) = (number("near", near)?, number("far", far)?);
+    let rows = Rows::new(nonfinite, &[points])?;
+    let start = start.map(|value| count("start", value)).transpose()?;
+    let start = match (start, &rows.kept) {
+        (Some(start), Some(kept)) => Some(kept.binary_search(&start).map_err(|_| {
+            PyValueError::new_err(format!("start: expected the index of a finite point, got {start}"))
+        })?),
+        (start, _) => start,
+    };
+    let chains = py.detach(|| crate::trace_chains(&rows.select(points), near, far, start))?;
+    Ok(chains.into_iter().map(|chain| PyArray1::from_vec(py, rows.original(chain))).collect())
+}

@@ -1,0 +1,106 @@
+//! Bindings of the outlier filter. Sections are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+
+use super::arguments::{FloatArray, Rows, count, number, rows_of};
+use crate::parallel;
+
+/// Tell outliers: which points have enough neighbours within a searching radius (section IV-A).
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     A point cloud, metres, any frame.
+/// radius : float
+///     The searching radius, metres.
+/// min_neighbors : int
+///     How many other points must lie within `radius` (boundary included); coincident points count each
+///     other.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or treat them as outliers that are no
+///     one's neighbour.
+///
+/// Returns
+/// -------
+/// (N,) ndarray of bool
+///     True for the points to keep.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `points` does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, `radius` is not positive, or `min_neighbors` is
+///     negative.
+#[pyfunction]
+#[pyo3(signature = (points, radius, min_neighbors, *, nonfinite = "raise"))]
+pub(super) fn radius_outlier_mask<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    radius: &Bound<'py, PyAny>,
+    min_neighbors: &Bound<'py, PyAny>,
+    nonfinite: &str,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let min_neighbors = count("min_neighbors", min_neighbors)?;
+    let radius = number("radius", radius)?;
+    let rows = Rows::new(nonfinite, &[points])?;
+    let mask = py.detach(|| crate::radius_outlier_mask(&rows.select(points), radius, min_neighbors))?;
+    Ok(PyArray1::from_vec(py, rows.scatter(mask, false)))
+}
+
+/// Count each point's neighbours within a radius.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array_like of float
+///     A point cloud, metres, any frame.
+/// radius : float
+///     The searching radius, metres.
+/// nonfinite : {"raise", "drop"}
+///     What to do with rows that hold NaN or infinity: refuse them, or give them no neighbours.
+///
+/// Returns
+/// -------
+/// (N,) ndarray of int64
+///     How many other points lie within `radius` (boundary included).
+///
+/// Raises
+/// ------
+/// TypeError
+///     If `points` does not hold floating point numbers.
+/// ValueError
+///     If a shape is wrong, a coordinate is not finite, or `radius` is not positive.
+#[pyfunction]
+#[pyo3(signature = (points, radius, *, nonfinite = "raise"))]
+pub(super) fn count_neighbors<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    radius: &Bound<'py, PyAny>,
+    nonfinite: &str,
+) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    let array = FloatArray::new("points", points)?;
+    let points = array.rows("points", "(N, 3)")?;
+    let radius = number("radius", radius)?;
+    let rows = Rows::new(nonfinite, &[points])?;
+    let counts = py.detach(|| crate::count_neighbors(&rows.select(points), radius))?;
+    let counts = counts.into_iter().map(|count| count as i64).collect();
+    Ok(PyArray1::from_vec(py, rows.scatter(counts, 0)))
+}
+
+/// Count the neighbours of the points of several clouds; see `count_neighbors`.
+#[pyfunction]
+pub(super) fn count_neighbors_each<'py>(
+    py: Python<'py>,
+    clouds: Vec<Bound<'py, PyAny>>,
+    radius: f64,
+) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
+    let clouds = FloatArray::all("clouds", &clouds)?;
+    let clouds = rows_of("clouds", &clouds)?;
+    let counts = py.detach(|| parallel::each(&clouds, |cloud| crate::count_neighbors(cloud, radius)))?;
+    let array =
+        |counts: Vec<usize>| PyArray1::from_vec(py, counts.into_iter().map(|count| count as i64).collect());
+    Ok(counts.into_iter().map(array).collect())
+}

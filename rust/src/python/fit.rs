@@ -1,0 +1,345 @@
+//! Bindings of the joint fit of tubes and poses, and of what is read off it.
+
+mod end_observation;
+mod outcome;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+pub(super) use end_observation::EndObservation;
+pub(super) use outcome::TubeFit;
+
+use super::arguments::{
+    FloatArray, Given, count, motions, number, numbers, points_array, rows_of, wrong_shape,
+};
+use super::curves::checked_spline;
+use crate::ends::{self, OnTube};
+use crate::tubefit::placed;
+use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView};
+
+const DEFAULT: &TubeFitOptions = &TubeFitOptions::DEFAULT;
+
+// the text signature of `fit_tubes` says these numbers
+const _: () = {
+    assert!(DEFAULT.fit_curves && DEFAULT.uncertainty && matches!(DEFAULT.residual, Residual::Distance));
+    assert!(DEFAULT.band[0] == 0.6 && DEFAULT.band[1] == 0.4);
+    assert!(DEFAULT.iterations == 12 && DEFAULT.tolerance == 0.1 && DEFAULT.min_bend == 1.5);
+};
+
+/// Fit tubes around curves to the points of all views, together with the views' poses.
+///
+/// Gauss-Newton on each point's distance from the tube's surface with Tukey's loss. Opposite half-shells of a tube, which
+/// pull into each other when points are matched with points, are told apart by construction. What the data do not fix,
+/// such as sliding along a straight rope, stays at the reported poses.
+///
+/// Parameters
+/// ----------
+/// points : sequence of (N_v, 3) array_like of float
+///     What each view saw, in the world frame of the reported poses, metres.
+/// viewpoints : (V, 3) array_like of float
+///     The cameras' centres as reported, metres.
+/// curves : sequence of (n, 3) array_like of float
+///     Control points to start from, metres, n >= 4.
+/// motions : (V, 4, 4) array_like of float
+///     Corrections of the poses to start from.
+/// radius : float or (K,) array_like of float
+///     The ropes' radius, or one for each class of ropes, metres; the start, if it is fitted.
+/// radius_classes : (C,) array_like of int, optional
+///     For each curve the number of its radius; the first for all if not given.
+/// pose_sd : (float, float)
+///     Standard deviations of the reported poses: rotation, radians, and translation, metres.
+/// reference : int or None
+///     The view that stays where it is; None if all stay.
+/// fit_curves : bool
+///     Whether curves change.
+/// radius_prior : (2,) or (K, 2) array_like of float, optional
+///     What is known of each radius beforehand: mean and standard deviation, metres. Radii are held if it is not given.
+/// along_ray : bool
+///     Measure residuals along the viewing rays, times the cosine of the angle of incidence: without bias under noise
+///     along the ray, but only near the solution.
+/// band : (float, float)
+///     Tukey's limit at the first and the last iteration, in radii; never under 4.685 standard deviations of the noise,
+///     which keep 95 % of the efficiency of least squares.
+/// iterations : int
+///     Most Gauss-Newton steps. Where the fit goes on from an earlier one, the first two count as taken.
+/// tolerance : float
+///     The fit ends after a step of less than this, in standard deviations of the unknowns. After one of less than 0.1,
+///     another changes nothing that the data tell.
+/// min_bend : float
+///     The tightest bend of a curve: its radius of curvature, in radii.
+/// noise : float, optional
+///     Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the residuals if not
+///     given.
+/// bounds : (2, 3) array_like of float, optional
+///     The extraction range, low and high corner, metres: noise carries points out of it but none in, so points whose
+///     place on the tube lies within two standard deviations of its faces have no part.
+/// end_observations : sequence of EndObservation
+///     Where views see ropes end: these fix straight ropes along themselves.
+/// previous : TubeFit, optional
+///     An earlier fit to the same points, from whose curves this one goes on: points start at the foot points that it
+///     found for them.
+/// uncertainty : bool
+///     Work out standard deviations and covariances, and hold views at the reported poses in directions that the data
+///     leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
+///
+/// Returns
+/// -------
+/// strand.TubeFit
+///
+/// Raises
+/// ------
+/// TypeError
+///     If an argument is of the wrong kind.
+/// ValueError
+///     If an array has a wrong shape or is not finite, or a number is out of range.
+/// strand.NotEnoughDataError
+///     If the points do not fix the tubes.
+#[pyfunction]
+#[pyo3(signature = (points, viewpoints, curves, motions, radius, *, radius_classes = None, pose_sd, reference,
+                    fit_curves = DEFAULT.fit_curves, radius_prior = None, along_ray = false, band = Given(None),
+                    iterations = Given(None), tolerance = Given(None), min_bend = Given(None), noise = None, bounds = None,
+                    end_observations = Vec::new(), previous = None, uncertainty = DEFAULT.uncertainty),
+       text_signature = "(points, viewpoints, curves, motions, radius, *, radius_classes=None, pose_sd, reference, \
+                         fit_curves=True, radius_prior=None, along_ray=False, band=(0.6, 0.4), iterations=12, \
+                         tolerance=0.1, min_bend=1.5, noise=None, bounds=None, end_observations=(), previous=None, \
+                         uncertainty=True)")]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn fit_tubes<'py>(
+    py: Python<'py>,
+    points: Vec<Bound<'py, PyAny>>,
+    viewpoints: &Bound<'py, PyAny>,
+    curves: Vec<Bound<'py, PyAny>>,
+    motions: Vec<Bound<'py, PyAny>>,
+    radius: &Bound<'py, PyAny>,
+    radius_classes: Option<&Bound<'py, PyAny>>,
+    pose_sd: &Bound<'py, PyAny>,
+    reference: Option<&Bound<'py, PyAny>>,
+    fit_curves: bool,
+    radius_prior: Option<&Bound<'py, PyAny>>,
+    along_ray: bool,
+    band: Given<'py>,
+    iterations: Given<'py>,
+    tolerance: Given<'py>,
+    min_bend: Given<'py>,
+    noise: Option<&Bound<'py, PyAny>>,
+    bounds: Option<&Bound<'py, PyAny>>,
+    end_observations: Vec<Bound<'py, EndObservation>>,
+    previous: Option<&Bound<'py, TubeFit>>,
+    uncertainty: bool,
+) -> PyResult<TubeFit> {
+    let clouds = FloatArray::all("points", &points)?;
+    let points = rows_of("points", &clouds)?;
+    let viewpoints = FloatArray::of_numbers("viewpoints", viewpoints)?;
+    if viewpoints.0.shape() != [points.len(), 3] {
+        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), viewpoints.0.shape()));
+    }
+    let tubes = tubes(&curves, radius_classes)?;
+    let motions = self::motions("motions", &motions)?;
+    let radii = FloatArray::of_numbers("radius", radius)?;
+    if radii.0.ndim() > 1 {
+        return Err(wrong_shape("radius", "() or (K,)", radii.0.shape()));
+    }
+    let radii = radii.slice()?;
+    let options = TubeFitOptions {
+        fit_curves,
+        radius_prior: radius_prior.map(priors).transpose()?,
+        reference: reference.map(|value| count("reference", value)).transpose()?,
+        pose_sd: numbers("pose_sd", pose_sd)?,
+        residual: if along_ray { Residual::Ray } else { Residual::Distance },
+        band: band.or(DEFAULT.band, |value| numbers("band", value))?,
+        iterations: iterations.or(DEFAULT.iterations, |value| count("iterations", value))?,
+        tolerance: tolerance.or(DEFAULT.tolerance, |value| number("tolerance", value))?,
+        min_bend: min_bend.or(DEFAULT.min_bend, |value| number("min_bend", value))?,
+        noise: noise.map(|value| number("noise", value)).transpose()?,
+        bounds: bounds.map(corners).transpose()?,
+        uncertainty,
+    };
+    let ends = by_view(&end_observations, points.len())?;
+    let foot_points = previous.map_or(Ok(Vec::new()), |fit| earlier(fit, &tubes, &points))?;
+    let viewpoints: &[Point] = viewpoints.slice()?.as_chunks().0;
+    let (fit, (placed, to_camera)) = py.detach(|| {
+        let mut foot_points = &foot_points[..];
+        let views: Vec<TubeView> = (points.iter().zip(viewpoints).zip(&ends))
+            .map(|((&points, &viewpoint), end_observations)| {
+                let own = points.len().min(foot_points.len());
+                let foot_points = foot_points.split_off(..own).unwrap_or_default();
+                TubeView { points, viewpoint, end_observations, foot_points }
+            })
+            .collect();
+        let fit = crate::fit_tubes(&views, &tubes, &motions, radii, &options)?;
+        let placed = placed(&views, &fit.motions);
+        Ok::<_, Error>((fit, placed))
+    })?;
+    let view = points.iter().enumerate().flat_map(|(view, points)| points.iter().map(move |_| view as i64));
+    let classes = tubes.iter().map(|tube| tube.radius_class as i64);
+    let motions: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
+    let motions = PyArray1::from_slice(py, motions.as_flattened().as_flattened());
+    let foot_points: Vec<&crate::FootPoint> = fit.foot_points.iter().flatten().collect();
+    let uncertainty = fit.uncertainty.unwrap_or_default();
+    let poses = PyArray1::from_slice(py, uncertainty.poses.as_flattened().as_flattened());
+    let covariances = uncertainty.curves.iter().map(|curve| {
+        let flat = curve.as_flattened().as_flattened().as_flattened();
+        Ok(PyArray1::from_slice(py, flat).reshape([curve.len(), 4, 3, 3])?.unbind())
+    });
+    Ok(TubeFit {
+        curves: fit
+            .curves
+            .into_iter()
+            .map(|curve| points_array(py, curve.control).map(Bound::unbind))
+            .collect::<PyResult<_>>()?,
+        motions: motions.reshape([fit.motions.len(), 4, 4])?.unbind(),
+        radius_classes: PyArray1::from_iter(py, classes).unbind(),
+        radii: PyArray1::from_vec(py, fit.radii).unbind(),
+        radii_sd: PyArray1::from_vec(py, uncertainty.radii).unbind(),
+        sigma: fit.sigma,
+        bands: PyArray1::from_vec(py, fit.bands).unbind(),
+        points: points_array(py, placed)?.unbind(),
+        to_camera: points_array(py, to_camera)?.unbind(),
+        view: PyArray1::from_iter(py, view).unbind(),
+        curve: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.curve as i64)).unbind(),
+        parameter: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.parameter)).unbind(),
+        residual: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.residual)).unbind(),
+        facing: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.facing)).unbind(),
+        weight: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.weight)).unbind(),
+        explained: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.explained)).unbind(),
+        inlier: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.inlier)).unbind(),
+        pose_covariance: poses.reshape([uncertainty.poses.len(), 6, 6])?.unbind(),
+        covariances: covariances.collect::<PyResult<_>>()?,
+    })
+}
+
+/// Curves, each with the number of its radius.
+fn tubes(curves: &[Bound<'_, PyAny>], radius_classes: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Tube>> {
+    let numbers = match radius_classes {
+        None => vec![0; curves.len()],
+        Some(classes) => classes
+            .try_iter()
+            .map_err(|_| PyTypeError::new_err("radius_classes: expected a whole number for each curve"))?
+            .map(|class| count("radius_classes", &class?))
+            .collect::<PyResult<_>>()?,
+    };
+    if numbers.len() != curves.len() {
+        let reason = format!("expected one for each of {} curves, got {}", curves.len(), numbers.len());
+        return Err(PyValueError::new_err(format!("radius_classes: {reason}")));
+    }
+    let tube = |((i, curve), radius_class): ((usize, &Bound<'_, PyAny>), usize)| {
+        Ok(Tube { curve: checked_spline(&format!("curves[{i}]"), curve)?, radius_class })
+    };
+    curves.iter().enumerate().zip(numbers).map(tube).collect()
+}
+
+/// A mean and a standard deviation, or one of each for each radius.
+fn priors(value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+    let array = FloatArray::of_numbers("radius_prior", value)?;
+    match array.0.shape() {
+        [2] | [_, 2] => Ok(array.slice()?.as_chunks().0.to_vec()),
+        other => Err(wrong_shape("radius_prior", "(2,) or (K, 2)", other)),
+    }
+}
+
+/// The low and the high corner of a box.
+fn corners(value: &Bound<'_, PyAny>) -> PyResult<[Point; 2]> {
+    let array = FloatArray::of_numbers("bounds", value)?;
+    match (array.0.shape(), array.slice()?.as_chunks().0) {
+        ([2, 3], &[low, high]) => Ok([low, high]),
+        (other, _) => Err(wrong_shape("bounds", "(2, 3)", other)),
+    }
+}
+
+/// The end observations of each view.
+fn by_view(all: &[Bound<'_, EndObservation>], views: usize) -> PyResult<Vec<Vec<crate::EndObservation>>> {
+    let mut found = vec![Vec::new(); views];
+    for (i, seen) in all.iter().enumerate() {
+        let EndObservation { view, observation } = seen.get();
+        let of_view = found.get_mut(*view).ok_or_else(|| {
+            let reason = format!("expected the number of one of {views} views, got {view}");
+            PyValueError::new_err(format!("end_observations[{i}]: {reason}"))
+        })?;
+        of_view.push(*observation);
+    }
+    Ok(found)
+}
+
+/// The foot points of an earlier fit to the same points, from whose curves another goes on.
+fn earlier(
+    previous: &Bound<'_, TubeFit>,
+    tubes: &[Tube],
+    points: &[&[Point]],
+) -> PyResult<Vec<Option<OnCurve>>> {
+    let (py, fit) = (previous.py(), previous.get());
+    let count: usize = points.iter().map(|points| points.len()).sum();
+    let (curves, before) = (fit.curves.len(), fit.points.bind(py).shape()[0]);
+    let alike =
+        |(curve, tube): (&Py<PyArray2<f64>>, &Tube)| curve.bind(py).shape()[0] == tube.curve.control.len();
+    if curves != tubes.len() || before != count || !fit.curves.iter().zip(tubes).all(alike) {
+        return Err(PyValueError::new_err(format!(
+            "previous: expected a fit of {} curves of as many control points as these to {count} points, \
+             got one of {curves} to {before}",
+            tubes.len()
+        )));
+    }
+    Ok(fit.foot_points(py))
+}
+
+/// Cut fitted curves to the stretch that points support.
+///
+/// With n points for each metre of rope and m points past L0 - r, L0 being about where they give out, the end is at
+/// L0 - r + m / n: unbiased, where a threshold on the density is not.
+///
+/// Parameters
+/// ----------
+/// fit : TubeFit
+/// surface_tolerance : sequence of float, optional
+///     For each curve how far from a surface its points may lie to count as on it, metres. Points near an end that lie on
+///     another curve's surface too are left out then: they say nothing about that end. All points count if not given.
+///
+/// Returns
+/// -------
+/// list of ((float, float) or None)
+///     The parameters from which to which each curve is rope; None where fewer than eight points support it.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If there is not one tolerance for each curve.
+#[pyfunction]
+#[pyo3(signature = (fit, surface_tolerance = None))]
+pub(super) fn rope_extents(
+    py: Python<'_>,
+    fit: &Bound<'_, TubeFit>,
+    surface_tolerance: Option<Vec<f64>>,
+) -> PyResult<Vec<Option<[f64; 2]>>> {
+    let fit = fit.get();
+    if let Some(tolerance) = &surface_tolerance
+        && tolerance.len() != fit.curves.len()
+    {
+        let reason = format!("expected one for each of {} curves, got {}", fit.curves.len(), tolerance.len());
+        return Err(PyValueError::new_err(format!("surface_tolerance: {reason}")));
+    }
+    let classes = fit.radius_classes.bind(py).readonly();
+    let tubes: Vec<Tube> = (fit.curves.iter().zip(classes.as_array()))
+        .map(|(curve, &class)| {
+            let curve = checked_spline("curves", curve.bind(py).as_any())?;
+            Ok(Tube { curve, radius_class: class as usize })
+        })
+        .collect::<PyResult<_>>()?;
+    let radii = fit.radii.bind(py).readonly().as_array().to_vec();
+    let points = FloatArray::new("points", fit.points.bind(py).as_any())?;
+    let to_camera = FloatArray::new("to_camera", fit.to_camera.bind(py).as_any())?;
+    let (points, to_camera) = (points.rows("points", "(N, 3)")?, to_camera.rows("to_camera", "(N, 3)")?);
+    let (curve, parameter) = (fit.curve.bind(py).readonly(), fit.parameter.bind(py).readonly());
+    let inlier = fit.inlier.bind(py).readonly();
+    let rows = points.iter().zip(to_camera).zip(curve.as_array()).zip(parameter.as_array());
+    let on_tubes: Vec<OnTube> = rows
+        .zip(inlier.as_array())
+        .filter(|(_, inlier)| **inlier)
+        .map(|((((&position, &to_camera), &curve), &parameter), _)| OnTube {
+            curve: curve as usize,
+            parameter,
+            position,
+            to_camera,
+        })
+        .collect();
+    Ok(py.detach(|| ends::rope_extents(&tubes, &radii, &on_tubes, surface_tolerance.as_deref())))
+}

@@ -1,0 +1,247 @@
+//! The outcome of the joint fit, as Python gets it.
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use crate::OnCurve;
+use crate::python::arguments::{FloatArray, require_same_length, wrong_shape};
+use crate::tubefit::deviations;
+
+/// The outcome of `strand.fit_tubes`.
+#[pyclass(frozen, get_all, module = "strand")]
+pub(in super::super) struct TubeFit {
+    /// list of (n, 3) ndarray: control points of uniform cubic B-splines, metres.
+    pub(super) curves: Vec<Py<PyArray2<f64>>>,
+    /// (V, 4, 4) ndarray: for each view the rigid motion of the world frame that corrects its reported pose.
+    pub(super) motions: Py<PyArray3<f64>>,
+    /// (C,) ndarray of int64: for each curve the number of its radius.
+    pub(super) radius_classes: Py<PyArray1<i64>>,
+    /// (K,) ndarray: the radii, metres.
+    pub(super) radii: Py<PyArray1<f64>>,
+    /// (K,) ndarray: their standard deviations, 0 if they were held, metres; empty if not asked for.
+    pub(super) radii_sd: Py<PyArray1<f64>>,
+    /// float: robust standard deviation of the residuals, metres.
+    pub(super) sigma: f64,
+    /// (K,) ndarray: for each radius the limit beyond which residuals did not count, metres.
+    pub(super) bands: Py<PyArray1<f64>>,
+    /// (N, 3) ndarray: all views' points where the corrected poses place them, metres.
+    pub(super) points: Py<PyArray2<f64>>,
+    /// (N, 3) ndarray: the unit vectors from these to their cameras.
+    pub(super) to_camera: Py<PyArray2<f64>>,
+    /// (N,) ndarray of int64: which view saw each point.
+    pub(super) view: Py<PyArray1<i64>>,
+    /// (N,) ndarray of int64: which curve explains it best.
+    pub(super) curve: Py<PyArray1<i64>>,
+    /// (N,) ndarray: the parameter of that curve at its foot point.
+    pub(super) parameter: Py<PyArray1<f64>>,
+    /// (N,) ndarray: its distance from the surface, metres; infinite if no tube is near.
+    pub(super) residual: Py<PyArray1<f64>>,
+    /// (N,) ndarray: cosine between the surface normal and the direction to the camera.
+    pub(super) facing: Py<PyArray1<f64>>,
+    /// (N,) ndarray: its weight in the fit.
+    pub(super) weight: Py<PyArray1<f64>>,
+    /// (N,) ndarray of bool: whether it is where the tube could have been seen.
+    pub(super) explained: Py<PyArray1<bool>>,
+    /// (N,) ndarray of bool: whether it is explained, with a residual within the limit beyond which none counted.
+    pub(super) inlier: Py<PyArray1<bool>>,
+    /// (V, 6, 6) ndarray: covariance of each correction: rotation vector, radians, and translation of the points'
+    /// centroid, metres; 0 for a view that was held; (0, 6, 6) if not asked for.
+    pub(super) pose_covariance: Py<PyArray3<f64>>,
+    /// list of (n, 4, 3, 3) ndarray: covariance of each control point with itself and the next three, m^2; empty if
+    /// curves were held or it was not asked for.
+    pub(super) covariances: Vec<Py<PyArray4<f64>>>,
+}
+
+#[pymethods]
+impl TubeFit {
+    #[new]
+    #[pyo3(signature = (*, curves, motions, radius_classes, radii, radii_sd, sigma, bands, points, to_camera, view, curve,
+                        parameter, residual, facing, weight, explained, inlier, pose_covariance, covariances))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        curves: Vec<Py<PyArray2<f64>>>,
+        motions: Py<PyArray3<f64>>,
+        radius_classes: Py<PyArray1<i64>>,
+        radii: Py<PyArray1<f64>>,
+        radii_sd: Py<PyArray1<f64>>,
+        sigma: f64,
+        bands: Py<PyArray1<f64>>,
+        points: Py<PyArray2<f64>>,
+        to_camera: Py<PyArray2<f64>>,
+        view: Py<PyArray1<i64>>,
+        curve: Py<PyArray1<i64>>,
+        parameter: Py<PyArray1<f64>>,
+        residual: Py<PyArray1<f64>>,
+        facing: Py<PyArray1<f64>>,
+        weight: Py<PyArray1<f64>>,
+        explained: Py<PyArray1<bool>>,
+        inlier: Py<PyArray1<bool>>,
+        pose_covariance: Py<PyArray3<f64>>,
+        covariances: Vec<Py<PyArray4<f64>>>,
+    ) -> PyResult<Self> {
+        let fit = Self {
+            curves,
+            motions,
+            radius_classes,
+            radii,
+            radii_sd,
+            sigma,
+            bands,
+            points,
+            to_camera,
+            view,
+            curve,
+            parameter,
+            residual,
+            facing,
+            weight,
+            explained,
+            inlier,
+            pose_covariance,
+            covariances,
+        };
+        fit.check(py)?;
+        Ok(fit)
+    }
+
+    /// (V, 6) ndarray: standard deviations of the corrections.
+    #[getter]
+    fn pose_sd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let covariances = FloatArray::new("pose_covariance", self.pose_covariance.bind(py).as_any())?;
+        let (rows, _) = covariances.slice()?.as_chunks::<6>();
+        let found: Vec<[f64; 6]> = rows.as_chunks::<6>().0.iter().map(deviations).collect();
+        PyArray1::from_slice(py, found.as_flattened()).reshape([found.len(), 6])
+    }
+
+    /// Radius of a curve, metres.
+    fn radius(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
+        self.of_class(py, &self.radii, curve)
+    }
+
+    /// Limit beyond which residuals from a curve did not count, metres.
+    fn band(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
+        self.of_class(py, &self.bands, curve)
+    }
+
+    /// The same fit with other values of some attributes.
+    #[pyo3(signature = (**changes))]
+    fn replace<'py>(
+        slf: &Bound<'py, Self>,
+        changes: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (_, fields) = Self::__getnewargs_ex__(slf)?;
+        if let Some(changes) = changes {
+            fields.update(changes.as_mapping())?;
+        }
+        slf.get_type().call((), Some(&fields))
+    }
+
+    /// What a pickle makes it of again.
+    fn __getnewargs_ex__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let fields = PyDict::new(slf.py());
+        for name in FIELDS {
+            fields.set_item(name, slf.getattr(name)?)?;
+        }
+        Ok((PyTuple::empty(slf.py()), fields))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!(
+            "TubeFit(curves={}, views={}, points={}, sigma={:.3e})",
+            self.curves.len(),
+            self.motions.bind(py).shape()[0],
+            self.points.bind(py).shape()[0],
+            self.sigma
+        )
+    }
+}
+
+/// The constructor's arguments.
+const FIELDS: [&str; 19] = [
+    "curves",
+    "motions",
+    "radius_classes",
+    "radii",
+    "radii_sd",
+    "sigma",
+    "bands",
+    "points",
+    "to_camera",
+    "view",
+    "curve",
+    "parameter",
+    "residual",
+    "facing",
+    "weight",
+    "explained",
+    "inlier",
+    "pose_covariance",
+    "covariances",
+];
+
+impl TubeFit {
+    /// Refuses arrays that do not fit each other: numbers of curves, radii and points.
+    fn check(&self, py: Python<'_>) -> PyResult<()> {
+        let (curves, radii) = (self.curves.len(), self.radii.bind(py).len());
+        let points = self.points.bind(py).shape()[0];
+        let refuse =
+            |name: &str, want: String| Err(PyValueError::new_err(format!("{name}: expected {want}")));
+        let in_range = |numbers: &Py<PyArray1<i64>>, count: usize| {
+            numbers.bind(py).readonly().as_array().iter().all(|&i| (0..count as i64).contains(&i))
+        };
+        if self.radius_classes.bind(py).len() != curves || !in_range(&self.radius_classes, radii) {
+            return refuse("radius_classes", format!("the number of one of {radii} radii for each curve"));
+        }
+        if self.bands.bind(py).len() != radii {
+            return refuse("bands", format!("one for each of {radii} radii"));
+        }
+        for (name, array) in [("points", &self.points), ("to_camera", &self.to_camera)] {
+            if array.bind(py).shape() != [points, 3] {
+                return Err(wrong_shape(name, &format!("({points}, 3)"), array.bind(py).shape()));
+            }
+        }
+        for (name, count) in [
+            ("view", self.view.bind(py).len()),
+            ("curve", self.curve.bind(py).len()),
+            ("parameter", self.parameter.bind(py).len()),
+            ("residual", self.residual.bind(py).len()),
+            ("facing", self.facing.bind(py).len()),
+            ("weight", self.weight.bind(py).len()),
+            ("explained", self.explained.bind(py).len()),
+            ("inlier", self.inlier.bind(py).len()),
+        ] {
+            require_same_length(name, count, points)?;
+        }
+        if !in_range(&self.curve, curves) {
+            return refuse("curve", format!("the number of one of {curves} curves for each point"));
+        }
+        if self.pose_covariance.bind(py).shape()[1..] != [6, 6] {
+            return Err(wrong_shape("pose_covariance", "(V, 6, 6)", self.pose_covariance.bind(py).shape()));
+        }
+        Ok(())
+    }
+
+    /// What the class of a curve's radius has of some values.
+    fn of_class(&self, py: Python<'_>, values: &Py<PyArray1<f64>>, curve: usize) -> PyResult<f64> {
+        let class = self.radius_classes.bind(py).readonly().get(curve).copied();
+        let class = class.ok_or_else(|| PyIndexError::new_err(format!("there is no curve {curve}")))?;
+        // `check` holds them together, but arrays can be written to
+        let value = values.bind(py).readonly().get(class as usize).copied();
+        value.ok_or_else(|| PyIndexError::new_err(format!("there is no radius {class}")))
+    }
+
+    /// The foot point of each point; none where no tube is near.
+    pub(super) fn foot_points(&self, py: Python<'_>) -> Vec<Option<OnCurve>> {
+        let (curve, parameter) = (self.curve.bind(py).readonly(), self.parameter.bind(py).readonly());
+        let residual = self.residual.bind(py).readonly();
+        let all = curve.as_array().into_iter().zip(parameter.as_array()).zip(residual.as_array());
+        all.map(|((&curve, &parameter), residual)| {
+            let place = OnCurve { curve: usize::try_from(curve).ok()?, parameter };
+            residual.is_finite().then_some(place)
+        })
+        .collect()
+    }
+}
