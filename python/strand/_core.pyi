@@ -1,17 +1,21 @@
 """The kernels in Rust. Their documentation is in the docstrings of the compiled module."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, SupportsIndex, final, overload
+from typing import ClassVar, Literal, SupportsIndex, TypedDict, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import Unpack
 
 __all__ = [
+    "EndObservation",
     "IcpResult",
     "NotEnoughDataError",
-    "Sight",
     "StrandError",
+    "TubeFit",
+    "Visibility",
     "__version__",
+    "apparent_radii",
     "arc_lengths",
     "bending",
     "bridge",
@@ -21,29 +25,28 @@ __all__ = [
     "count_neighbors_each",
     "crop",
     "crop_images",
-    "crowded",
     "end_direction",
     "estimate_normals",
     "estimate_normals_each",
     "fit_tubes",
-    "hides",
     "icp",
     "join_cost",
     "num_threads",
-    "occupied_cubes",
+    "occludes",
+    "occupied_voxels",
+    "overlapping",
     "path_length",
     "radius_outlier_mask",
     "register_in_turn",
+    "rope_extents",
     "set_num_threads",
     "spline_places",
     "spline_through",
     "straighten",
-    "string_parts",
-    "strip_radii",
     "trace_chains",
     "trace_tubes",
+    "typical_neighbors",
     "unproject",
-    "usual_neighbors",
 ]
 
 __version__: str
@@ -52,17 +55,129 @@ class StrandError(Exception): ...
 class NotEnoughDataError(StrandError): ...
 
 @final
-class Sight:
+class Visibility:
+    UNKNOWN: ClassVar[int]
+    OCCLUDED: ClassVar[int]
+    OCCUPIED: ClassVar[int]
+    FREE: ClassVar[int]
     def __new__(
         cls,
-        saw: Sequence[ArrayLike | tuple[ArrayLike, tuple[float, float], tuple[float, float]]],
+        observed: Sequence[ArrayLike | tuple[ArrayLike, tuple[float, float], tuple[float, float]]],
         about: Sequence[ArrayLike],
         poses: Sequence[ArrayLike],
-    ) -> Sight: ...
+    ) -> Visibility: ...
     def states(self, places: ArrayLike, radius: float) -> NDArray[np.int64]: ...
-    def empty(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
-    def hidden(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
+    def free(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
+    def occluded(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
     def seen_through(self, places: ArrayLike, direction: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
+
+@final
+class EndObservation:
+    def __new__(
+        cls, view: SupportsIndex, end: SupportsIndex, place: ArrayLike, outward: ArrayLike, sd: float
+    ) -> EndObservation: ...
+    def __getnewargs__(self) -> tuple[int, int, list[float], list[float], float]: ...
+    @property
+    def view(self) -> int: ...
+    @property
+    def end(self) -> int: ...
+    @property
+    def place(self) -> NDArray[np.float64]: ...
+    @property
+    def outward(self) -> NDArray[np.float64]: ...
+    @property
+    def sd(self) -> float: ...
+
+class _TubeFitFields(TypedDict, total=False):
+    curves: list[NDArray[np.float64]]
+    motions: NDArray[np.float64]
+    radius_classes: NDArray[np.int64]
+    radii: NDArray[np.float64]
+    radii_sd: NDArray[np.float64]
+    sigma: float
+    bands: NDArray[np.float64]
+    points: NDArray[np.float64]
+    to_camera: NDArray[np.float64]
+    view: NDArray[np.int64]
+    curve: NDArray[np.int64]
+    parameter: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    facing: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    explained: NDArray[np.bool_]
+    inlier: NDArray[np.bool_]
+    pose_covariance: NDArray[np.float64]
+    covariances: list[NDArray[np.float64]]
+
+@final
+class TubeFit:
+    def __new__(
+        cls,
+        *,
+        curves: list[NDArray[np.float64]],
+        motions: NDArray[np.float64],
+        radius_classes: NDArray[np.int64],
+        radii: NDArray[np.float64],
+        radii_sd: NDArray[np.float64],
+        sigma: float,
+        bands: NDArray[np.float64],
+        points: NDArray[np.float64],
+        to_camera: NDArray[np.float64],
+        view: NDArray[np.int64],
+        curve: NDArray[np.int64],
+        parameter: NDArray[np.float64],
+        residual: NDArray[np.float64],
+        facing: NDArray[np.float64],
+        weight: NDArray[np.float64],
+        explained: NDArray[np.bool_],
+        inlier: NDArray[np.bool_],
+        pose_covariance: NDArray[np.float64],
+        covariances: list[NDArray[np.float64]],
+    ) -> TubeFit: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], _TubeFitFields]: ...
+    def replace(self, **changes: Unpack[_TubeFitFields]) -> TubeFit: ...
+    @property
+    def curves(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def motions(self) -> NDArray[np.float64]: ...
+    @property
+    def radius_classes(self) -> NDArray[np.int64]: ...
+    @property
+    def radii(self) -> NDArray[np.float64]: ...
+    @property
+    def radii_sd(self) -> NDArray[np.float64]: ...
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def bands(self) -> NDArray[np.float64]: ...
+    @property
+    def points(self) -> NDArray[np.float64]: ...
+    @property
+    def to_camera(self) -> NDArray[np.float64]: ...
+    @property
+    def view(self) -> NDArray[np.int64]: ...
+    @property
+    def curve(self) -> NDArray[np.int64]: ...
+    @property
+    def parameter(self) -> NDArray[np.float64]: ...
+    @property
+    def residual(self) -> NDArray[np.float64]: ...
+    @property
+    def facing(self) -> NDArray[np.float64]: ...
+    @property
+    def weight(self) -> NDArray[np.float64]: ...
+    @property
+    def explained(self) -> NDArray[np.bool_]: ...
+    @property
+    def inlier(self) -> NDArray[np.bool_]: ...
+    @property
+    def pose_covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def covariances(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def pose_sd(self) -> NDArray[np.float64]: ...
+    def radius(self, curve: SupportsIndex) -> float: ...
+    def band(self, curve: SupportsIndex) -> float: ...
 
 @final
 class IcpResult:
@@ -173,44 +288,36 @@ def fit_tubes(
     points: Sequence[ArrayLike],
     viewpoints: ArrayLike,
     curves: Sequence[ArrayLike],
-    ropes: Sequence[int] | NDArray[np.int64],
     motions: Sequence[ArrayLike] | NDArray[np.float64],
-    radii: Sequence[float] | NDArray[np.float64],
+    radius: ArrayLike,
     *,
+    radius_classes: Sequence[int] | NDArray[np.int64] | None = None,
+    pose_sd: ArrayLike,
+    reference: SupportsIndex | None,
     fit_curves: bool = True,
-    radius_prior: Sequence[Sequence[float]] | NDArray[np.float64] | None = None,
-    reference: int | None,
-    pose_sd: Sequence[float] | NDArray[np.float64],
+    radius_prior: ArrayLike | None = None,
     along_ray: bool = False,
-    band: Sequence[float] | NDArray[np.float64] = (0.6, 0.4),
-    iterations: int = 12,
+    band: ArrayLike = (0.6, 0.4),
+    iterations: SupportsIndex = 12,
     tolerance: float = 0.1,
     min_bend: float = 1.5,
     noise: float | None = None,
-    bounds: Sequence[Sequence[float]] | tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-    ends: Sequence[tuple[int, int, NDArray[np.float64], NDArray[np.float64], float]],
-    feet: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None,
+    bounds: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+    end_observations: Sequence[EndObservation] = (),
+    previous: TubeFit | None = None,
     uncertainty: bool = True,
-) -> dict[str, Any]: ...
-def strip_radii(
-    points: ArrayLike, viewpoint: Sequence[float], largest: float, seeds: int
+) -> TubeFit: ...
+def rope_extents(
+    fit: TubeFit, surface_tolerance: Sequence[float] | None = None
+) -> list[tuple[float, float] | None]: ...
+def apparent_radii(
+    points: ArrayLike, viewpoint: ArrayLike, largest: float, seeds: int
 ) -> NDArray[np.float64]: ...
 def spline_through(nodes: ArrayLike, spacing: float, extension: float) -> NDArray[np.float64]: ...
 def spline_places(
     control: ArrayLike, parameters: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 def arc_lengths(control: ArrayLike, start: float, stop: float) -> NDArray[np.float64]: ...
-def string_parts(
-    curves: Sequence[ArrayLike],
-    ropes: Sequence[int],
-    radii: Sequence[float],
-    counted: NDArray[np.bool_],
-    curve: NDArray[np.int64],
-    parameter: NDArray[np.float64],
-    points: ArrayLike,
-    to_camera: ArrayLike,
-    slack: Sequence[float] | None,
-) -> list[tuple[float, float] | None]: ...
 def path_length(nodes: ArrayLike) -> NDArray[np.float64]: ...
 def end_direction(nodes: ArrayLike, skip: float, span: float) -> NDArray[np.float64]: ...
 def bridge(
@@ -218,12 +325,16 @@ def bridge(
 ) -> NDArray[np.float64]: ...
 def bending(nodes: ArrayLike) -> float: ...
 def join_cost(p: ArrayLike, leave: ArrayLike, q: ArrayLike, arrive: ArrayLike, radius: float) -> float: ...
-def hides(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: float) -> bool: ...
-def crowded(
-    places: ArrayLike, strands: NDArray[np.int64], lengths: NDArray[np.float64], contact: float, own: float
+def occludes(others: ArrayLike, stretch: ArrayLike, camera: ArrayLike, distance: float) -> bool: ...
+def overlapping(
+    places: ArrayLike,
+    curve: NDArray[np.int64],
+    arc_length: NDArray[np.float64],
+    distance: float,
+    apart: float,
 ) -> NDArray[np.bool_]: ...
-def usual_neighbors(points: ArrayLike, radius: float) -> int: ...
-def occupied_cubes(points: Sequence[ArrayLike], side: float) -> int: ...
+def typical_neighbors(points: ArrayLike, radius: float) -> int: ...
+def occupied_voxels(points: Sequence[ArrayLike], side: float) -> int: ...
 def copy_depth(depth: ArrayLike, farthest: float) -> tuple[NDArray[np.float64], int]: ...
 def unproject(
     depth: ArrayLike, focal: tuple[float, float], center: tuple[float, float]

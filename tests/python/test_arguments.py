@@ -10,9 +10,8 @@ import pytest
 
 import strand
 from strand import synthetic
-from strand._core import spline_through
+from strand._core import EndObservation, spline_through
 from strand.model import Alternative, Doubt
-from strand.tubefit import EndSighting
 
 R = 0.0042
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
@@ -35,15 +34,15 @@ FIT = {
     "previous": None,
     "min_bend": 1.5,
     "noise": 7e-4,
-    "ends": (EndSighting(0, 0, LINE[0], np.array([-1.0, 0.0, 0.0]), 1e-3),),
+    "end_observations": (EndObservation(0, 0, LINE[0], np.array([-1.0, 0.0, 0.0]), 1e-3),),
     "fit_curves": True,
     "along_ray": False,
     "uncertainty": True,
 }
 FUNCTIONS = {
     "fit_tubes": (strand.fit_tubes, FIT),
-    "EndSighting": (
-        EndSighting,
+    "EndObservation": (
+        EndObservation,
         {"view": 0, "end": 0, "place": LINE[0], "outward": np.eye(3)[0], "sd": 1e-3},
     ),
     "Chain": (strand.Chain, {"points": LINE, "radius": R, "closed": False, "radius_sd": 1e-5}),
@@ -92,7 +91,7 @@ ACCEPTED = {
     ("fit_tubes", "reference", "None"),
     ("fit_tubes", "radius_prior", "None"),
     ("fit_tubes", "noise", "None"),
-    ("fit_tubes", "ends", "[]"),
+    ("fit_tubes", "end_observations", "[]"),
     ("fit_tubes", "previous", "None"),
     ("Join", "chains", "[]"),
     ("Model", "chains", "[]"),
@@ -126,14 +125,14 @@ def test_errors_name_the_argument(name):
     ("argument", "value", "match"),
     [
         ("outward", np.array([2.0, 0.0, 0.0]), "outward.*unit length"),
-        ("view", -1, "view.*at least 0"),
-        ("end", -1, "end.*at least 0"),
+        ("view", -1, "view.*>= 0"),
+        ("end", -1, "end.*>= 0"),
         ("sd", 0.0, "sd.*positive"),
     ],
 )
-def test_sightings_of_ends_are_checked(argument, value, match):
+def test_end_observations_are_checked(argument, value, match):
     with pytest.raises(ValueError, match=match):
-        replace(FIT["ends"][0], **{argument: value})
+        EndObservation(**{**FUNCTIONS["EndObservation"][1], argument: value})
 
 
 @pytest.mark.parametrize(
@@ -169,9 +168,10 @@ def test_doubts_and_alternatives_are_kept_as_tuples_of_float_arrays():
         np.testing.assert_array_equal(found, given)
 
 
-def test_a_sighting_of_a_view_that_is_not_there_is_refused():
-    with pytest.raises(ValueError, match=r"ends\[0\].*3 views"):
-        strand.fit_tubes(**{**FIT, "ends": [replace(FIT["ends"][0], view=3)]})
+def test_an_end_observed_by_a_view_that_is_not_there_is_refused():
+    beyond = EndObservation(**{**FUNCTIONS["EndObservation"][1], "view": 3})
+    with pytest.raises(ValueError, match=r"end_observations\[0\].*3 views"):
+        strand.fit_tubes(**{**FIT, "end_observations": [beyond]})
 
 
 @pytest.mark.parametrize(

@@ -41,12 +41,12 @@ def paper_model(paper):
 def test_cameras_see_strings_where_they_are_and_nothing_above_them(paper):
     sight = Sight.of(paper.views, paper.poses_true)
     truth = paper.truth[0][::10]
-    assert not sight.empty(truth, R).any()
-    assert sight.hidden(truth, R).mean() < 0.1
+    assert not sight.free(truth, R).any()
+    assert sight.occluded(truth, R).mean() < 0.1
     above = truth + UP
-    assert sight.empty(above, R).all()
+    assert sight.free(above, R).all()
     under_the_table = truth - UP
-    assert sight.hidden(under_the_table, R).all()
+    assert sight.occluded(under_the_table, R).all()
 
 
 def test_what_cameras_saw_does_not_depend_on_the_world_frame(paper):
@@ -61,8 +61,8 @@ def test_what_cameras_saw_does_not_depend_on_the_world_frame(paper):
 def test_a_view_without_points_knows_nothing():
     view = strand.View(np.empty((0, 3)))
     sight = Sight.of([view], [view.pose])
-    assert not sight.empty(np.zeros((3, 3)), R).any()
-    assert sight.hidden(np.zeros((3, 3)), R).all()
+    assert not sight.free(np.zeros((3, 3)), R).any()
+    assert sight.occluded(np.zeros((3, 3)), R).all()
 
 
 def test_a_second_look_finds_the_string_that_is_left_out(paper, paper_model):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from strand import figures
+from strand import TubeFit, figures
 from strand.model import Chain, Model
-from strand.tubefit import TubeFit
 
 RADIUS = 0.004
 S = np.linspace(0.0, 0.2, 41)
@@ -60,7 +59,7 @@ def tube_model_of(explained=0.9, **changes):
     fit = TubeFit(
         curves=[LINE[::4]],
         motions=np.tile(np.eye(4), (3, 1, 1)),
-        ropes=np.zeros(1, dtype=np.int64),
+        radius_classes=np.zeros(1, dtype=np.int64),
         radii=np.array([RADIUS]),
         radii_sd=np.zeros(1),
         sigma=3e-4,

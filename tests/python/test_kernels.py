@@ -1,5 +1,6 @@
 """The NumPy boundary of the compiled kernels: layouts, dtypes, wrong input, threads, processes."""
 
+import inspect
 import multiprocessing
 import pickle
 import threading
@@ -181,23 +182,53 @@ def test_shapes_and_dtypes_of_the_answers():
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda a: np.ones(a.shape, int),
-        lambda a: np.ones(a.shape, np.uint8),
         lambda a: np.ones(a.shape, bool),
         lambda a: a.astype(complex),
         lambda a: a.astype(object),
         lambda a: a.astype(str),
         lambda a: np.zeros(a.shape, "m8[s]"),
-        lambda a: np.ones(a.shape, int).tolist(),
         lambda a: "points",
         lambda a: object(),
         lambda a: {},
     ],
 )
 @pytest.mark.parametrize(("kernel", "name"), ARGUMENTS)
-def test_other_elements_than_floats_are_a_type_error(kernel, name, wrong):
-    with pytest.raises(TypeError, match=rf"^{name}: expected floating point numbers, got dtype"):
+def test_other_elements_than_numbers_are_a_type_error(kernel, name, wrong):
+    with pytest.raises(TypeError, match=rf"^{name}: expected (floating point )?numbers, got dtype"):
         call(kernel, **{name: wrong(ARRAYS[kernel][name])})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda a: np.ones(a.shape, int),
+        lambda a: np.ones(a.shape, np.uint16),
+        lambda a: np.ones(a.shape, int).tolist(),
+    ],
+)
+@pytest.mark.parametrize(("kernel", "name"), CLOUDS)
+def test_clouds_of_whole_numbers_are_refused_with_the_reason(kernel, name, wrong):
+    with pytest.raises(TypeError, match=rf"^{name}: .*whole numbers have no unit, convert them to metres"):
+        call(kernel, **{name: wrong(ARRAYS[kernel][name])})
+
+
+@pytest.mark.parametrize("dtype", [np.int64, np.uint8, list])
+def test_vectors_and_poses_may_be_whole_numbers(dtype):
+    def whole(array):
+        return array.astype(int).tolist() if dtype is list else array.astype(dtype)
+
+    viewpoint, start = np.array([0.0, 2.0, 8.0]), np.eye(4)
+    for kernel, changes in [
+        ("estimate_normals k", {"viewpoint": viewpoint}),
+        ("icp points", {"start": start}),
+    ]:
+        assert_same(call(kernel, **{name: whole(a) for name, a in changes.items()}), call(kernel, **changes))
+    points = lattice()
+    arcs = strand.trace_tubes(points, whole(viewpoint), 1)
+    assert_same(
+        [a for arc in arcs for a in arc],
+        [a for arc in strand.trace_tubes(points, viewpoint, 1.0) for a in arc],
+    )
 
 
 @pytest.mark.parametrize(("kernel", "name"), ARGUMENTS)
@@ -684,6 +715,15 @@ def test_a_forked_process_can_call_after_its_parent_did(busy):
         for child in children:
             if child.is_alive():
                 child.kill()
+
+
+def test_defaults_are_what_signatures_say():
+    """Arguments that are left out and the numbers of the signature give one answer."""
+    source, target = lattice(), lattice(150, seed=3)
+    defaults = inspect.signature(icp).parameters
+    said = {name: defaults[name].default for name in ("max_iterations", "tolerance")}
+    assert said == {"max_iterations": 30, "tolerance": 1e-6}
+    assert_same(icp(source, target, 0.5, **said), icp(source, target, 0.5))
 
 
 def test_what_icp_found_can_be_pickled():

@@ -10,11 +10,11 @@ import pytest
 
 import strand
 from strand import tubes
+from strand._core import fit_tubes
 from strand.config import Filter
 from strand.outliers import without_outliers
 from strand.radius import Radii, agreeing
 from strand.synthetic import camera_pose, render_depth, sense
-from strand.tubefit import unchecked_fit
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 CAMERA = np.array([0.0, 0.0, 0.4])
@@ -195,9 +195,9 @@ def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(mo
 
     def counted(*arguments, **options):
         fitted.append(options.get("along_ray", False))
-        return unchecked_fit(*arguments, **options)
+        return fit_tubes(*arguments, **options)
 
-    monkeypatch.setattr(tubes, "unchecked_fit", counted)
+    monkeypatch.setattr(tubes, "fit_tubes", counted)
     views, bounds, _ = crossing(0.003, 0.006)
     clouds = tubes.Clouds.of([view.crop(bounds) for view in views[2:3]], None)
     # the last kind of rope is not there

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
+import pickle
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 import strand
 from strand import linking, tubes
+from strand._core import EndObservation, rope_extents
 from strand.config import Linking
 from strand.curve import Curve
 from strand.outliers import without_outliers
@@ -383,9 +386,9 @@ def test_numbers_that_would_fill_the_memory_are_refused(paper):
         ({"iterations": -1}, ValueError, "iterations"),
         ({"pose_sd": (1.0,)}, ValueError, "pose_sd"),
         ({"band": (1.0,)}, ValueError, "band"),
-        ({"ropes": [1]}, ValueError, "ropes"),
-        ({"ropes": [0, 0]}, ValueError, "ropes"),
-        ({"ropes": [0.0]}, ValueError, "ropes"),
+        ({"radius_classes": [1]}, ValueError, "radius_classes"),
+        ({"radius_classes": [0, 0]}, ValueError, "radius_classes"),
+        ({"radius_classes": [0.0]}, TypeError, "radius_classes"),
         ({"radius_prior": (0.1, 0.0)}, ValueError, "radius_prior"),
         ({"radius_prior": [0.1]}, ValueError, "radius_prior"),
         ({"min_bend": 0.0}, ValueError, "min_bend"),
@@ -437,6 +440,111 @@ def test_a_loop_that_the_points_show_is_not_stiffened_until_it_is_straight():
     assert fit.inlier.mean() > 0.9
 
 
+def straight_fit(**changes):
+    """A fit to one view of a straight tube."""
+    along, angle = np.meshgrid(np.linspace(0.0, 0.2, 120), np.linspace(0.1, np.pi - 0.1, 20))
+    points = np.stack([along, 0.004 * np.cos(angle), 0.004 * np.sin(angle)], axis=-1).reshape(-1, 3)
+    nodes = np.stack([np.linspace(0.0, 0.2, 50), np.zeros(50), np.zeros(50)], axis=1)
+    arguments = {
+        "points": [points],
+        "viewpoints": [[0.1, 0.0, 1.0]],
+        "curves": [strand._core.spline_through(nodes, 0.01, 0.0)],
+        "motions": [np.eye(4)],
+        "radius": 0.004,
+        "pose_sd": (0.01, 0.002),
+        "reference": None,
+    }
+    return strand.fit_tubes(**arguments | changes)
+
+
+def test_a_fit_can_be_pickled_and_changed():
+    fit = straight_fit()
+    again = pickle.loads(pickle.dumps(fit))
+    names = inspect.signature(strand.TubeFit).parameters
+    assert len(names) == 19
+    for name in names:
+        np.testing.assert_array_equal(getattr(again, name), getattr(fit, name))
+    assert (fit.radius(0), fit.band(0)) == (fit.radii[0], fit.bands[0])
+    np.testing.assert_array_equal(fit.pose_sd, np.sqrt(fit.pose_covariance.diagonal(axis1=1, axis2=2)))
+    wider = fit.replace(radii=np.array([0.005]))
+    assert (wider.radius(0), fit.radius(0)) == (0.005, 0.004)
+    assert wider.points is fit.points
+    assert len(repr(fit).splitlines()) == 1
+    with pytest.raises(IndexError, match="curve 1"):
+        fit.radius(1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"radius_classes": np.array([1])}, "radius_classes: expected the number of one of 1 radii"),
+        ({"radii": np.zeros(0)}, "radius_classes"),
+        ({"bands": np.zeros(2)}, "bands: expected one for each of 1 radii"),
+        ({"view": np.zeros(3, dtype=np.int64)}, "view: expected one row for each of the 2400 points, got 3"),
+        ({"points": np.zeros((2400, 2))}, r"points: expected shape \(2400, 3\), got \(2400, 2\)"),
+        ({"curve": np.full(2400, 1)}, "curve: expected the number of one of 1 curves"),
+        ({"pose_covariance": np.zeros((1, 3, 3))}, r"pose_covariance: expected shape \(V, 6, 6\)"),
+    ],
+)
+def test_a_fit_whose_arrays_do_not_belong_together_is_refused(change, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        straight_fit().replace(**change)
+
+
+def test_defaults_of_a_fit_are_what_its_signature_says():
+    parameters = inspect.signature(strand.fit_tubes).parameters.values()
+    said = {one.name: one.default for one in parameters if one.default is not one.empty}
+    assert said["iterations"] == 12
+    bent = {"min_bend": 30.0, "along_ray": True}
+    for change in ({}, bent):
+        fit, same = straight_fit(**change), straight_fit(**said | change)
+        for name in ("curves", "bands", "residual", "pose_covariance", "covariances"):
+            np.testing.assert_array_equal(getattr(fit, name), getattr(same, name))
+
+
+def test_numbers_of_a_fit_may_be_whole():
+    box = {"bounds": ([-1, -1, -1], [1, 1, 1])}
+    whole = straight_fit(viewpoints=[[0, 0, 1]], motions=[np.eye(4, dtype=int)], min_bend=2, **box)
+    box = {"bounds": ([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0])}
+    same = straight_fit(viewpoints=[[0.0, 0.0, 1.0]], min_bend=2.0, **box)
+    np.testing.assert_array_equal(whole.curves[0], same.curves[0])
+
+
+def test_an_end_observation_can_be_pickled():
+    seen = EndObservation(1, 2, [0, 0, 1], np.array([0.0, 1.0, 0.0]), 1e-3)
+    again = pickle.loads(pickle.dumps(seen))
+    assert (again.view, again.end, again.sd) == (1, 2, 1e-3)
+    assert again.place.tolist() == [0.0, 0.0, 1.0]
+    assert again.outward.tolist() == [0.0, 1.0, 0.0]
+    assert repr(again) == repr(seen)
+
+
+def test_extents_need_a_tolerance_for_each_curve():
+    fit = straight_fit()
+    ((start, stop),) = rope_extents(fit)
+    assert 0.0 <= start < stop <= len(fit.curves[0]) - 3
+    assert rope_extents(fit, [1e-3]) == [pytest.approx((start, stop), abs=0.2)]
+    with pytest.raises(ValueError, match="surface_tolerance: expected one for each of 1 curves, got 2"):
+        rope_extents(fit, [1e-3, 1e-3])
+
+
+def fewer(fit, left_out):
+    """A fit without its first points."""
+    each = [
+        "points",
+        "to_camera",
+        "view",
+        "curve",
+        "parameter",
+        "residual",
+        "facing",
+        "weight",
+        "explained",
+        "inlier",
+    ]
+    return fit.replace(**{name: getattr(fit, name)[left_out:] for name in each})
+
+
 def test_a_fit_goes_on_from_an_earlier_one():
     scene = strand.synthetic.scene("s", seed=3)
     views = [view.crop(scene.bounds) for view in scene.views]
@@ -464,6 +572,6 @@ def test_a_fit_goes_on_from_an_earlier_one():
     lost = ~np.isfinite(first.residual)
     assert not np.isfinite(again.residual[lost]).any()
     with pytest.raises(ValueError, match="previous"):
-        fit([start], first.motions, previous=dataclasses.replace(first, points=first.points[1:]))
+        fit([start], first.motions, previous=fewer(first, 1))
     with pytest.raises(ValueError, match="previous"):
         fit([start[:4]], first.motions, previous=first)
