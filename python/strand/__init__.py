@@ -5,10 +5,12 @@ from strand._core import (
     IcpResult,
     NotEnoughDataError,
     StrandError,
+    TubeFit,
     __version__,
     centerline,
     count_neighbors,
     estimate_normals,
+    fit_tubes,
     icp,
     num_threads,
     radius_outlier_mask,
@@ -21,7 +23,6 @@ from strand.io import FileFormatError, load_scene
 from strand.model import Alternative, Chain, Doubt, Join, Model, load
 from strand.pipeline import reconstruct
 from strand.radius import estimate_radius
-from strand.tubefit import TubeFit, fit_tubes
 from strand.tubes import register_views
 from strand.view import View, pose_from_angles, rotation_xyz, turntable_pose
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand import _core
-from strand._core import NotEnoughDataError
+from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts
@@ -17,7 +17,6 @@ from strand.known import NOTHING, Known, contradiction
 from strand.linking import Links, aimed, part_at_contacts, without_shadows
 from strand.pieces import left_over, unexplained
 from strand.topology import path_length, runs, walk
-from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
 
@@ -290,13 +289,13 @@ def reopened(
         r = fit.radius(number)
         nodes = part.at(part.nodes(0.5 * r))[0]
         keep = np.ones(len(nodes), dtype=bool)
-        for stretch in runs(sight.empty(nodes, r)):
+        for stretch in runs(sight.free(nodes, r)):
             if _phantom(stretch, len(nodes), 0.5):
                 keep[slice(*stretch)] = False
         cut = cut or not keep.all()
         kept = [nodes[start:stop] for start, stop in runs(keep) if stop - start >= 3]
         pieces += kept
-        ropes += [int(fit.ropes[number])] * len(kept)
+        ropes += [int(fit.radius_classes[number])] * len(kept)
     extra = [(nodes, rope) for rope in range(len(fit.radii)) for nodes in left_over(fit, rope)]
     if not extra and not cut:
         return None
@@ -366,15 +365,15 @@ def explanation_cost(fit: TubeFit, sight: Sight | None) -> float:
         bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, 1.5)
         cost += _BENDING * spacing * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
         if sight is not None:
-            empty = sight.empty(position, r)
+            empty = sight.free(position, r)
             cost += _EMPTY * spacing * float(empty.sum())
             cost += _GONE * sum(_phantom(stretch, len(s), spacing) for stretch in runs(empty))
         centres.append(position[::2])
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))
     centre, place, which = np.concatenate(centres), np.concatenate(places), np.concatenate(number)
-    near = _core.crowded(centre, which, place, _CONTACT * r, 5.0 * r)
+    near = _core.overlapping(centre, which, place, _CONTACT * r, 5.0 * r)
     if sight is not None:
         # where nothing was seen, bridges know nothing of each other's height
-        near &= ~sight.hidden(centre, r)
+        near &= ~sight.occluded(centre, r)
     return cost + _INSIDE * 2.0 * spacing * float(near.sum())

@@ -37,7 +37,7 @@ def bridge_cost(nodes: Array, radius: float, sight: Sight | None, config: Linkin
     cost = radius * _core.bending(nodes)
     if sight is not None:
         cost += (
-            config.seen_through * float(sight.empty(nodes, radius).mean() * path_length(nodes)[-1]) / radius
+            config.seen_through * float(sight.free(nodes, radius).mean() * path_length(nodes)[-1]) / radius
         )
     return cost
 
@@ -144,5 +144,5 @@ def _nowhere(nodes: Array, radius: float, sight: Sight | None, bounds: tuple[Arr
     if bounds is not None:
         out |= ((nodes < bounds[0]) | (nodes > bounds[1])).any(axis=1)
     if sight is not None:
-        out |= sight.empty(nodes, radius)
+        out |= sight.free(nodes, radius)
     return float(out.mean())

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand._core import TubeFit
 from strand.assembly import Chains, Judged, forced
 from strand.config import Linking
 from strand.curve import Curve
 from strand.ends import string_parts, unseen_beyond
 from strand.model import Chain, Doubt, Join
 from strand.topology import path_length
-from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
 
@@ -249,6 +249,6 @@ def branches(chains: Sequence[Chain], sight: Sight | None = None) -> list[tuple[
                     continue
                 nearest = apart.min(axis=1)
                 between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > strand.radius]
-                if sight is None or not sight.empty(between, r).any():
+                if sight is None or not sight.free(between, r).any():
                     found.append((number, other, strand.points[place]))
     return found

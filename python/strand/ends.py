@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand import _core
+from strand._core import TubeFit
 from strand.curve import Curve
-from strand.tubefit import TubeFit
 from strand.view import Array
 from strand.visibility import Sight
 
@@ -43,17 +43,7 @@ def string_parts(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
     slack = None
     if exclusive:
         slack = [max(2.5 * fit.sigma, 0.15 * fit.radius(number)) for number in range(len(fit.curves))]
-    parts = _core.string_parts(
-        fit.curves,
-        fit.ropes.tolist(),
-        fit.radii.tolist(),
-        fit.inlier,
-        fit.curve,
-        fit.parameter,
-        fit.points,
-        fit.to_camera,
-        slack,
-    )
+    parts = _core.rope_extents(fit, slack)
     return [
         None if part is None else Curve(control, *part)
         for control, part in zip(fit.curves, parts, strict=True)

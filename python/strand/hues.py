@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from strand._core import TubeFit
 from strand.curve import Curve
 from strand.topology import path_length
-from strand.tubefit import TubeFit
 from strand.view import Array, View
 
 # an end's colour is that of the points on the last stretch of so many radii, at least so many, whose feet

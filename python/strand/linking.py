@@ -237,9 +237,9 @@ class Links:
                 cost += float(contrast[i, j])
             if cost < 2.0 * config.free_end and sight is not None and distance[i, j] > 1.2 * radius:
                 nodes = bridge(_outward(arcs, i), _outward(arcs, j)[::-1], span, 0.4 * radius)
-                if distance[i, j] > config.gap * radius and sight.hidden(nodes, radius).mean() < _MOSTLY:
+                if distance[i, j] > config.gap * radius and sight.occluded(nodes, radius).mean() < _MOSTLY:
                     continue
-                empty = sight.empty(nodes, radius)
+                empty = sight.free(nodes, radius)
                 longest = max((stop - start for start, stop in runs(empty)), default=0) * 0.4
                 if longest >= max(_THROUGH[0], _THROUGH[1] * distance[i, j] / radius):
                     continue
@@ -414,7 +414,7 @@ class Links:
             nodes = least_bending(before, after, radius, sight, config)
             gap = float(np.linalg.norm(after[0] - before[-1]))
             way = np.vstack([before[-1:], nodes, after[:1]])
-            if sight is not None and sight.empty(way, radius).mean() > SEEN_THROUGH:
+            if sight is not None and sight.free(way, radius).mean() > SEEN_THROUGH:
                 continue
             turn = 4.0 - 2.0 * (
                 end_direction(before, 0.0, 1.5 * radius) - end_direction(after[::-1], 0.0, 1.5 * radius)
@@ -567,7 +567,7 @@ def _strung(
             return nodes
         way = np.vstack([before[-1:], nodes, after[:1]])
         length = float(path_length(way)[-1])
-        seen_through = sight is not None and sight.empty(way, radius).mean() > SEEN_THROUGH
+        seen_through = sight is not None and sight.free(way, radius).mean() > SEEN_THROUGH
         if length < LONG * radius or seen_through:
             return nodes
         longer += length

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand import _core
+from strand._core import TubeFit
 from strand.curve import Curve
-from strand.tubefit import TubeFit
 from strand.view import Array
 
 # a piece needs this share of the points that others have for their length, and this many nodes
@@ -23,7 +23,7 @@ _NEIGHBOURS = 0.12
 
 def unexplained(fit: TubeFit) -> np.ndarray:
     """(N,) Whether no curve explains a point: it lies off all surfaces, or where none could be seen."""
-    slack = np.maximum(2.5 * fit.sigma, 0.15 * fit.radii[fit.ropes[fit.curve]])
+    slack = np.maximum(2.5 * fit.sigma, 0.15 * fit.radii[fit.radius_classes[fit.curve]])
     return np.asarray(~(fit.explained & (np.abs(fit.residual) < slack)))
 
 
@@ -54,7 +54,7 @@ def left_over(fit: TubeFit, rope: int = 0) -> list[Array]:
     lost = unexplained(fit)
     if lost.sum() < 20:
         return []
-    usual = _core.usual_neighbors(fit.points, r)
+    usual = _core.typical_neighbors(fit.points, r)
     points, to_camera = fit.points[lost], fit.to_camera[lost]
     company = _core.count_neighbors(points, r) >= _NEIGHBOURS * usual
     points, to_camera = points[company], to_camera[company]

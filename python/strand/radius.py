@@ -134,7 +134,7 @@ def estimate_radius(
     if bounds is not None:
         views = tuple(view.crop(bounds) for view in views)
     found = [
-        _core.strip_radii(view.world_points, view.viewpoint.tolist(), LARGEST, _SEEDS)
+        _core.apparent_radii(view.world_points, view.viewpoint.tolist(), LARGEST, _SEEDS)
         for view in views
         if len(view.points)
     ]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from strand._core import TubeFit
 from strand.curve import Curve
-from strand.tubefit import TubeFit
 from strand.view import Array
 
 # residuals beyond this explain nothing, in smallest radii

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand import _core
+from strand._core import EndObservation, TubeFit
 from strand.curve import Curve
 from strand.ends import pixel_width, seen_excess
-from strand.tubefit import EndSighting, TubeFit
 from strand.view import Array, moved
 
 # all in radii: how far inside an end its density is taken, from and to; how near a line of sight another
@@ -33,7 +33,7 @@ def end_sightings(
     viewpoints: Array,
     bounds: tuple[Array, Array] | None,
     translation_sd: float,
-) -> list[EndSighting]:
+) -> list[EndObservation]:
     """Find the ends in each view by itself.
 
     With n points for each metre of string inside and m points past a place a radius inside, the end is m / n
@@ -59,7 +59,7 @@ def end_sightings(
 
     Returns
     -------
-    list of EndSighting
+    list of EndObservation
         Only of ends that two views or more see.
     """
     axis = [
@@ -68,7 +68,7 @@ def end_sightings(
     ]
     cameras = [moved(centre[None], motion)[0] for centre, motion in zip(viewpoints, fit.motions, strict=True)]
     backwards = np.linalg.inv(fit.motions)
-    found: list[EndSighting] = []
+    found: list[EndObservation] = []
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None or ring:
             continue
@@ -92,7 +92,9 @@ def end_sightings(
             for view, camera in enumerate(cameras):
                 to_camera = camera - inside[0]
                 cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
-                if not _COSINES[0] < cosine < _COSINES[1] or _core.hides(others, inside, camera, _HIDDEN * r):
+                if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(
+                    others, inside, camera, _HIDDEN * r
+                ):
                     continue
                 back = backwards[view]
                 if bounds is not None and _leaves(
@@ -111,7 +113,7 @@ def end_sightings(
                 seen.append((view, inside[0] + offset * outward, offset, sd, back))
             middle = float(np.median([offset for _, _, offset, _, _ in seen])) if seen else 0.0
             agreeing = [
-                EndSighting(view, end, moved(spot[None], back)[0], outward, sd)
+                EndObservation(view, end, moved(spot[None], back)[0], outward, sd)
                 for view, spot, offset, sd, back in seen
                 if abs(offset - middle) < 4.0 * math.hypot(sd, translation_sd)
             ]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand._core import TubeFit
 from strand.curve import Curve
 from strand.known import Known
-from strand.tubefit import TubeFit
 from strand.view import Array
 
 # a bow may be made so much higher than it was, and its height is found by so many bisections

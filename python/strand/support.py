@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand._core import TubeFit
 from strand.config import Config
 from strand.curve import Curve, basis
 from strand.ends import end_deviations
 from strand.model import Chain
-from strand.tubefit import TubeFit
 from strand.view import Array
 
 

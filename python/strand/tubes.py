@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
-from strand._core import NotEnoughDataError
+from strand._core import EndObservation, NotEnoughDataError, TubeFit, fit_tubes
 from strand.assembly import Judged, decide, explanation_cost, reopened
 from strand.certainty import branches, doubt_of_margin, doubts, joins_of
 from strand.config import Config, Poses
@@ -28,7 +28,6 @@ from strand.sightings import end_sightings
 from strand.slack import as_long, bowed
 from strand.stages import Found, Run
 from strand.support import described
-from strand.tubefit import EndSighting, TubeFit, unchecked_fit
 from strand.view import Array, View, checked_radius, checked_views, extraction_range, moved, rigid_motion
 from strand.visibility import Sight
 
@@ -88,7 +87,7 @@ class Clouds:
     def thinned(self, radius: float) -> Clouds:
         """Return every n-th point of each view, n as large as tracing allows."""
         count = sum(map(len, self.points))
-        occupied = _core.occupied_cubes(self.points, 2.0 * radius)
+        occupied = _core.occupied_voxels(self.points, 2.0 * radius)
         step = max(round(count / (_ENOUGH * max(occupied, 1))), 1)
         return self.every(step)
 
@@ -154,13 +153,13 @@ def _fit(
     **how: Any,
 ) -> TubeFit:
     """Fit curves and poses, with what every fit of a run has in common."""
-    return unchecked_fit(
+    return fit_tubes(
         clouds.points,
         clouds.viewpoints,
         curves,
         motions,
         radii,
-        ropes,
+        radius_classes=ropes,
         pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
         # a view alone has no pose to find
         reference=clouds.reference if len(clouds.points) > 1 else None,
@@ -310,7 +309,7 @@ def with_left_over(clouds: Clouds, fit: TubeFit, config: Config) -> TubeFit:
     return _fit(
         clouds,
         [*fit.curves, *_splines(found, fit.radii, config, 0.5)],
-        [*fit.ropes.tolist(), *found.ropes],
+        [*fit.radius_classes.tolist(), *found.ropes],
         fit.motions,
         fit.radii,
         config,
@@ -368,7 +367,7 @@ def _on_sample(
             tolerance=_TOLERANCE,
             uncertainty=False,
         )
-        return replace(fit, curves=bowed(fit, curves)) if known.lengths else fit
+        return fit.replace(curves=bowed(fit, curves)) if known.lengths else fit
 
     return fitted
 
@@ -405,7 +404,7 @@ def decided_again(
 
 def _of_rope(clouds: Clouds, fit: TubeFit, rope: int) -> Clouds:
     """Points that arcs of one kind of rope explain."""
-    mine = fit.explained & (fit.ropes[fit.curve] == rope)
+    mine = fit.explained & (fit.radius_classes[fit.curve] == rope)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     kept = [cloud[chosen] for cloud, chosen in zip(clouds.points, np.split(mine, ends), strict=True)]
     return replace(clouds, points=kept)
@@ -452,7 +451,7 @@ def fit_strings(
     if radii.free:
         ropes, start, radii = list(range(len(ropes))), start[ropes], radii.only(ropes)
     curves, motions = _splines(strings, before.radii, config, _STRING_MARGIN), before.motions
-    ends: list[EndSighting] = []
+    ends: list[EndObservation] = []
     fit: TubeFit | None = None
 
     def fitted(uncertainty: bool) -> TubeFit:
@@ -469,7 +468,7 @@ def fit_strings(
             iterations=30 if radii.free else 20,
             tolerance=0.1 if uncertainty else _TOLERANCE,
             bounds=clouds.bounds if radii.free else None,
-            ends=ends,
+            end_observations=ends,
             previous=fit,
             uncertainty=uncertainty,
         )
@@ -498,7 +497,7 @@ def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
         radius = fit.radius(number)
         if part is not None and part.length > config.tubes.min_arc * radius:
             nodes.append(part.at(part.nodes(0.5 * radius))[0])
-            ropes.append(int(fit.ropes[number]))
+            ropes.append(int(fit.radius_classes[number]))
     return Arcs(nodes, ropes)
 
 
@@ -567,7 +566,9 @@ def find_strings(
                 starts = _splines(strings, before.radii, config, _STRING_MARGIN)
                 found = as_long(fit, starts, found, known)
             # no decision that no fit would follow
-            now = replace(fit, ropes=np.array(strings.ropes), radii=before.radii)
+            now = fit.replace(
+                radius_classes=np.array(strings.ropes), radii=before.radii, bands=np.zeros(len(before.radii))
+            )
             pieces = reopened(now, found, sight) if reopenings < _REOPENED else None
         if pieces is None:
             break
@@ -579,7 +580,7 @@ def find_strings(
     if radii.held:
         radii_sd = radii.sd[strings.ropes]
     else:
-        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.ropes]
+        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
     whole = with_hidden_ends(fit, found, closed, sight)
     # joins name chains by their numbers, longest first
     chains = sorted(described(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)

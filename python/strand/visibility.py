@@ -10,8 +10,6 @@ import numpy as np
 from strand import _core
 from strand.view import Array, View, saw
 
-UNKNOWN, HIDDEN, SUPPORTED, EMPTY = range(4)
-
 
 @dataclass(frozen=True, eq=False)
 class Sight:
@@ -20,7 +18,7 @@ class Sight:
     Use `Sight.of`.
     """
 
-    _views: _core.Sight
+    _views: _core.Visibility
 
     @classmethod
     def of(cls, views: Sequence[View], poses: Sequence[Array], about: Sequence[View] = ()) -> Sight:
@@ -41,7 +39,7 @@ class Sight:
         Sight
         """
         return cls(
-            _core.Sight([saw(view) for view in views], [view.points for view in about or views], poses)
+            _core.Visibility([saw(view) for view in views], [view.points for view in about or views], poses)
         )
 
     def states(self, places: Array, radius: float) -> np.ndarray:
@@ -57,20 +55,18 @@ class Sight:
         Returns
         -------
         (V, N) ndarray of int
-            `SUPPORTED`: points about where the surface would be; `HIDDEN`: nothing but points in front of it;
-            `EMPTY`: nothing but points behind it, so nothing is there; `UNKNOWN`: no points in that
-            direction.
+            `OCCUPIED`, `OCCLUDED`, `FREE` or `UNKNOWN` of `_core.Visibility`.
         """
         return self._views.states(places, radius)
 
-    def empty(self, places: Array, radius: float) -> np.ndarray:
+    def free(self, places: Array, radius: float) -> np.ndarray:
         """(N,) Whether the views say that there is no string: some saw past the place, and fewer saw one."""
-        return self._views.empty(places, radius)
+        return self._views.free(places, radius)
 
     def seen_through(self, places: Array, direction: Array, radius: float) -> np.ndarray:
         """(N,) Whether some view saw through the side that it faces of a tube along a unit vector."""
         return self._views.seen_through(places, direction, radius)
 
-    def hidden(self, places: Array, radius: float) -> np.ndarray:
+    def occluded(self, places: Array, radius: float) -> np.ndarray:
         """(N,) Whether no view could have seen a string there."""
-        return self._views.hidden(places, radius)
+        return self._views.occluded(places, radius)
