@@ -42,7 +42,9 @@ impl<'py> FloatArray<'py> {
         if !kinds.contains(&kind) {
             let wanted = if kinds == "f" { "floating point numbers" } else { "numbers" };
             let reason = match kind.as_str() {
-                "i" | "u" => ": whole numbers have no unit, convert them to metres",
+                "i" | "u" => {
+                    ": whole numbers have no unit, convert them to metres with astype(float) and a scale"
+                }
                 _ => "",
             };
             return Err(PyTypeError::new_err(format!(
