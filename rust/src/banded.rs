@@ -2,7 +2,7 @@
 //!
 //! A spline's normal equations couple a control point with three on each side; poses and radius are coupled with all of
 //! them. Eliminating the band first leaves a small dense system for the border, so the cost grows with the length of
-//! the string and not with its square.
+//! the rope and not with its square.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

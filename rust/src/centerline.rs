@@ -13,7 +13,7 @@ use crate::{Point, parallel};
 /// Cells to the reach of the average.
 const CELLS: f64 = 2.0;
 
-/// Points of the string's axis.
+/// Points of the rope's axis.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Centerline {
     /// c̄, the averaged axis points, metres.
@@ -22,7 +22,7 @@ pub struct Centerline {
     pub indices: Vec<usize>,
 }
 
-/// Moves every surface point inwards by the string's radius, c_i = p_i − r n_i (eq. 16), and averages: where at
+/// Moves every surface point inwards by the rope's radius, c_i = p_i − r n_i (eq. 16), and averages: where at
 /// least `min_neighbors` points p_j lie within 2r of p_i (p_i itself is one), c̄_i is the mean of their c_j
 /// (eq. 17–18).
 ///

@@ -6,8 +6,8 @@
 //! Slices go in and values come out; nothing is printed, read from files or kept between calls.
 //!
 //! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
-//! threads ([`set_num_threads`]); those of the filter, normals, registration and axis points also for any width of
-//! the processor's registers, which are chosen when the program runs (AVX-512, AVX2, or what every processor has).
+//! threads ([`set_num_threads`]) and for any set of instructions, which is chosen when the program runs (AVX-512, AVX2,
+//! or what every processor has).
 //!
 //! ```
 //! // a ring of points on a tube of radius 1 about the x axis, seen from above

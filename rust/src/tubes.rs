@@ -1,7 +1,7 @@
 //! Arcs of tubes traced through oriented points.
 //!
-//! Where strands touch, an average over a neighbourhood mixes them. A tube fitted to the points that face their
-//! cameras, with nothing inside it, does not: of two strands in contact each has the other outside.
+//! Where ropes touch, an average over a neighbourhood mixes them. A tube fitted to the points that face their cameras,
+//! with nothing inside it, does not: of two ropes in contact each has the other outside.
 
 use rayon::prelude::*;
 
@@ -35,7 +35,7 @@ const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, pr
 /// What a step may change.
 const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
 
-/// A stretch of string along which its surface was seen.
+/// A stretch of rope along which its surface was seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arc {
     /// Nodes of the axis, half a radius apart, metres.

@@ -167,7 +167,7 @@ fn ropes_have_a_radius_each() {
 }
 
 #[test]
-fn a_string_bends_no_tighter_than_it_may() {
+fn a_rope_bends_no_tighter_than_it_may() {
     // two straight tubes that meet at an angle of 130 degrees, without a bend between
     let (sin, cos) = 25f64.to_radians().sin_cos();
     let mut points = Vec::new();
@@ -251,7 +251,7 @@ fn wrong_input_is_refused_by_name() {
 }
 
 #[test]
-fn ends_that_views_see_keep_a_straight_string_from_sliding() {
+fn ends_that_views_see_keep_a_straight_rope_from_sliding() {
     let line: Vec<Point> = (0..80).map(|i| [-0.15 + 0.004 * f64::from(i), 0.0, 0.0]).collect();
     let tube = Tube { curve: Spline::through(&line, 2.0 * RADIUS, 0.0).unwrap(), rope: 0 };
     // half-shells of a straight tube; the first view's pose is 3 mm off along it
