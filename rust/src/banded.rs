@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::lanes::wide;
+use crate::simd::kernel;
 
 /// Entries of a row left of and on the diagonal: three control points and its own coordinates.
 pub const WIDTH: usize = 12;
@@ -75,9 +75,9 @@ impl Bordered {
     }
 }
 
-wide! {
+kernel! {
     /// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
-    fn eliminate<V>(band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
+    fn eliminate<S>(_, band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
         let m = border.len() / band.len().max(1);
         for i in 0..band.len() {
             let low = i.saturating_sub(WIDTH - 1);

@@ -10,7 +10,7 @@ use crate::geometry::{advance, squared_distance};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, LANES, Lanes, Simd, Wide};
+use crate::simd::{BATCH, Doubles, LANES, kernel};
 use crate::{Point, parallel};
 
 /// Cells to the reach of the average.
@@ -67,9 +67,7 @@ pub fn centerline(
         cells.batches().for_each_task(|batches| {
             let mut around = Around::default();
             for batch in batches {
-                let around = &mut around;
-                let averages = Averages { cells: &cells, axis: &axis, reach: 2.0 * radius, batch, around };
-                let (counts, means) = wide::run(averages);
+                let (counts, means) = average(&cells, &axis, 2.0 * radius, batch, &mut around);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
                     let mean = if counts[l] >= min_neighbors { means[l] } else { [f64::NAN; 3] };
@@ -85,29 +83,23 @@ pub fn centerline(
     Ok(Centerline { points: means, indices })
 }
 
-/// Numbers of the points within a reach of each point of a batch, and the means of their axis points.
-struct Averages<'a> {
-    cells: &'a Cells,
-    /// The axis point c of each point.
-    axis: &'a Carried,
-    reach: f64,
-    batch: &'a [u32],
-    around: &'a mut Around,
-}
-
-impl Wide for Averages<'_> {
-    type Output = ([usize; BATCH], [Point; BATCH]);
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> ([usize; BATCH], [Point; BATCH]) {
-        let Self { cells, axis, reach, batch, around } = self;
+kernel! {
+    /// How many points are within a reach of each point of a batch, and the means of their axis points.
+    fn average<S>(
+        simd,
+        cells: &Cells,
+        axis: &Carried,
+        reach: f64,
+        batch: &[u32],
+        around: &mut Around,
+    ) -> ([usize; BATCH], [Point; BATCH]) {
         let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
         let (low, high, one) = (simd.splat(low), simd.splat(high), simd.splat_whole(1));
         let (mut counts, mut unsure) = (simd.splat_whole(0), simd.mask(0));
-        let (mut first, mut second) = ([simd.zero(); 3], [simd.zero(); 3]);
+        let (mut first, mut second) = ([simd.splat_half(0.0); 3], [simd.splat_half(0.0); 3]);
         let [x, y, z] = around.axes();
         for (((&x, &y), &z), c) in x.iter().zip(y).zip(z).zip(around.values()) {
             let squares = squared_distances(simd, x, y, z, lanes);
@@ -115,12 +107,13 @@ impl Wide for Averages<'_> {
             unsure = simd.or(unsure, simd.xor(within, maybe));
             counts = simd.add_whole_if(within, counts, one);
             for (k, &c) in c.iter().enumerate() {
-                first[k] = simd.add_if(simd.half::<false>(within), first[k], c);
-                second[k] = simd.add_if(simd.half::<true>(within), second[k], c);
+                let c = simd.splat_half(c);
+                first[k] = simd.add_half_if(simd.half::<false>(within), first[k], c);
+                second[k] = simd.add_half_if(simd.half::<true>(within), second[k], c);
             }
         }
         let (counts, unsure) = (simd.store_whole(counts), simd.bits(unsure));
-        let sums: [[Lanes; 2]; 3] =
+        let sums: [[Doubles; 2]; 3] =
             std::array::from_fn(|k| [simd.store_half(first[k]), simd.store_half(second[k])]);
         let inside = around.inside();
         let mut result = ([0; BATCH], [[0.0; 3]; BATCH]);

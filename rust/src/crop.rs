@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::depth::{Pinhole, has_return};
 use crate::geometry::RigidMotion;
-use crate::wide::{self, LANES, Simd, Wide};
+use crate::simd::{LANES, kernel};
 use crate::{Point, parallel};
 
 /// Points looked at by one task.
@@ -56,9 +56,7 @@ pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let found: Vec<Vec<Point>> = parallel::run(|| {
         bands
             .par_iter()
-            .map(|&(number, first_row, depth)| {
-                wide::run(CropBand { view: &views[number], first_row, depth, bounds })
-            })
+            .map(|&(number, first_row, depth)| crop_band(&views[number], first_row, depth, bounds))
             .collect()
     });
     let mut points = vec![Vec::new(); views.len()];
@@ -68,21 +66,11 @@ pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     points
 }
 
-/// Some rows of a depth image.
-struct CropBand<'a> {
-    view: &'a DepthView<'a>,
-    first_row: usize,
-    depth: &'a [f64],
-    bounds: [Point; 2],
-}
-
-impl Wide for CropBand<'_> {
-    type Output = Vec<Point>;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) -> Vec<Point> {
-        let Self { view: DepthView { width, camera, pose, .. }, first_row, depth, bounds: [low, high] } =
-            self;
+kernel! {
+    /// The points of some rows of a depth image that lie in a box of the world frame.
+    fn crop_band<S>(_, view: &DepthView, first_row: usize, depth: &[f64], bounds: [Point; 2]) -> Vec<Point> {
+        let DepthView { width, camera, pose, .. } = view;
+        let [low, high] = bounds;
         let mut points = Vec::new();
         for (row, depths) in depth.chunks_exact((*width).max(1)).enumerate() {
             let v = (first_row + row) as f64;

@@ -8,7 +8,7 @@ use crate::geometry::squared_distance;
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::Cells;
 use crate::parallel::Slots;
-use crate::wide::{self, Simd, Singles, Wide};
+use crate::simd::{Singles, kernel};
 use crate::{Point, parallel};
 
 /// Which points have at least `min_neighbors` other points within `radius`.
@@ -60,7 +60,7 @@ fn map<T: Send + Copy + Default>(
         cells.batches().for_each_task(|batches| {
             let mut around = Around::default();
             for batch in batches {
-                let counts = wide::run(CountAround { cells: &cells, radius, batch, around: &mut around });
+                let counts = count_around(&cells, radius, batch, &mut around);
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
                     let value = known(counts[0][l] as usize, counts[1][l] as usize)
@@ -74,20 +74,9 @@ fn map<T: Send + Copy + Default>(
     answers
 }
 
-/// Counts the points that are surely within a radius of each point of a batch, and those that may be.
-struct CountAround<'a> {
-    cells: &'a Cells,
-    radius: f64,
-    batch: &'a [u32],
-    around: &'a mut Around,
-}
-
-impl Wide for CountAround<'_> {
-    type Output = [Singles; 2];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [Singles; 2] {
-        let Self { cells, radius, batch, around } = self;
+kernel! {
+    /// How many points are surely within a radius of each point of a batch, and how many may be.
+    fn count_around<S>(simd, cells: &Cells, radius: f64, batch: &[u32], around: &mut Around) -> [Singles; 2] {
         let frame = around.find(simd, cells, &cells.bounds(batch), radius);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];

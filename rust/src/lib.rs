@@ -9,8 +9,8 @@
 //! and figures that the documentation cites are of that paper.
 //!
 //! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
-//! threads ([`set_num_threads`]). Those of the filter, normals, registration and axis points are also the same for any
-//! width of the processor's registers, which is chosen when the program runs (AVX-512, AVX2, or what every processor has).
+//! threads ([`set_num_threads`]) and for any set of instructions, which is chosen when the program runs (AVX-512, AVX2,
+//! or what every processor has).
 //!
 //! ```
 //! // a ring of points on a tube of radius 1 about the x axis, seen from above
@@ -46,19 +46,18 @@ mod filter;
 mod geometry;
 mod icp;
 mod index;
-mod lanes;
 mod normals;
 mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod simd;
 mod spline;
 mod straighten;
 mod tubefit;
 mod tubelet;
 mod tubes;
 mod visibility;
-mod wide;
 
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
@@ -71,7 +70,6 @@ pub use error::{Error, Result};
 pub use filter::{count_neighbors, radius_outlier_mask};
 pub use geometry::RigidMotion;
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
-pub use index::Tree;
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
 pub use spline::{Place, Spline};

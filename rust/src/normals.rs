@@ -8,7 +8,7 @@ use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, least_eigenvect
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::cells::Cells;
 use crate::parallel::Slots;
-use crate::wide::{self, BATCH, LANES, Simd, Singles, Wide};
+use crate::simd::{BATCH, LANES, Simd, Singles, kernel};
 use crate::{Point, parallel};
 
 mod nearest;
@@ -125,24 +125,15 @@ impl Covariances {
         self.entries
             .iter_mut()
             .for_each(|list| list.resize(self.positions.len().next_multiple_of(LANES), 0.0));
-        wide::run(FitPlanes { covariances: self, cells, answers });
+        fit_planes(self, cells, answers);
         self.entries.iter_mut().for_each(Vec::clear);
         self.positions.clear();
     }
 }
 
-struct FitPlanes<'a> {
-    covariances: &'a Covariances,
-    cells: &'a Cells,
-    answers: &'a Answers<'a>,
-}
-
-impl Wide for FitPlanes<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let Self { covariances, cells, answers } = self;
+kernel! {
+    /// Fits the planes of some covariances.
+    fn fit_planes<S>(_, covariances: &Covariances, cells: &Cells, answers: &Answers) {
         let rows = covariances.entries.each_ref().map(|list| list.as_chunks::<LANES>().0);
         for (row, positions) in covariances.positions.chunks(LANES).enumerate() {
             let matrices = rows.map(|list| list[row]);
@@ -186,8 +177,7 @@ fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
         let mut sums = Sums::default();
         let mut covariances = Covariances::default();
         for batch in batches {
-            let (sums, around) = (&mut sums, &mut around);
-            let open = wide::run(SumWithin { cells: &cells, radius, batch, around, sums });
+            let open = sum_within(&cells, radius, batch, &mut around, &mut sums);
             for (l, &position) in batch.iter().enumerate() {
                 let position = position as usize;
                 let covariance = sums.covariance(l).filter(|_| !open[l]).unwrap_or_else(|| {
@@ -208,22 +198,17 @@ fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
     });
 }
 
-/// Sums over what lies within a radius of the points of a batch; tells for which points single precision leaves open
-/// what that is.
-struct SumWithin<'a> {
-    cells: &'a Cells,
-    radius: f64,
-    batch: &'a [u32],
-    around: &'a mut Around,
-    sums: &'a mut Sums,
-}
-
-impl Wide for SumWithin<'_> {
-    type Output = [bool; BATCH];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [bool; BATCH] {
-        let Self { cells, radius, batch, around, sums } = self;
+kernel! {
+    /// Sums over what lies within a radius of the points of a batch; tells for which points single precision leaves open
+    /// what that is.
+    fn sum_within<S>(
+        simd,
+        cells: &Cells,
+        radius: f64,
+        batch: &[u32],
+        around: &mut Around,
+        sums: &mut Sums,
+    ) -> [bool; BATCH] {
         let frame = around.find(simd, cells, &cells.bounds(batch), radius);
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let (low, high) = frame.limits(radius);
@@ -302,16 +287,17 @@ impl Sums {
     #[inline(always)]
     fn add_halves<S: Simd, const FIRST: bool, const SECOND: bool>(&mut self, simd: S, limits: &Singles) {
         let limits = simd.load(limits);
-        let (mut first, mut second) = ([simd.zero(); 9], [simd.zero(); 9]);
+        let (mut first, mut second) = ([simd.splat_half(0.0); 9], [simd.splat_half(0.0); 9]);
         for (&[x, y, z], squares) in self.near.iter().zip(&self.squares[..self.count]) {
             let mask = simd.le(simd.load(squares), limits);
             let terms = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
             for (i, term) in terms.into_iter().enumerate() {
+                let term = simd.splat_half(term);
                 if FIRST {
-                    first[i] = simd.add_if(simd.half::<false>(mask), first[i], term);
+                    first[i] = simd.add_half_if(simd.half::<false>(mask), first[i], term);
                 }
                 if SECOND {
-                    second[i] = simd.add_if(simd.half::<true>(mask), second[i], term);
+                    second[i] = simd.add_half_if(simd.half::<true>(mask), second[i], term);
                 }
             }
         }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, normalized, sub};
-use crate::lanes::{Eight, LANES, Lanes, Three, wide};
+use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
 /// Standard deviation of the points' distances that weighs them against the priors, in radii.
 const NOISE: f64 = 0.25;
@@ -73,16 +73,16 @@ impl Patch {
     }
 }
 
-wide! {
-    fn support_ahead<V>(patch: &Patch, tubelet: &Tubelet) -> f64 {
-        let axis = Axis::<V>::of(tubelet, patch);
-        let (zero, one) = (V::all(0.0), V::all(1.0));
+kernel! {
+    fn support_ahead<S>(simd, patch: &Patch, tubelet: &Tubelet) -> f64 {
+        let axis = Axis::of(simd, tubelet, patch);
+        let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
         let mut count = zero;
         for block in &patch.blocks {
-            let (along, distance, outward) = axis.offset(block);
+            let (along, distance, outward) = axis.offset(simd, block);
             let ahead = zero.below(along) * along.below(one);
-            let on_surface = (distance - one).abs().below(V::all(0.4));
-            let facing = zero.below(outward.dot(Three::load(&block.to_camera)));
+            let on_surface = (distance - one).abs().below(simd.splat8(0.4));
+            let facing = zero.below(outward.dot(Three::load(simd, &block.to_camera)));
             count = count + ahead * on_surface * facing;
         }
         count.sum()
@@ -98,22 +98,22 @@ struct Axis<V> {
 
 impl<V: Eight> Axis<V> {
     #[inline(always)]
-    fn of(tubelet: &Tubelet, patch: &Patch) -> Self {
+    fn of(simd: impl Simd<Eight = V>, tubelet: &Tubelet, patch: &Patch) -> Self {
         Self {
-            center: Three::all(sub(tubelet.center, patch.origin).map(|x| (x / patch.radius) as f32)),
-            tangent: Three::all(tubelet.tangent.map(|x| x as f32)),
-            curvature: Three::all(tubelet.curvature.map(|x| (x * patch.radius) as f32)),
+            center: Three::all(simd, sub(tubelet.center, patch.origin).map(|x| (x / patch.radius) as f32)),
+            tangent: Three::all(simd, tubelet.tangent.map(|x| x as f32)),
+            curvature: Three::all(simd, tubelet.curvature.map(|x| (x * patch.radius) as f32)),
         }
     }
 
     /// How far along the axis the points of a block are, how far from it, and the unit vectors from there to them.
     #[inline(always)]
-    fn offset(&self, block: &Block) -> (V, V, Three<V>) {
-        let x = Three::load(&block.position) - self.center;
+    fn offset(&self, simd: impl Simd<Eight = V>, block: &Block) -> (V, V, Three<V>) {
+        let x = Three::load(simd, &block.position) - self.center;
         let along = x.dot(self.tangent);
-        let q = x - self.tangent * along - self.curvature * (V::all(0.5) * along * along);
-        let distance = q.dot(q).sqrt().max(V::all(f32::MIN_POSITIVE));
-        (along, distance, q * (V::all(1.0) / distance))
+        let q = x - self.tangent * along - self.curvature * (simd.splat8(0.5) * along * along);
+        let distance = q.dot(q).sqrt().max(simd.splat8(f32::MIN_POSITIVE));
+        (along, distance, q * (simd.splat8(1.0) / distance))
     }
 }
 
@@ -178,52 +178,53 @@ struct Sums {
     support: Support,
 }
 
-wide! {
+kernel! {
     /// The sums at a tubelet, where f₁ and f₂ are `across`.
-    fn gather<V>(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<V, 5>(patch, tubelet, across, freedom)
+    fn gather<S>(simd, patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<S, 5>(simd, patch, tubelet, across, freedom)
     }
 }
 
-wide! {
+kernel! {
     /// The sums at a tubelet that is not to bend: moments up to the second.
-    fn gather_straight<V>(patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<V, 3>(patch, tubelet, across, freedom)
+    fn gather_straight<S>(simd, patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
+        sums::<S, 3>(simd, patch, tubelet, across, freedom)
     }
 }
 
-wide! {
+kernel! {
     /// How well a tubelet explains a patch.
-    fn support<V>(patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
-        sums::<V, 0>(patch, tubelet, [[0.0; 3]; 2], freedom).support
+    fn support<S>(simd, patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
+        sums::<S, 0>(simd, patch, tubelet, [[0.0; 3]; 2], freedom).support
     }
 }
 
 /// The sums, with the first `MOMENTS` moments.
 #[inline(always)]
-fn sums<V: Eight, const MOMENTS: usize>(
+fn sums<S: Simd, const MOMENTS: usize>(
+    simd: S,
     patch: &Patch,
     tubelet: &Tubelet,
     across: [Point; 2],
     freedom: &Freedom,
 ) -> Sums {
-    let axis = Axis::<V>::of(tubelet, patch);
-    let g1 = Three::<V>::all(across[0].map(|x| x as f32));
-    let g2 = Three::<V>::all(across[1].map(|x| x as f32));
-    let (zero, one) = (V::all(0.0), V::all(1.0));
-    let (reach, band) = (V::all(freedom.half_length as f32), V::all(freedom.band as f32));
+    let axis = Axis::of(simd, tubelet, patch);
+    let g1 = Three::all(simd, across[0].map(|x| x as f32));
+    let g2 = Three::all(simd, across[1].map(|x| x as f32));
+    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
+    let (reach, band) = (simd.splat8(freedom.half_length as f32), simd.splat8(freedom.band as f32));
     let narrow = one / band;
     let mut moments = [[zero; 3]; 5];
     let mut right = [[zero; 2]; 3];
     let (mut score, mut inliers, mut inside) = (zero, zero, zero);
     for block in &patch.blocks {
-        let (along, distance, outward) = axis.offset(block);
-        let facing = outward.dot(Three::load(&block.to_camera));
+        let (along, distance, outward) = axis.offset(simd, block);
+        let facing = outward.dot(Three::load(simd, &block.to_camera));
         let residual = distance - one;
         let near = along.abs().below(reach);
-        let turned = distance.below(V::all(0.8)) * facing.below(V::all(-0.2));
-        inside = inside + near * distance.below(V::all(0.45)).max(turned);
-        let inlier = near * V::all(-0.05).below(facing) * residual.abs().below(band);
+        let turned = distance.below(simd.splat8(0.8)) * facing.below(simd.splat8(-0.2));
+        inside = inside + near * distance.below(simd.splat8(0.45)).max(turned);
+        let inlier = near * simd.splat8(-0.05).below(facing) * residual.abs().below(band);
         inliers = inliers + inlier;
         let relative = residual * narrow;
         let share = one - relative * relative;

@@ -70,7 +70,7 @@ fn step_to_points(pairs: &[(Point, usize)], target: &[Point]) -> RigidMotion {
         );
         n += left.transpose() * right;
     }
-    let eigen = SymmetricEigen::new(n);
+    let eigen = SymmetricEigen::try_new(n, f64::EPSILON, 1000).unwrap();
     let q = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
     let rotation = rotation.to_rotation_matrix().into_inner();

@@ -42,6 +42,28 @@ fn answers(surface: &[Point], normals: &[Point]) -> Vec<u64> {
         numbers(found.transformation.to_rows().as_flattened());
         numbers(&[found.fitness, found.inlier_rmse, found.iterations as f64]);
     }
+
+    // a lattice, all of whose distances are tied, so far apart for the dense points beside it that the tree is asked
+    let grid = |count: u32, spacing: f64, start: f64| {
+        (0..count * count * count).map(move |i| {
+            [i / (count * count), i / count % count, i % count].map(|k| start + spacing * f64::from(k))
+        })
+    };
+    let uneven: Vec<Point> = grid(14, 0.01, 0.0).chain(grid(7, 4.0, 1.0)).collect();
+    let found = estimate_normals(&uneven, Neighbors::Nearest(12), Viewpoints::One([3.0, 20.0, 9.0])).unwrap();
+    numbers(found.normals.as_flattened());
+    numbers(&found.variation);
+    // halfway between points
+    let source: Vec<Point> = uneven.iter().map(|p| p.map(|x| x + 2.0)).collect();
+    let options = IcpOptions {
+        start: RigidMotion::identity(),
+        max_correspondence_distance: 5.0,
+        max_iterations: 3,
+        tolerance: 0.0,
+    };
+    let found = icp(&source, &uneven, Objective::PointToPoint, &options).unwrap();
+    numbers(found.transformation.to_rows().as_flattened());
+    numbers(&[found.fitness, found.inlier_rmse, found.iterations as f64]);
     bits
 }
 

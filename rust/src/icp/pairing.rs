@@ -4,31 +4,34 @@
 //! what that leaves, its partner stays the nearest. After that one of the few that were near may have become the
 //! nearest, and only where it has moved by more than what all others leave is searched again.
 
+mod search;
+mod sums;
+
 use std::sync::OnceLock;
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::SMatrix;
 use rayon::prelude::*;
 
 use super::IcpOptions;
 use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
 use crate::index::Tree;
-use crate::index::around::{Around, squared_distances};
-use crate::index::cells::{Bounds, Cells, bounds, reach_of};
-use crate::wide::{self, BATCH, LANES, Lanes, Simd, Singles, Wide};
+use crate::index::around::Around;
+use crate::index::bounds::{Bounds, bounds};
+use crate::index::cells::Cells;
+use crate::index::reach::reach_of;
+use crate::simd::{BATCH, LANES, kernel};
+use search::search;
+pub use sums::Pairs;
+use sums::{TERMS, add_pairs};
 
-/// Target points that are within the width of a cell from one.
+/// A cell is so wide that about this many target points are within its width of each.
 const NEAR: usize = 40;
-/// What is kept of a point's surroundings: the points on a surface within this many cells of the nearest, and at most
-/// so many of them.
-const SPREAD: f64 = 0.35;
+/// Most target points that are kept of a source point's surroundings.
 const LISTED: usize = 6;
-/// Farther than this many cells, and where more points than this are met, the tree is quicker.
-const FARTHEST: f64 = 8.0;
-const MOST: usize = 2048;
 /// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
-/// So few lanes of a batch are searched for alone.
+/// Up to this many lanes of a batch are searched for alone; if there are more, all are.
 const FEW: usize = 1;
 /// All lanes.
 const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
@@ -64,48 +67,7 @@ pub struct Pairing {
     /// The source's middle, in its frame.
     center: Point,
     /// What rounding may move a point by.
-    blur: f64,
-}
-
-/// Sums over pairs: 1, squared distance, source point, target point, and their outer product; points relative to
-/// an origin.
-#[derive(Clone, Copy)]
-pub struct Pairs {
-    sums: [f64; TERMS],
-    /// Near the middle of the source points.
-    pub origin: Point,
-    source_points: usize,
-}
-
-const TERMS: usize = 17;
-
-impl Pairs {
-    /// How many pairs there are.
-    pub fn count(&self) -> f64 {
-        self.sums[0]
-    }
-
-    /// The share of source points that have a partner.
-    pub fn fitness(&self) -> f64 {
-        self.sums[0] / self.source_points as f64
-    }
-
-    /// The root mean square distance, 0 if there are no pairs.
-    pub fn rmse(&self) -> f64 {
-        if self.sums[0] > 0.0 { (self.sums[1] / self.sums[0]).sqrt() } else { 0.0 }
-    }
-
-    /// Means of the paired source and target points, relative to the origin.
-    pub fn means(&self) -> (Vector3<f64>, Vector3<f64>) {
-        let at = |first: usize| Vector3::from_fn(|k, _| self.sums[first + k] / self.sums[0]);
-        (at(2), at(5))
-    }
-
-    /// Σ (target − mean) (source − mean)ᵀ.
-    pub fn cross_covariance(&self) -> Matrix3<f64> {
-        let (from, to) = self.means();
-        Matrix3::from_fn(|i, j| self.sums[8 + 3 * i + j]) - to * from.transpose() * self.sums[0]
-    }
+    rounding: f64,
 }
 
 impl Pairing {
@@ -119,7 +81,7 @@ impl Pairing {
             let Bounds { low, high } = bounds(points);
             low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()))
         };
-        let blur = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
+        let rounding = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
         let batches = places
             .batches()
@@ -154,7 +116,7 @@ impl Pairing {
             reach,
             pose: options.start,
             center,
-            blur,
+            rounding,
         }
     }
 
@@ -164,9 +126,7 @@ impl Pairing {
         let mut batches = std::mem::take(&mut self.batches);
         let parts: Vec<[f64; TERMS]> = batches
             .par_chunks_mut(BATCHES_PER_TASK)
-            .map_init(Around::default, |around, batches| {
-                wide::run(Pair { pairing: self, batches, pose, origin, around })
-            })
+            .map_init(Around::default, |around, batches| pair(self, batches, pose, origin, around))
             .collect();
         self.batches = batches;
         self.pose = *pose;
@@ -176,7 +136,7 @@ impl Pairing {
                 *sum += part;
             }
         }
-        Pairs { sums, origin, source_points: self.source_points }
+        Pairs::new(sums, origin, self.source_points)
     }
 
     /// Sums a matrix of the moved source point, the target point and its index over all pairs.
@@ -227,29 +187,23 @@ impl Pairing {
     /// The nearest target point by the tree.
     #[cold]
     fn search_tree(&self, moved: Point) -> (u32, f64) {
-        let tree = self.tree.get_or_init(|| Tree::of_finite(&self.sorted));
+        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
         let nearest = tree.nearest_within(moved, self.reach * self.reach);
         // that others are farther than nothing is always true
-        (nearest.map_or(NONE, |(position, _)| position as u32), 0.0)
+        (nearest.map_or(NONE, |position| position as u32), 0.0)
     }
 }
 
-/// Moves the points of some batches, finds their partners and sums over the pairs.
-struct Pair<'a> {
-    pairing: &'a Pairing,
-    batches: &'a mut [Batch],
-    pose: &'a RigidMotion,
-    origin: Point,
-    /// What a task keeps from search to search.
-    around: &'a mut Around,
-}
-
-impl Wide for Pair<'_> {
-    type Output = [f64; TERMS];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [f64; TERMS] {
-        let Self { pairing, batches, pose, origin, around } = self;
+kernel! {
+    /// Moves the points of some batches, finds their partners and sums over the pairs.
+    fn pair<S>(
+        simd,
+        pairing: &Pairing,
+        batches: &mut [Batch],
+        pose: &RigidMotion,
+        origin: Point,
+        around: &mut Around,
+    ) -> [f64; TERMS] {
         let limit = pairing.reach * pairing.reach;
         let mut sums = [[0.0; LANES]; TERMS];
         for batch in batches {
@@ -265,8 +219,8 @@ impl Wide for Pair<'_> {
             let apart = squares(&moved, &targets);
             let mut same = [true; BATCH];
             for l in 0..BATCH {
-                batch.others[l] -= steps[l] + pairing.blur;
-                batch.beyond[l] -= steps[l] + pairing.blur;
+                batch.others[l] -= steps[l] + pairing.rounding;
+                batch.beyond[l] -= steps[l] + pairing.rounding;
                 let nearest = is_below(apart[l], batch.others[l]);
                 // then it does not matter which is the nearest
                 let none =
@@ -338,184 +292,9 @@ fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
     squares
 }
 
-/// Adds the pairs of half a batch.
-#[inline(always)]
-fn add_pairs(
-    sums: &mut [Lanes; TERMS],
-    half: usize,
-    moved: &[[f64; BATCH]; 3],
-    targets: &[[f64; BATCH]; 3],
-    paired: &[bool; BATCH],
-    origin: Point,
-    limit: f64,
-) {
-    let mut terms = [[0.0; LANES]; TERMS];
-    for lane in 0..LANES {
-        let l = half * LANES + lane;
-        let d = [targets[0][l] - moved[0][l], targets[1][l] - moved[1][l], targets[2][l] - moved[2][l]];
-        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        let within = paired[l] & (squared <= limit);
-        let weight = if within { 1.0 } else { 0.0 };
-        let m = [moved[0][l] - origin[0], moved[1][l] - origin[1], moved[2][l] - origin[2]];
-        let m = [weight * m[0], weight * m[1], weight * m[2]];
-        let t = [targets[0][l] - origin[0], targets[1][l] - origin[1], targets[2][l] - origin[2]];
-        let t = [weight * t[0], weight * t[1], weight * t[2]];
-        terms[0][lane] = weight;
-        terms[1][lane] = weight * squared;
-        for k in 0..3 {
-            terms[2 + k][lane] = m[k];
-            terms[5 + k][lane] = t[k];
-            for j in 0..3 {
-                terms[8 + 3 * k + j][lane] = t[k] * m[j];
-            }
-        }
-    }
-    for (sum, term) in sums.iter_mut().zip(&terms) {
-        for lane in 0..LANES {
-            sum[lane] += term[lane];
-        }
-    }
-}
-
 /// Whether a squared distance is below a distance, which may be negative.
 #[inline(always)]
 fn is_below(square: f64, distance: f64) -> bool {
     let distance = distance.max(0.0);
     square < distance * distance
-}
-
-/// Finds the partners of some lanes of a batch.
-#[inline(always)]
-fn search<S: Simd>(
-    simd: S,
-    pairing: &Pairing,
-    batch: &mut Batch,
-    moved: &[[f64; BATCH]; 3],
-    lanes: &[usize],
-    around: &mut Around,
-) {
-    let Pairing { cells, sorted, reach, .. } = pairing;
-    let moved = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
-    // to there all is listed
-    let spread = SPREAD * cells.size();
-    let farthest = reach.hypot(spread);
-    let mut left = [0; BATCH];
-    left[..lanes.len()].copy_from_slice(lanes);
-    let mut count = lanes.len();
-    let mut search_reach = 0.0;
-    for &l in lanes {
-        // what was the nearest is not farther than the nearest
-        let known = match sorted.get(batch.partners[l] as usize) {
-            Some(&partner) => 1.001 * (squared_distance(partner, moved(l)) + spread * spread).sqrt(),
-            None => cells.size(),
-        };
-        search_reach = f64::max(search_reach, known);
-    }
-    search_reach = search_reach.min(farthest);
-    while count > 0 {
-        let mut bounds = Bounds::NONE;
-        for &l in &left[..count] {
-            bounds.add(moved(l));
-        }
-        let frame = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
-        if search_reach > FARTHEST * cells.size() || around.count() > MOST {
-            for &l in &left[..count] {
-                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
-                (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], batch.others[l]);
-            }
-            return;
-        }
-        let points = frame.lanes(left[..count].iter().map(|&l| moved(l)));
-        let Nearest { numbers, first, second, next } = nearest(simd, around, &points);
-        let (low, _) = frame.limits(search_reach);
-        let last = search_reach >= farthest;
-        let spread = (spread * frame.unit).powi(2) as f32;
-        let surely =
-            |square: f32| (f64::from(square.min(low)) - f64::from(frame.slack)).max(0.0).sqrt() / frame.unit;
-        let mut kept = 0;
-        for i in 0..count {
-            let l = left[i];
-            if first[i] + spread > low && !last {
-                left[kept] = l;
-                kept += 1;
-                continue;
-            }
-            for n in 0..LISTED {
-                batch.listed[l][n] = numbers[n][i].to_bits();
-            }
-            batch.beyond[l] = surely(next[i]);
-            if first[i] > low {
-                (batch.partners[l], batch.others[l]) = (NONE, surely(low));
-            } else if second[i] - first[i] > 2.0 * frame.slack {
-                (batch.partners[l], batch.others[l]) = (batch.listed[l][0], surely(second[i]));
-            } else if !pairing.choose(batch, l, moved(l)) {
-                // too many are as near as the nearest
-                let (square, position, apart) = exact_two(cells, around, moved(l));
-                let found = square <= search_reach * search_reach;
-                batch.partners[l] = if found { position } else { NONE };
-                batch.others[l] = if found { apart.sqrt().min(search_reach) } else { search_reach };
-                (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], 0.0);
-            }
-        }
-        count = kept;
-        search_reach = (2.0 * search_reach).min(farthest);
-    }
-}
-
-/// The nearest points around for each lane.
-struct Nearest {
-    /// Their numbers, the nearest first.
-    numbers: [Singles; LISTED],
-    /// Squared distances of the first, of the second, and of the next one after the last.
-    first: Singles,
-    second: Singles,
-    next: Singles,
-}
-
-/// Finds the nearest points around for each lane.
-#[inline(always)]
-fn nearest<S: Simd>(simd: S, around: &Around, points: &[Singles; 3]) -> Nearest {
-    let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
-    let mut squares = [simd.splat(f32::MAX); LISTED + 1];
-    let mut numbers = [simd.splat(f32::from_bits(NONE)); LISTED];
-    let [x, y, z] = around.axes();
-    for (((&x, &y), &z), &this) in x.iter().zip(y).zip(z).zip(around.numbers()) {
-        let mut square = squared_distances(simd, x, y, z, lanes);
-        if simd.bits(simd.le(square, squares[LISTED])) == 0 {
-            continue;
-        }
-        let mut number = simd.splat(this);
-        for n in 0..LISTED {
-            let nearer = simd.le(square, squares[n]);
-            let farther = simd.max(square, squares[n]);
-            squares[n] = simd.min(square, squares[n]);
-            square = farther;
-            let after = simd.select(nearer, numbers[n], number);
-            numbers[n] = simd.select(nearer, number, numbers[n]);
-            number = after;
-        }
-        squares[LISTED] = simd.min(square, squares[LISTED]);
-    }
-    Nearest {
-        numbers: numbers.map(|number| simd.store(number)),
-        first: simd.store(squares[0]),
-        second: simd.store(squares[1]),
-        next: simd.store(squares[LISTED]),
-    }
-}
-
-/// The squared distance and position of the nearest point around, of equals the first in the cells' order, and the squared
-/// distance of the next, in double precision.
-#[cold]
-fn exact_two(cells: &Cells, around: &Around, moved: Point) -> (f64, u32, f64) {
-    let (mut best, mut position, mut second) = (f64::INFINITY, NONE, f64::INFINITY);
-    for i in around.positions() {
-        let square = squared_distance(cells.point(i), moved);
-        if square < best || (square == best && (i as u32) < position) {
-            (best, position, second) = (square, i as u32, best);
-        } else if square < second {
-            second = square;
-        }
-    }
-    (best, position, second)
 }

@@ -4,9 +4,11 @@
 //! have done to them is known, so that callers can tell which answers are sure. The points of a lane are met in the
 //! order of the cells, so sums are the same bits for any width of the instructions.
 
-use super::cells::{Bounds, Cells, Sweep};
+use super::bounds::Bounds;
+use super::cells::Cells;
+use super::cells::sweep::Sweep;
 use crate::Point;
-use crate::wide::{BATCH, Simd, Singles};
+use crate::simd::{BATCH, Simd, Singles};
 
 /// Points around a batch, and what a task keeps from batch to batch.
 #[derive(Default)]
@@ -29,7 +31,7 @@ pub struct Frame {
     /// Its units in a metre.
     pub unit: f64,
     /// What rounding may do to a squared distance up to the reach.
-    pub slack: f32,
+    pub rounding: f32,
     /// How far apart points can be.
     pub extent: f64,
 }
@@ -100,7 +102,7 @@ impl Around {
         let to_positions = &mut self.positions[..most];
         let [from_x, from_y, from_z] = cells.coordinates.each_ref().map(|values| values.as_slice());
         let mut count = 0;
-        let mut inside = [[simd.zero(); 2]; 3];
+        let mut inside = [[simd.splat_half(0.0); 2]; 3];
         let mut inside_count = 0;
         for run in &self.sweep.runs {
             // whole rows: the lists are longer than the points by a row
@@ -151,10 +153,15 @@ impl Around {
             }
         }
         self.count = count;
-        self.inside = Inside {
-            count: inside_count as usize,
-            sums: inside.map(|halves| halves.iter().flat_map(|&half| simd.store_half(half)).sum()),
-        };
+        let mut sums = [0.0; 3];
+        for k in 0..3 {
+            for half in inside[k] {
+                for x in simd.store_half(half) {
+                    sums[k] += x;
+                }
+            }
+        }
+        self.inside = Inside { count: inside_count as usize, sums };
     }
 
     /// What is surely within reach of all of the box, if points carry places.
@@ -238,8 +245,8 @@ impl Frame {
         let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
         let extent = reach + bounds.diagonal();
         // coordinates are up to the extent, and their rounding is felt in distances up to the reach
-        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
-        Self { origin, unit, slack, extent }
+        let rounding = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        Self { origin, unit, rounding, extent }
     }
 
     /// Points in lanes; lanes without a point have the first one.
@@ -263,6 +270,6 @@ impl Frame {
     #[inline(always)]
     pub fn limits(&self, distance: f64) -> (f32, f32) {
         let limit = (distance * self.unit).powi(2);
-        ((limit - f64::from(self.slack)) as f32, (limit + f64::from(self.slack)) as f32)
+        ((limit - f64::from(self.rounding)) as f32, (limit + f64::from(self.rounding)) as f32)
     }
 }

@@ -8,15 +8,16 @@ use crate::error::{Error, Result};
 use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
 use crate::index::Tree;
 use crate::index::around::Around;
-use crate::index::cells::{Cells, reach_of};
-use crate::wide::{self, BATCH, Simd, Singles, Wide};
+use crate::index::cells::Cells;
+use crate::index::reach::reach_of;
+use crate::simd::{BATCH, Simd, Singles, kernel};
 use crate::{Point, parallel};
 
 /// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
 const WIDTH: f64 = 1.3;
 const FIRST_REACH: f64 = 1.3;
-/// Where points are so much sparser than most that the search would have to go farther than this many cells, or so
-/// much denser that it would meet this many points for each neighbour, the tree is quicker.
+/// The search goes up to this many cells far, and while it meets at most this many points for each neighbour. Points that
+/// are much sparser or denser than most are left to the tree.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 64;
 /// Most rounds of the search for the k-th distance.
@@ -51,7 +52,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let tree: &Tree = tree.get_or_init(|| Tree::of_finite(points));
+                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
                     for i in tree.nearest(center, count) {
@@ -91,8 +92,8 @@ enum Cut {
 impl Search {
     /// Looks for the nearest points of those that are left, up to a reach.
     fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) {
-        let Self { left, around, sums, guess } = self;
-        let cuts = wide::run(SumNearest { cells, k, reach, left, around, sums, guess });
+        let cuts = sum_nearest(self, cells, k, reach);
+        let Self { left, around, sums, .. } = self;
         let mut kept = 0;
         for l in 0..left.len() {
             let position = left[l] as usize;
@@ -113,23 +114,10 @@ impl Search {
     }
 }
 
-/// Sums over the nearest points of those of a batch.
-struct SumNearest<'a> {
-    cells: &'a Cells,
-    k: usize,
-    reach: f64,
-    left: &'a [u32],
-    around: &'a mut Around,
-    sums: &'a mut Sums,
-    guess: &'a mut f32,
-}
-
-impl Wide for SumNearest<'_> {
-    type Output = [Cut; BATCH];
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [Cut; BATCH] {
-        let Self { cells, k, reach, left, around, sums, guess } = self;
+kernel! {
+    /// Sums over the nearest points of each that is left, up to a reach.
+    fn sum_nearest<S>(simd, search: &mut Search, cells: &Cells, k: usize, reach: f64) -> [Cut; BATCH] {
+        let Search { left, around, sums, guess } = search;
         let frame = around.find(simd, cells, &cells.bounds(left), reach);
         if around.count() < k || around.count() > MOST * k {
             return [Cut::Beyond; BATCH];
@@ -137,7 +125,7 @@ impl Wide for SumNearest<'_> {
         let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
         let (farthest, _) = frame.limits(reach);
         sums.measure(simd, around, &lanes);
-        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.slack, guess);
+        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.rounding, guess);
         sums.add(simd, cells, around, &frame, &limits);
         cuts
     }
@@ -151,7 +139,7 @@ fn cut<S: Simd>(
     sums: &Sums,
     k: f32,
     farthest: f32,
-    slack: f32,
+    rounding: f32,
     guess: &mut f32,
 ) -> (Singles, [Cut; BATCH]) {
     let (mut low, mut low_count) = ([0.0; BATCH], [0.0; BATCH]);
@@ -182,8 +170,8 @@ fn cut<S: Simd>(
     }
     *guess = at[0];
     // a gap of twice the rounding on one side tells
-    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * slack));
-    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * slack));
+    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * rounding));
+    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * rounding));
     let cuts = std::array::from_fn(|l| {
         if beyond[l] {
             Cut::Beyond

@@ -13,7 +13,7 @@ use super::spans::{
 use super::sums::{Features, SpanSums};
 use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
 use crate::Point;
-use crate::lanes::{Eight, LANES, Lanes, Three, wide};
+use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
 /// Runs of points that one task works on.
 const RUNS_PER_TASK: usize = 8;
@@ -202,7 +202,7 @@ impl Eye<'_> {
 
     /// Eight points about a span's origin, in radii; a last block repeats its last point.
     #[inline(always)]
-    fn block<V: Eight>(&self, span: &Span, numbers: &[u32]) -> Three<V> {
+    fn block<S: Simd>(&self, simd: S, span: &Span, numbers: &[u32]) -> Three<S::Eight> {
         let mut points = [[0.0; LANES]; 3];
         for l in 0..LANES {
             let p = self.points[numbers[l.min(numbers.len() - 1)] as usize];
@@ -220,42 +220,42 @@ impl Eye<'_> {
                 block[k].0[l] = ((moved + shift) * scale) as f32;
             }
         }
-        Three::load(&block)
+        Three::load(simd, &block)
     }
 }
 
 impl Span {
     /// Positions and derivatives.
     #[inline(always)]
-    fn at<V: Eight>(&self, t: V) -> [Three<V>; 3] {
-        let c1 = Three::all(self.cubic[0]);
-        let c2 = Three::all(self.cubic[1]);
-        let c3 = Three::all(self.cubic[2]);
-        let (two, three, six) = (V::all(2.0), V::all(3.0), V::all(6.0));
+    fn at<S: Simd>(&self, simd: S, t: S::Eight) -> [Three<S::Eight>; 3] {
+        let c1 = Three::all(simd, self.cubic[0]);
+        let c2 = Three::all(simd, self.cubic[1]);
+        let c3 = Three::all(simd, self.cubic[2]);
+        let (two, three, six) = (simd.splat8(2.0), simd.splat8(3.0), simd.splat8(6.0));
         [(c1 + (c2 + c3 * t) * t) * t, c1 + (c2 * two + c3 * (three * t)) * t, c2 * two + c3 * (six * t)]
     }
 }
 
-wide! {
+kernel! {
     /// Moves places on a span to the foot points of their points, which may lie on another span of the curve.
-    fn newton<V>(span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
-        let least = V::all(-(span.number as f32));
-        let most = V::all((span.count - span.number) as f32);
+    fn newton<S>(simd, span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
+        let least = simd.splat8(-(span.number as f32));
+        let most = simd.splat8((span.count - span.number) as f32);
         for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
-            let p = eye.block::<V>(span, numbers);
+            let p = eye.block(simd, span, numbers);
             let mut starts = Lanes::all(0.0);
             for (start, place) in starts.0.iter_mut().zip(places.iter()) {
                 *start = place.t;
             }
-            let mut t = V::load(&starts);
+            let mut t = simd.load8(&starts);
             for _ in 0..2 {
-                let [position, first, second] = span.at(t);
+                let [position, first, second] = span.at(simd, t);
                 let x = p - position;
                 let square = first.dot(first);
-                let slope = (square - x.dot(second)).max(V::all(0.3) * square);
+                let slope = (square - x.dot(second)).max(simd.splat8(0.3) * square);
                 t = (t + x.dot(first) / slope).max(least).min(most);
             }
-            let steps = t.floor().min(most - V::all(1.0));
+            let steps = t.floor().min(most - simd.splat8(1.0));
             let (rest, steps) = ((t - steps).store(), steps.store());
             for (l, place) in places.iter_mut().enumerate() {
                 place.span = place.span.wrapping_add_signed(steps.0[l] as i32);
@@ -265,9 +265,10 @@ wide! {
     }
 }
 
-wide! {
+kernel! {
     /// The foot points of points at their places on a span, and their part in the normal equations.
-    fn look<V>(
+    fn look<S>(
+        simd,
         span: &Span,
         eye: &Eye,
         numbers: &[u32],
@@ -275,22 +276,22 @@ wide! {
         near: &mut [Near],
         sums: &mut SpanSums
     ) {
-        let one = V::all(1.0);
-        let camera = Three::all([
+        let one = simd.splat8(1.0);
+        let camera = Three::all(simd, [
             ((eye.camera[0] - span.origin[0]) / span.radius) as f32,
             ((eye.camera[1] - span.origin[1]) / span.radius) as f32,
             ((eye.camera[2] - span.origin[2]) / span.radius) as f32,
         ]);
-        let arm = Three::all([
+        let arm = Three::all(simd, [
             (span.origin[0] - eye.center[0]) as f32,
             (span.origin[1] - eye.center[1]) as f32,
             (span.origin[2] - eye.center[2]) as f32,
         ]);
-        let (radius, band) = (V::all(span.radius as f32), V::all(span.band));
-        let (low, high) = (Three::<V>::all(span.bounds[0]), Three::<V>::all(span.bounds[1]));
+        let (radius, band) = (simd.splat8(span.radius as f32), simd.splat8(span.band));
+        let (low, high) = (Three::all(simd, span.bounds[0]), Three::all(simd, span.bounds[1]));
         let blocks = numbers.chunks(LANES).zip(places.chunks(LANES)).zip(near.chunks_mut(LANES));
         for ((numbers, places), near) in blocks {
-            let p = eye.block::<V>(span, numbers);
+            let p = eye.block(simd, span, numbers);
             let mut parameters = Lanes::all(0.0);
             let mut here = Lanes::all(0.0);
             let mut direction = [Lanes::all(0.0); 3];
@@ -302,24 +303,24 @@ wide! {
                     direction[k].0[l] = along[k];
                 }
             }
-            let t = V::load(&parameters);
-            let [axis, first, _] = span.at(t);
-            let tangent = first.unit();
-            let to_camera = (camera - p).unit();
+            let t = simd.load8(&parameters);
+            let [axis, first, _] = span.at(simd, t);
+            let tangent = first.unit(simd);
+            let to_camera = (camera - p).unit(simd);
             let x = p - axis;
             let beyond = x.dot(tangent);
             let q = x - tangent * beyond;
-            let d = q.dot(q).sqrt().max(V::all(f32::MIN_POSITIVE));
+            let d = q.dot(q).sqrt().max(simd.splat8(f32::MIN_POSITIVE));
             let mut foot = match eye.residual {
-                Residual::Distance => across(q, d, to_camera, band),
-                Residual::Ray => along_ray(q, to_camera, tangent, band),
+                Residual::Distance => across(simd, q, d, to_camera, band),
+                Residual::Ray => along_ray(simd, q, to_camera, tangent, band),
             };
             // beyond the end of a curve there is no surface
-            let on = beyond.abs().not_above(V::all(0.02));
+            let on = beyond.abs().not_above(simd.splat8(0.02));
             foot.residual = on.choose(foot.residual, d - one);
             foot.outward = foot.outward * on;
             let surface = axis + foot.outward;
-            let mut part = on * V::load(&here);
+            let mut part = on * simd.load8(&here);
             for k in 0..3 {
                 part = part * low.0[k].not_above(surface.0[k]) * surface.0[k].not_above(high.0[k]);
             }
@@ -341,9 +342,9 @@ wide! {
             }
             // the outward normal as far as poses are concerned: at a right angle to the curve's direction over a
             // longer stretch, see `directions`
-            let direction = Three::load(&direction);
-            let settled = (foot.outward - direction * foot.outward.dot(direction)).unit();
-            sums.add(&Features {
+            let direction = Three::load(simd, &direction);
+            let settled = (foot.outward - direction * foot.outward.dot(direction)).unit(simd);
+            sums.add(simd, &Features {
                 t,
                 weight: foot.weight,
                 outward: foot.outward,
@@ -367,17 +368,23 @@ struct FootPoints<V> {
 
 /// The distance from the surface, of points at `q` from the axis, `d` away from it.
 #[inline(always)]
-fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> FootPoints<V> {
-    let one = V::all(1.0);
+fn across<S: Simd>(
+    simd: S,
+    q: Three<S::Eight>,
+    d: S::Eight,
+    to_camera: Three<S::Eight>,
+    band: S::Eight,
+) -> FootPoints<S::Eight> {
+    let one = simd.splat8(1.0);
     let outward = q * (one / d);
     let facing = outward.dot(to_camera);
     let residual = d - one;
-    let explained = V::all(0.1).below(facing);
+    let explained = simd.splat8(0.1).below(facing);
     FootPoints {
         residual,
         outward,
         facing,
-        weight: explained * tukey(residual, band),
+        weight: explained * tukey(simd, residual, band),
         explained,
         inlier: explained * residual.abs().below(band),
     }
@@ -385,24 +392,30 @@ fn across<V: Eight>(q: Three<V>, d: V, to_camera: Three<V>, band: V) -> FootPoin
 
 /// The residual along the viewing ray, with the tube's straight cylinder at the foot point.
 #[inline(always)]
-fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band: V) -> FootPoints<V> {
-    let (zero, one) = (V::all(0.0), V::all(1.0));
+fn along_ray<S: Simd>(
+    simd: S,
+    q: Three<S::Eight>,
+    to_camera: Three<S::Eight>,
+    tangent: Three<S::Eight>,
+    band: S::Eight,
+) -> FootPoints<S::Eight> {
+    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
     // across the axis: the ray is q + λ w, nearest to the axis at λ₀
     let w = to_camera - tangent * to_camera.dot(tangent);
-    let square = w.dot(w) + V::all(1e-12);
+    let square = w.dot(w) + simd.splat8(1e-12);
     let nearest = zero - q.dot(w) / square;
     let miss = q + w * nearest;
     let gap = miss.dot(miss);
     let hit = gap.below(one);
     let missed_by = gap.sqrt() - one;
     let length = nearest + ((one - gap).max(zero) / square).sqrt();
-    let outward = (q + w * length).unit() * hit;
+    let outward = (q + w * length).unit(simd) * hit;
     let facing = outward.dot(to_camera);
     let residual = hit.choose(zero - length * facing, missed_by);
-    let cosine = facing.max(V::all(0.4));
-    let near = length.abs().below(V::all(1.2));
-    let weight = tukey(residual, band * cosine.max(V::all(0.5))) / (cosine * cosine);
-    let explained = hit.max(missed_by.below(V::all(0.25)));
+    let cosine = facing.max(simd.splat8(0.4));
+    let near = length.abs().below(simd.splat8(1.2));
+    let weight = tukey(simd, residual, band * cosine.max(simd.splat8(0.5))) / (cosine * cosine);
+    let explained = hit.max(missed_by.below(simd.splat8(0.25)));
     FootPoints {
         residual,
         outward,
@@ -415,8 +428,8 @@ fn along_ray<V: Eight>(q: Three<V>, to_camera: Three<V>, tangent: Three<V>, band
 
 /// Tukey's biweight.
 #[inline(always)]
-fn tukey<V: Eight>(residual: V, band: V) -> V {
+fn tukey<S: Simd>(simd: S, residual: S::Eight, band: S::Eight) -> S::Eight {
     let x = residual / band;
-    let share = (V::all(1.0) - x * x).max(V::all(0.0));
+    let share = (simd.splat8(1.0) - x * x).max(simd.splat8(0.0));
     share * share
 }

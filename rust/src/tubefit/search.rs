@@ -6,7 +6,7 @@ use super::solver::State;
 use super::{OnCurve, Residual};
 use crate::Point;
 use crate::geometry::{cell_of, dot, normalized, sub};
-use crate::lanes::{Eight, LANES, Lanes, Three, wide};
+use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
 /// Distance between the places of a curve that points are compared with, in radii.
 const SAMPLING: f64 = 0.5;
@@ -105,9 +105,9 @@ impl Search {
     }
 }
 
-wide! {
+kernel! {
     /// The places that explain points seen by one camera best; none for points that no tube is near to.
-    pub(super) fn places<V>(search: &Search, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
+    pub(super) fn places<S>(simd, search: &Search, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
         let mut found = vec![None; points.len()];
         let (mut last, mut blocks) = ([i64::MAX; 3], &search.blocks[..0]);
         for (found, &p) in found.iter_mut().zip(points) {
@@ -125,7 +125,7 @@ wide! {
                 x[k] = (p[k] - (cell[k] as f64 + 0.5) * search.cell) as f32;
                 direction[k] = (to_camera[k] * scale) as f32;
             }
-            let (costs, numbers) = cheapest::<V>(search, blocks, x, direction);
+            let (costs, numbers) = cheapest(simd, search, blocks, x, direction);
             let mut best = 0;
             for l in 1..LANES {
                 if costs.0[l] < costs.0[best] {
@@ -142,24 +142,30 @@ wide! {
 
 /// The least cost in each lane of some blocks, and the number of its block.
 #[inline(always)]
-fn cheapest<V: Eight>(search: &Search, blocks: &[Block], p: [f32; 3], to_camera: [f32; 3]) -> (Lanes, Lanes) {
-    let (p, to_camera) = (Three::<V>::all(p), Three::<V>::all(to_camera));
-    let (zero, one) = (V::all(0.0), V::all(1.0));
-    let (reach, facing) = (V::all(search.reach), V::all(search.least_facing));
-    let (mut best, mut number) = (V::all(f32::MAX), zero);
+fn cheapest<S: Simd>(
+    simd: S,
+    search: &Search,
+    blocks: &[Block],
+    p: [f32; 3],
+    to_camera: [f32; 3],
+) -> (Lanes, Lanes) {
+    let (p, to_camera) = (Three::all(simd, p), Three::all(simd, to_camera));
+    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
+    let (reach, facing) = (simd.splat8(search.reach), simd.splat8(search.least_facing));
+    let (mut best, mut number) = (simd.splat8(f32::MAX), zero);
     let mut i = 0.0;
     for block in blocks {
-        let (r, tangent) = (V::load(&block.radius), Three::load(&block.tangent));
-        let x = p - Three::load(&block.position);
+        let (r, tangent) = (simd.load8(&block.radius), Three::load(simd, &block.tangent));
+        let x = p - Three::load(simd, &block.position);
         let along = x.dot(tangent);
         let q = x - tangent * along;
         let d = q.dot(q).sqrt();
-        let away = q.dot(to_camera).below(facing * d) * V::all(2.0) * r;
-        let cost = (d - r).abs() + away + (along.abs() - V::all(0.3) * r).max(zero);
-        let out = reach.below(x.dot(x)).max((V::all(1.2) * r).not_above(cost));
+        let away = q.dot(to_camera).below(facing * d) * simd.splat8(2.0) * r;
+        let cost = (d - r).abs() + away + (along.abs() - simd.splat8(0.3) * r).max(zero);
+        let out = reach.below(x.dot(x)).max((simd.splat8(1.2) * r).not_above(cost));
         let cheaper = cost.below(best) * (one - out);
         best = cheaper.choose(cost, best);
-        number = cheaper.choose(V::all(i), number);
+        number = cheaper.choose(simd.splat8(i), number);
         i += 1.0;
     }
     (best.store(), number.store())

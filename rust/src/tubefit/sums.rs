@@ -4,7 +4,7 @@
 //! translation and by the radius −1 times the features' first seven, so all sums are products of a few numbers of each
 //! point. They are added up in single precision, over few points, and in double precision from there on.
 
-use crate::lanes::{Eight, LANES, Lanes, Three};
+use crate::simd::{Eight, LANES, Lanes, Simd, Three};
 
 /// Features of a point: rotation, translation and radius, then the residual.
 pub(super) const RESIDUAL: usize = 7;
@@ -56,9 +56,9 @@ impl SpanSums {
 
     /// Adds eight points; those without weight add nothing.
     #[inline(always)]
-    pub(super) fn add<V: Eight>(&mut self, points: &Features<V>) {
-        let (zero, one, sixth) = (V::all(0.0), V::all(1.0), V::all(1.0 / 6.0));
-        let (three, four, six) = (V::all(3.0), V::all(4.0), V::all(6.0));
+    pub(super) fn add<S: Simd>(&mut self, simd: S, points: &Features<S::Eight>) {
+        let (zero, one, sixth) = (simd.splat8(0.0), simd.splat8(1.0), simd.splat8(1.0 / 6.0));
+        let (three, four, six) = (simd.splat8(3.0), simd.splat8(4.0), simd.splat8(6.0));
         let t = points.t;
         let s = one - t;
         let basis = [
@@ -95,12 +95,12 @@ impl SpanSums {
         // few sums at a time, so that they stay in registers
         let mut band = [zero; PAIRS.len()];
         for (sum, stored) in band.iter_mut().zip(&self.band) {
-            *sum = V::load(stored);
+            *sum = simd.load8(stored);
         }
         for l in 0..LANES {
-            let normals = V::load(&normals_by_point[l]);
+            let normals = simd.load8(&normals_by_point[l]);
             for (sum, pair) in band.iter_mut().zip(&pairs) {
-                *sum = *sum + V::all(pair.0[l]) * normals;
+                *sum = *sum + simd.splat8(pair.0[l]) * normals;
             }
         }
         for (sum, stored) in band.iter().zip(&mut self.band) {
@@ -109,15 +109,15 @@ impl SpanSums {
         let mut border = [[zero; 3]; 4];
         for a in 0..4 {
             for k in 0..3 {
-                border[a][k] = V::load(&self.border[a][k]);
+                border[a][k] = simd.load8(&self.border[a][k]);
             }
         }
         for l in 0..LANES {
-            let features = V::load(&by_point[l]);
+            let features = simd.load8(&by_point[l]);
             for k in 0..3 {
-                let along = V::all(outward[k].0[l]) * features;
+                let along = simd.splat8(outward[k].0[l]) * features;
                 for a in 0..4 {
-                    border[a][k] = border[a][k] + V::all(stored[a].0[l]) * along;
+                    border[a][k] = border[a][k] + simd.splat8(stored[a].0[l]) * along;
                 }
             }
         }
@@ -128,12 +128,12 @@ impl SpanSums {
         }
         let mut corner = [zero; RESIDUAL];
         for (sum, stored) in corner.iter_mut().zip(&self.corner) {
-            *sum = V::load(stored);
+            *sum = simd.load8(stored);
         }
         for l in 0..LANES {
-            let by_point = V::load(&by_point[l]);
+            let by_point = simd.load8(&by_point[l]);
             for (sum, feature) in corner.iter_mut().zip(&features) {
-                *sum = *sum + V::all(weight.0[l] * feature.0[l]) * by_point;
+                *sum = *sum + simd.splat8(weight.0[l] * feature.0[l]) * by_point;
             }
         }
         for (sum, stored) in corner.iter().zip(&mut self.corner) {

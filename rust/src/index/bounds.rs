@@ -1,0 +1,72 @@
+//! Boxes around points.
+
+use rayon::prelude::*;
+
+use super::POINTS_PER_PART;
+use crate::Point;
+use crate::simd::LANES;
+
+/// A box around points.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    pub low: Point,
+    pub high: Point,
+}
+
+impl Bounds {
+    /// Around no points.
+    pub const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+
+    /// Grows to hold a point.
+    #[inline(always)]
+    pub fn add(&mut self, p: Point) {
+        self.merge(&Self { low: p, high: p });
+    }
+
+    /// Grows to hold another box.
+    #[inline(always)]
+    pub fn merge(&mut self, other: &Self) {
+        for k in 0..3 {
+            self.low[k] = if other.low[k] < self.low[k] { other.low[k] } else { self.low[k] };
+            self.high[k] = if other.high[k] > self.high[k] { other.high[k] } else { self.high[k] };
+        }
+    }
+
+    /// The length of its diagonal.
+    pub fn diagonal(&self) -> f64 {
+        (0..3).map(|k| (self.high[k] - self.low[k]).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+/// The box around points.
+pub fn bounds(points: &[Point]) -> Bounds {
+    points
+        .par_chunks(POINTS_PER_PART)
+        .map(|points| {
+            // eight points at a time
+            let mut low = [f64::INFINITY; 3 * LANES];
+            let mut high = [f64::NEG_INFINITY; 3 * LANES];
+            let (rows, rest) = points.as_flattened().as_chunks::<{ 3 * LANES }>();
+            for row in rows {
+                for l in 0..3 * LANES {
+                    low[l] = if row[l] < low[l] { row[l] } else { low[l] };
+                    high[l] = if row[l] > high[l] { row[l] } else { high[l] };
+                }
+            }
+            let mut bounds = Bounds::NONE;
+            for p in rest.as_chunks().0 {
+                bounds.add(*p);
+            }
+            for (low, high) in low.as_chunks().0.iter().zip(high.as_chunks().0) {
+                bounds.merge(&Bounds { low: *low, high: *high });
+            }
+            bounds
+        })
+        .reduce(
+            || Bounds::NONE,
+            |mut a, b| {
+                a.merge(&b);
+                a
+            },
+        )
+}

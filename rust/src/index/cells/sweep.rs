@@ -1,0 +1,117 @@
+//! What lies around a box, as runs of the cells' points.
+
+use std::ops::Range;
+
+use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
+use crate::index::SHORTEST;
+use crate::index::bounds::Bounds;
+
+/// Finds the runs of points around boxes. Boxes that are asked for one after the other should be near each other.
+#[derive(Default)]
+pub struct Sweep {
+    /// Where the last box found each of its rows of cells.
+    hints: Vec<usize>,
+    /// What was found: positions of points that may be in reach.
+    pub runs: Vec<Range<usize>>,
+}
+
+impl Sweep {
+    /// Finds the runs of points, at least all those within `reach` of a box.
+    #[inline(always)]
+    pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64) {
+        let reach = (reach * (1.0 + 1e-12)).max(SHORTEST);
+        self.runs.clear();
+        let [a, b, c] = cells.axes;
+        let range = |axis: usize, k: usize, reach: f64| {
+            (
+                cells.number_along(axis, bounds.low[k] - reach),
+                cells.number_along(axis, bounds.high[k] + reach),
+            )
+        };
+        // how far a slab of cells is from the box; a little less, for what rounding does to a cell's number
+        let gap = |number: u64, k: usize| {
+            let from = cells.low[k] + number as f64 * cells.size;
+            (from - bounds.high[k]).max(bounds.low[k] - from - cells.size) - 1e-6 * cells.size
+        };
+        let squared = |x: f64| if x > 0.0 { x * x } else { 0.0 };
+        let (first_a, last_a) = range(0, a, reach);
+        let (first_b, last_b) = range(1, b, reach);
+        let (first_c, last_c) = range(2, c, reach);
+        let mut row = 0;
+        for block in first_c >> BLOCK_BITS..=last_c >> BLOCK_BITS {
+            // the part of its rows that is in reach
+            let first_in_block = block << BLOCK_BITS;
+            let inside = (first_c.saturating_sub(first_in_block), (last_c - first_in_block).min(IN_BLOCK));
+            let these = ((1u64 << (inside.1 + 1)) - (1u64 << inside.0)) as u32;
+            for number_a in first_a..=last_a {
+                let rest = reach * reach - squared(gap(number_a, a));
+                for number_b in first_b..=last_b {
+                    let rest = rest - squared(gap(number_b, b));
+                    row += 1;
+                    if rest < 0.0 {
+                        continue;
+                    }
+                    let found = if cells.rows.is_empty() {
+                        self.seek(cells, row, block, number_a, number_b, inside)
+                    } else {
+                        let Row { first, occupied } = cells.rows[cells.row(block, number_a, number_b)];
+                        let first = first + (occupied & ((1 << inside.0) - 1)).count_ones();
+                        first as usize..(first + (occupied & these).count_ones()) as usize
+                    };
+                    if !found.is_empty() {
+                        self.runs.push(cells.starts[found.start] as usize..cells.starts[found.end] as usize);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds the cells of a row by their keys.
+    fn seek(
+        &mut self,
+        cells: &Cells,
+        row: usize,
+        block: u64,
+        a: u64,
+        b: u64,
+        (first, last): (u64, u64),
+    ) -> Range<usize> {
+        let start = (block << cells.shifts[2]) | (a << cells.shifts[0]) | (b << cells.shifts[1]);
+        if self.hints.len() < row {
+            self.hints.resize(row, usize::MAX);
+        }
+        let hint = &mut self.hints[row - 1];
+        *hint = seek(&cells.keys, *hint, start | first);
+        let mut end = *hint;
+        while end < cells.keys.len() && cells.keys[end] <= start | last {
+            end += 1;
+        }
+        *hint..end
+    }
+}
+
+/// The first of ascending keys that is not below `key`, searched for from a hint on.
+#[inline(always)]
+fn seek(keys: &[u64], hint: usize, key: u64) -> usize {
+    if hint >= keys.len() {
+        return keys.partition_point(|&other| other < key);
+    }
+    let mut step = 1;
+    if keys[hint] < key {
+        let mut below = hint;
+        while below + step < keys.len() && keys[below + step] < key {
+            below += step;
+            step *= 2;
+        }
+        let end = (below + step).min(keys.len());
+        below + 1 + keys[below + 1..end].partition_point(|&other| other < key)
+    } else {
+        let mut end = hint;
+        while end >= step && keys[end - step] >= key {
+            end -= step;
+            step *= 2;
+        }
+        let start = end.saturating_sub(step);
+        start + keys[start..end].partition_point(|&other| other < key)
+    }
+}

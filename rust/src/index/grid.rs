@@ -1,0 +1,258 @@
+//! What lies within a radius of single points, in double precision.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::sort::sort_words;
+use crate::Point;
+use crate::geometry::squared_distance;
+
+/// Bits of a cell's coordinate along one axis; three of them make a key.
+const AXIS_BITS: u32 = 21;
+
+/// Points sorted by the cells of a uniform grid, whose cells are at least one search radius wide.
+///
+/// Cells are kept sparse and in order of their key (x major, z minor), so three cells in a row along z are
+/// one run of points, and memory does not grow with the empty space between points.
+pub struct Grid {
+    radius: f64,
+    low: Point,
+    inverse_cell: f64,
+    /// Keys of the cells that hold points, ascending, and where each one's points start.
+    keys: Vec<u64>,
+    starts: Vec<usize>,
+    /// The points in order of their cells, and each one's index in the input.
+    points: Vec<Point>,
+    order: Vec<u32>,
+}
+
+/// Where the points around a cell are: at most nine runs of the grid's sorted points.
+#[derive(Clone, Default)]
+struct Runs {
+    runs: [Range<usize>; 9],
+}
+
+/// The points of a grid that may lie within its radius of a centre.
+pub struct Neighborhood<'a> {
+    grid: &'a Grid,
+    center: Point,
+    runs: &'a Runs,
+}
+
+impl Neighborhood<'_> {
+    /// Calls `visit` with each point within the grid's radius (boundary included): its position in the
+    /// grid's order, itself and its squared distance. Stops when `visit` returns false.
+    #[inline]
+    pub fn visit(&self, mut visit: impl FnMut(usize, Point, f64) -> bool) {
+        let limit = self.grid.radius * self.grid.radius;
+        for run in &self.runs.runs {
+            for (position, &q) in run.clone().zip(&self.grid.points[run.clone()]) {
+                let squared = squared_distance(q, self.center);
+                if squared <= limit && !visit(position, q, squared) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+impl Grid {
+    /// Sorts finite points for searches within `radius` > 0.
+    pub fn new(points: &[Point], radius: f64) -> Self {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for p in points {
+            for k in 0..3 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k]);
+            }
+        }
+        let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+        // a little wider than the radius, so that rounding never puts two neighbours two cells apart; and
+        // wide enough that the cells of the longest axis can be numbered, and that 1 / cell is finite
+        let cell = (radius * (1.0 + 1e-6))
+            .max(extent / f64::from(1u32 << (AXIS_BITS - 2)))
+            .max(4.0 * f64::MIN_POSITIVE);
+        let mut grid = Self {
+            radius,
+            low,
+            inverse_cell: 1.0 / cell,
+            keys: Vec::new(),
+            starts: Vec::new(),
+            points: Vec::new(),
+            order: Vec::new(),
+        };
+        let mut last = None;
+        for (position, (key, i)) in grid.sorted(points, high).into_iter().enumerate() {
+            if last != Some(key) {
+                last = Some(key);
+                grid.keys.push(key);
+                grid.starts.push(position);
+            }
+            grid.order.push(i);
+        }
+        grid.starts.push(points.len());
+        grid.points = grid.gather(points);
+        grid
+    }
+
+    /// The keys of the points' cells and their indices, in order; `high` are the greatest coordinates.
+    fn sorted(&self, points: &[Point], high: Point) -> Vec<(u64, u32)> {
+        let keyed = || points.iter().zip(0u32..).map(|(&p, i)| (self.cell(p), i));
+        let bits = |number: u64| u64::BITS - number.leading_zeros();
+        let index_bits = bits(points.len() as u64);
+        let [x_bits, y_bits, z_bits] = if points.is_empty() { [0; 3] } else { self.cell(high).map(bits) };
+        let key_bits = x_bits + y_bits + z_bits;
+        if key_bits + index_bits > u64::BITS {
+            let mut sorted: Vec<(u64, u32)> = keyed().map(|(cell, i)| (key(cell), i)).collect();
+            sorted.par_sort_unstable();
+            return sorted;
+        }
+        // a cell and an index in one word
+        let words = keyed()
+            .map(|([x, y, z], i)| (((((x << y_bits) | y) << z_bits) | z) << index_bits) | u64::from(i));
+        let part = |word: u64, shift: u32, bits: u32| (word >> shift) & ((1 << bits) - 1);
+        let split = |word: u64| {
+            let z = part(word, index_bits, z_bits);
+            let y = part(word, index_bits + z_bits, y_bits);
+            let x = part(word, index_bits + z_bits + y_bits, x_bits);
+            (key([x, y, z]), part(word, 0, index_bits) as u32)
+        };
+        sort_words(words.collect(), index_bits, key_bits).into_iter().map(split).collect()
+    }
+
+    /// Values of the points, put in the grid's order.
+    pub fn gather<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.order.iter().map(|&i| values[i as usize]).collect()
+    }
+
+    /// The index in the input of the point at a position of the grid's order.
+    pub fn input_index(&self, position: usize) -> usize {
+        self.order[position] as usize
+    }
+
+    /// The point at a position of the grid's order.
+    pub fn point(&self, position: usize) -> Point {
+        self.points[position]
+    }
+
+    /// Positions of one point in each cube of side `size` that holds points of a choice: the first in the grid's
+    /// order.
+    pub fn sample(&self, size: f64, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
+        let mut seen = std::collections::HashSet::new();
+        let cube = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
+        (0..self.points.len()).filter(|&i| chosen(i) && seen.insert(cube(self.points[i]))).collect()
+    }
+
+    /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,
+    /// as [`Neighborhood::visit`] does.
+    pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
+        let center = self.points[position];
+        let runs = Sweep::default().runs(self, key(self.cell(center)));
+        Neighborhood { grid: self, center, runs: &runs }.visit(visit);
+    }
+
+    /// Calls `visit` with each point within the radius of a place anywhere, as [`Neighborhood::visit`] does.
+    pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
+        // farther outside than a cell there are no neighbours, nor a number for the cell
+        let inside = (0..3).all(|k| {
+            let cells = (center[k] - self.low[k]) * self.inverse_cell;
+            cells > -1.0 && cells < f64::from(1u32 << (AXIS_BITS - 1))
+        });
+        if inside {
+            let cell = std::array::from_fn(|k| {
+                (2.0 + ((center[k] - self.low[k]) * self.inverse_cell).floor()) as u64
+            });
+            let runs = Sweep::default().runs(self, key(cell));
+            Neighborhood { grid: self, center, runs: &runs }.visit(visit);
+        }
+    }
+
+    /// The cell of a point inside the grid's extent; numbered from 2, so that places one cell outside have
+    /// neighbours on all sides.
+    fn cell(&self, p: Point) -> [u64; 3] {
+        std::array::from_fn(|k| 2 + ((p[k] - self.low[k]) * self.inverse_cell) as u64)
+    }
+}
+
+/// Key of a cell: x, y and z in order of weight.
+fn key([x, y, z]: [u64; 3]) -> u64 {
+    (x << (2 * AXIS_BITS)) | (y << AXIS_BITS) | z
+}
+
+/// Nine cursors over a grid's cells, one for each column of cells around the current one.
+///
+/// Cells are asked for in ascending order, so each cursor moves on from where it was.
+#[derive(Default)]
+struct Sweep {
+    cursors: Option<[usize; 9]>,
+}
+
+impl Sweep {
+    fn runs(&mut self, grid: &Grid, key: u64) -> Runs {
+        let mut runs = Runs::default();
+        let column = |c: usize| {
+            let (dx, dy) = (c as u64 / 3, c as u64 % 3);
+            key + (dx << (2 * AXIS_BITS)) + (dy << AXIS_BITS) - (1 << (2 * AXIS_BITS)) - (1 << AXIS_BITS)
+        };
+        let cursors = self.cursors.get_or_insert_with(|| {
+            std::array::from_fn(|c| grid.keys.partition_point(|&other| other < column(c) - 1))
+        });
+        for (c, cursor) in cursors.iter_mut().enumerate() {
+            let middle = column(c);
+            while *cursor < grid.keys.len() && grid.keys[*cursor] < middle - 1 {
+                *cursor += 1;
+            }
+            let mut end = *cursor;
+            while end < grid.keys.len() && grid.keys[end] <= middle + 1 {
+                end += 1;
+            }
+            runs.runs[c] = grid.starts[*cursor]..grid.starts[end];
+        }
+        runs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Clouds as depth cameras make them: lattices, planes, lines, duplicates, and a far outlier.
+    fn cloud() -> impl Strategy<Value = Vec<Point>> {
+        let lattice = prop::array::uniform3(-4i32..4).prop_map(|p| p.map(|x| f64::from(x) * 0.5));
+        let free = prop::array::uniform3(-2.0f64..2.0);
+        let plane = prop::array::uniform3(-2.0f64..2.0).prop_map(|p| [p[0], p[1], 0.5]);
+        let far = prop::array::uniform3(-2.0f64..2.0).prop_map(|p| [p[0] * 1e7, p[1], p[2]]);
+        prop::collection::vec(prop_oneof![8 => lattice, 4 => free, 4 => plane, 1 => far], 1..200)
+    }
+
+    fn within(points: &[Point], center: Point, radius: f64) -> Vec<usize> {
+        (0..points.len()).filter(|&j| squared_distance(points[j], center) <= radius * radius).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_finds_what_brute_force_finds(points in cloud(), radius in prop_oneof![Just(0.5), Just(1.0), 0.01f64..3.0]) {
+            let grid = Grid::new(&points, radius);
+            for position in 0..points.len() {
+                let mut found = Vec::new();
+                grid.visit_around(position, |other, _, _| { found.push(grid.input_index(other)); true });
+                found.sort_unstable();
+                prop_assert_eq!(found, within(&points, points[grid.input_index(position)], radius));
+            }
+        }
+    }
+
+    #[test]
+    fn many_coincident_points_are_no_trouble() {
+        let points = vec![[0.25, -1.0, 3.0]; 5000];
+        let mut count = 0;
+        Grid::new(&points, 0.1).visit_around(17, |_, _, _| {
+            count += 1;
+            true
+        });
+        assert_eq!(count, 5000);
+    }
+}

@@ -1,0 +1,56 @@
+//! Sorting by a part of a word, in parallel.
+
+use rayon::prelude::*;
+
+use super::POINTS_PER_PART;
+use crate::parallel::Slots;
+
+/// Most bits of a digit of the sort.
+const DIGIT_BITS: u32 = 10;
+/// So few words are sorted in one go.
+const FEW: usize = 2048;
+
+/// Sorts words by `bits` bits above the `shift` lowest, equal ones in their order.
+pub fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
+    if words.len() <= FEW {
+        // the words are in order of their low bits
+        words.sort_unstable();
+        return words;
+    }
+    let passes = bits.div_ceil(DIGIT_BITS);
+    let mut other = vec![0u64; words.len()];
+    for pass in 0..passes {
+        let (from, to) = (bits * pass / passes, bits * (pass + 1) / passes);
+        let mask = (1usize << (to - from)) - 1;
+        let digit = |word: u64| (word >> (shift + from)) as usize & mask;
+        let mut places: Vec<Vec<u32>> = words
+            .par_chunks(POINTS_PER_PART)
+            .map(|words| {
+                let mut counts = vec![0u32; mask + 1];
+                for &word in words {
+                    counts[digit(word)] += 1;
+                }
+                counts
+            })
+            .collect();
+        let mut place = 0;
+        for d in 0..=mask {
+            for part in &mut places {
+                let count = part[d];
+                part[d] = place;
+                place += count;
+            }
+        }
+        let slots = Slots::new(&mut other);
+        words.par_chunks(POINTS_PER_PART).zip(&mut places).for_each(|(words, places)| {
+            for &word in words {
+                let place = &mut places[digit(word)];
+                // SAFETY: the counts give every word a place of its own
+                unsafe { slots.put(*place as usize, word) };
+                *place += 1;
+            }
+        });
+        std::mem::swap(&mut words, &mut other);
+    }
+    words
+}

@@ -1,0 +1,146 @@
+//! AVX-512: a batch is one register.
+
+use std::arch::x86_64::*;
+
+use super::avx2::{Avx2, InRegister};
+use super::proven::proven;
+use super::{BATCH, Doubles, LANES, Lanes, Simd, Singles, Whole};
+
+/// Proof that the processor has AVX-512 with its usual extensions, and all of [`Avx2`].
+#[derive(Clone, Copy)]
+pub struct Avx512(Avx2);
+
+impl Avx512 {
+    /// Whether the processor has these instructions: all that `kernel!` compiles for.
+    pub fn is_there() -> bool {
+        Avx2::is_there()
+            && is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512bw")
+    }
+
+    /// The token.
+    ///
+    /// # Safety
+    /// [`Avx512::is_there`] must hold.
+    #[inline(always)]
+    pub const unsafe fn assume() -> Self {
+        // SAFETY: then `Avx2::is_there` holds as well
+        Self(unsafe { Avx2::assume() })
+    }
+}
+
+impl Simd for Avx512 {
+    type Eight = InRegister;
+    type F = __m512;
+    type D = __m512d;
+    type I = __m512i;
+    type M = __mmask16;
+    type H = __mmask8;
+
+    const MANY_REGISTERS: bool = true;
+
+    #[inline(always)]
+    fn load8(self, x: &Lanes) -> InRegister {
+        self.0.load8(x)
+    }
+    #[inline(always)]
+    fn splat8(self, x: f32) -> InRegister {
+        self.0.splat8(x)
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> __mmask16 {
+        bits as __mmask16
+    }
+    #[inline(always)]
+    fn bits(self, mask: __mmask16) -> u32 {
+        u32::from(mask)
+    }
+    #[inline(always)]
+    fn or(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+        a | b
+    }
+    #[inline(always)]
+    fn xor(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+        a ^ b
+    }
+    #[inline(always)]
+    fn half<const SECOND: bool>(self, mask: __mmask16) -> __mmask8 {
+        if SECOND { (mask >> LANES) as __mmask8 } else { mask as __mmask8 }
+    }
+    proven! { "avx512f,avx512vl,avx512dq,avx512bw";
+        fn load(self, x: &Singles) -> __m512 {
+            // SAFETY: sixteen numbers
+            unsafe { _mm512_loadu_ps(x.as_ptr()) }
+        }
+        fn store(self, x: __m512) -> Singles {
+            // SAFETY: both are sixteen numbers
+            unsafe { std::mem::transmute::<__m512, Singles>(x) }
+        }
+        fn splat(self, x: f32) -> __m512 {
+            _mm512_set1_ps(x)
+        }
+        fn add(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_add_ps(a, b)
+        }
+        fn sub(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_sub_ps(a, b)
+        }
+        fn mul(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_mul_ps(a, b)
+        }
+        fn min(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_min_ps(a, b)
+        }
+        fn max(self, a: __m512, b: __m512) -> __m512 {
+            _mm512_max_ps(a, b)
+        }
+        fn le(self, a: __m512, b: __m512) -> __mmask16 {
+            _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)
+        }
+        fn select(self, mask: __mmask16, a: __m512, b: __m512) -> __m512 {
+            _mm512_mask_blend_ps(mask, b, a)
+        }
+        fn narrow(self, x: &[f64; BATCH], origin: f64, unit: f64) -> __m512 {
+            let (origin, unit) = (_mm512_set1_pd(origin), _mm512_set1_pd(unit));
+            // SAFETY: two times eight numbers
+            let (low, high) = unsafe { (_mm512_loadu_pd(x.as_ptr()), _mm512_loadu_pd(x[LANES..].as_ptr())) };
+            let low = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(low, origin), unit));
+            let high = _mm512_cvtpd_ps(_mm512_mul_pd(_mm512_sub_pd(high, origin), unit));
+            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
+        }
+        fn compress(self, bits: u32, x: __m512, to: &mut [f32]) {
+            assert!(to.len() >= BATCH);
+            // SAFETY: there is room for sixteen numbers
+            unsafe { _mm512_storeu_ps(to.as_mut_ptr(), _mm512_maskz_compress_ps(bits as __mmask16, x)) }
+        }
+        fn splat_whole(self, x: i32) -> __m512i {
+            _mm512_set1_epi32(x)
+        }
+        fn store_whole(self, x: __m512i) -> Whole {
+            // SAFETY: both are sixteen numbers
+            unsafe { std::mem::transmute::<__m512i, Whole>(x) }
+        }
+        fn add_whole_if(self, mask: __mmask16, a: __m512i, x: __m512i) -> __m512i {
+            _mm512_mask_add_epi32(a, mask, a, x)
+        }
+        fn load_half(self, x: &Doubles) -> __m512d {
+            // SAFETY: eight numbers
+            unsafe { _mm512_loadu_pd(x.as_ptr()) }
+        }
+        fn store_half(self, x: __m512d) -> Doubles {
+            // SAFETY: both are eight numbers
+            unsafe { std::mem::transmute::<__m512d, Doubles>(x) }
+        }
+        fn splat_half(self, x: f64) -> __m512d {
+            _mm512_set1_pd(x)
+        }
+        fn sub_half(self, a: __m512d, b: __m512d) -> __m512d {
+            _mm512_sub_pd(a, b)
+        }
+        fn add_half_if(self, mask: __mmask8, a: __m512d, x: __m512d) -> __m512d {
+            _mm512_mask_add_pd(a, mask, a, x)
+        }
+    }
+}

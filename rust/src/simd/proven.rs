@@ -1,0 +1,40 @@
+//! Methods whose instructions are proven by what they are called on.
+
+/// Defines methods of a token, or of numbers that a token made, whose bodies are compiled for the given features.
+///
+/// In a body the features' intrinsics are safe, but for those that read or write through pointers. A method of a token
+/// does not see it; numbers go by the name of the first argument.
+macro_rules! proven {
+    ($features:literal;) => {};
+    (
+        $features:literal;
+        fn $name:ident(self $(, $argument:ident: $type:ty)*) $(-> $result:ty)? $body:block
+        $($rest:tt)*
+    ) => {
+        #[inline(always)]
+        fn $name(self $(, $argument: $type)*) $(-> $result)? {
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn compiled($($argument: $type),*) $(-> $result)? $body
+            // SAFETY: a token is only made where the processor has these features
+            unsafe { compiled($($argument),*) }
+        }
+        proven! { $features; $($rest)* }
+    };
+    (
+        $features:literal;
+        fn $name:ident($this:ident: $own:ty $(, $argument:ident: $type:ty)*) $(-> $result:ty)? $body:block
+        $($rest:tt)*
+    ) => {
+        #[inline(always)]
+        fn $name(self $(, $argument: $type)*) $(-> $result)? {
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn compiled($this: $own $(, $argument: $type)*) $(-> $result)? $body
+            // SAFETY: such numbers are only made by a token, where the processor has these features
+            unsafe { compiled(self $(, $argument)*) }
+        }
+        proven! { $features; $($rest)* }
+    };
+}
+pub(super) use proven;
