@@ -9,8 +9,8 @@
 //! and figures that the documentation cites are of that paper.
 //!
 //! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
-//! threads ([`set_num_threads`]). Those of the filter, normals, registration and axis points are also the same for any
-//! width of the processor's registers, which is chosen when the program runs (AVX-512, AVX2, or what every processor has).
+//! threads ([`set_num_threads`]) and for any set of instructions, which is chosen when the program runs (AVX-512, AVX2,
+//! or what every processor has).
 //!
 //! ```
 //! // a ring of points on a tube of radius 1 about the x axis, seen from above

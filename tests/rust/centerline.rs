@@ -116,6 +116,7 @@ fn the_side_that_a_camera_sees_is_enough() {
     let (seen, their): (Vec<Point>, Vec<Point>) =
         points.iter().zip(&normals).filter(|(_, n)| n[2] > 0.3).map(|(p, n)| (*p, *n)).unzip();
     let found = centerline(&seen, &their, 1.0, 20).unwrap();
+    assert!(found.points.len() > 1500);
     assert!(found.points.iter().all(|c| c[1].hypot(c[2]) < 1e-12));
 }
 

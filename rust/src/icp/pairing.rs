@@ -25,13 +25,13 @@ use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
 
-/// Target points that are within the width of a cell from one.
+/// A cell is so wide that about this many target points are within its width of each.
 const NEAR: usize = 40;
 /// Most target points that are kept of a source point's surroundings.
 const LISTED: usize = 6;
 /// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
-/// So few lanes of a batch are searched for alone.
+/// Up to this many lanes of a batch are searched for alone; if there are more, all are.
 const FEW: usize = 1;
 /// All lanes.
 const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
@@ -67,7 +67,7 @@ pub struct Pairing {
     /// The source's middle, in its frame.
     center: Point,
     /// What rounding may move a point by.
-    blur: f64,
+    rounding: f64,
 }
 
 impl Pairing {
@@ -81,7 +81,7 @@ impl Pairing {
             let Bounds { low, high } = bounds(points);
             low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()))
         };
-        let blur = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
+        let rounding = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
         let batches = places
             .batches()
@@ -116,7 +116,7 @@ impl Pairing {
             reach,
             pose: options.start,
             center,
-            blur,
+            rounding,
         }
     }
 
@@ -219,8 +219,8 @@ kernel! {
             let apart = squares(&moved, &targets);
             let mut same = [true; BATCH];
             for l in 0..BATCH {
-                batch.others[l] -= steps[l] + pairing.blur;
-                batch.beyond[l] -= steps[l] + pairing.blur;
+                batch.others[l] -= steps[l] + pairing.rounding;
+                batch.beyond[l] -= steps[l] + pairing.rounding;
                 let nearest = is_below(apart[l], batch.others[l]);
                 // then it does not matter which is the nearest
                 let none =

@@ -31,7 +31,7 @@ pub struct Frame {
     /// Its units in a metre.
     pub unit: f64,
     /// What rounding may do to a squared distance up to the reach.
-    pub slack: f32,
+    pub rounding: f32,
     /// How far apart points can be.
     pub extent: f64,
 }
@@ -245,8 +245,8 @@ impl Frame {
         let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
         let extent = reach + bounds.diagonal();
         // coordinates are up to the extent, and their rounding is felt in distances up to the reach
-        let slack = (1e-6 * (reach * unit) * (extent * unit)) as f32;
-        Self { origin, unit, slack, extent }
+        let rounding = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        Self { origin, unit, rounding, extent }
     }
 
     /// Points in lanes; lanes without a point have the first one.
@@ -270,6 +270,6 @@ impl Frame {
     #[inline(always)]
     pub fn limits(&self, distance: f64) -> (f32, f32) {
         let limit = (distance * self.unit).powi(2);
-        ((limit - f64::from(self.slack)) as f32, (limit + f64::from(self.slack)) as f32)
+        ((limit - f64::from(self.rounding)) as f32, (limit + f64::from(self.rounding)) as f32)
     }
 }

@@ -21,9 +21,9 @@ const AXIS_BITS: u32 = 19;
 /// Bits of the number of a cell inside a block.
 const BLOCK_BITS: u32 = 5;
 const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1;
-/// Bits of the part of a cell along each axis, where points of a cell are in order of its parts.
+/// Bits of the number of a part of a cell along each axis, where points of a cell are in order of its parts.
 const PART_BITS: u32 = 2;
-/// Most rows of cells for each point that are all kept.
+/// All rows of cells are kept, those without points too, while there are at most this many for each point.
 const MOST_ROWS: usize = 2;
 
 /// Finite points in the order of their cells.
@@ -39,7 +39,7 @@ pub struct Cells {
     /// Keys of the cells that hold points, ascending, and where each one's points start.
     keys: Vec<u64>,
     starts: Vec<u32>,
-    /// All rows of cells of all blocks, those without points too; none where they are many more than the points.
+    /// All rows of cells, block by block; none where there are too many.
     rows: Vec<Row>,
     /// Coordinates in order of the cells, each list longer than the points by a row of lanes, and each point's
     /// index in the input.

@@ -9,7 +9,7 @@ use crate::simd::kernel;
 
 /// Points from which distances between neighbours are estimated.
 const SEEDS: usize = 16;
-/// An eighth of the cloud is the part that they are sought in, but at least and at most so many points.
+/// The part of the cloud that neighbours are sought in is an eighth, but at least and at most so many points.
 const PART: [usize; 2] = [1024, 4096];
 
 /// About how far from a point its `k`-th neighbour is, the point itself the first; above zero.

@@ -16,8 +16,8 @@ use crate::{Point, parallel};
 /// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
 const WIDTH: f64 = 1.3;
 const FIRST_REACH: f64 = 1.3;
-/// Where points are so much sparser than most that the search would have to go farther than this many cells, or so
-/// much denser that it would meet this many points for each neighbour, the tree is quicker.
+/// The search goes up to this many cells far, and while it meets at most this many points for each neighbour. Points that
+/// are much sparser or denser than most are left to the tree.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 64;
 /// Most rounds of the search for the k-th distance.
@@ -125,7 +125,7 @@ kernel! {
         let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
         let (farthest, _) = frame.limits(reach);
         sums.measure(simd, around, &lanes);
-        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.slack, guess);
+        let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.rounding, guess);
         sums.add(simd, cells, around, &frame, &limits);
         cuts
     }
@@ -139,7 +139,7 @@ fn cut<S: Simd>(
     sums: &Sums,
     k: f32,
     farthest: f32,
-    slack: f32,
+    rounding: f32,
     guess: &mut f32,
 ) -> (Singles, [Cut; BATCH]) {
     let (mut low, mut low_count) = ([0.0; BATCH], [0.0; BATCH]);
@@ -170,8 +170,8 @@ fn cut<S: Simd>(
     }
     *guess = at[0];
     // a gap of twice the rounding on one side tells
-    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * slack));
-    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * slack));
+    let above = sums.count_below(simd, &at.map(|at| at + 2.0 * rounding));
+    let below = sums.count_below(simd, &at.map(|at| at - 2.0 * rounding));
     let cuts = std::array::from_fn(|l| {
         if beyond[l] {
             Cut::Beyond

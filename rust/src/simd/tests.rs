@@ -153,20 +153,8 @@ fn answers(points: &[Point]) -> Vec<String> {
     let views = [TubeView { points, viewpoint: [0.0, 0.0, 100.0], end_observations: &[], foot_points: &[] }];
     let tubes = [Tube { curve: Spline::through(&axis, 2.5, 0.0).unwrap(), radius_class: 0 }];
     for residual in [Residual::Ray, Residual::Distance] {
-        let options = TubeFitOptions {
-            fit_curves: true,
-            radius_prior: None,
-            reference: None,
-            pose_sd: [0.01, 0.002],
-            residual,
-            band: [0.6, 0.4],
-            iterations: 3,
-            tolerance: 1e-9,
-            min_bend: 1.5,
-            noise: None,
-            bounds: None,
-            uncertainty: true,
-        };
+        let options =
+            TubeFitOptions { residual, iterations: 3, tolerance: 1e-9, ..TubeFitOptions::default() };
         let fit = fit_tubes(&views, &tubes, &[RigidMotion::identity()], &[1.0], &options).unwrap();
         assert!(fit.foot_points[0].iter().any(|foot| foot.inlier));
         note(&fit);

@@ -8,9 +8,9 @@ use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::simd::{BATCH, Simd, Singles};
 
-/// What is kept of a point's surroundings: the points on a surface within this many cells of the nearest.
+/// The points that are kept are on a surface within this many cells of the nearest.
 const SPREAD: f64 = 0.35;
-/// Farther than this many cells, and where more points than this are met, the tree is quicker.
+/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the tree.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 2048;
 
@@ -60,8 +60,9 @@ pub(super) fn search<S: Simd>(
         let (low, _) = frame.limits(search_reach);
         let last = search_reach >= farthest;
         let spread = (spread * frame.unit).powi(2) as f32;
-        let surely =
-            |square: f32| (f64::from(square.min(low)) - f64::from(frame.slack)).max(0.0).sqrt() / frame.unit;
+        let surely = |square: f32| {
+            (f64::from(square.min(low)) - f64::from(frame.rounding)).max(0.0).sqrt() / frame.unit
+        };
         let mut kept = 0;
         for i in 0..count {
             let l = left[i];
@@ -76,7 +77,7 @@ pub(super) fn search<S: Simd>(
             batch.beyond[l] = surely(next[i]);
             if first[i] > low {
                 (batch.partners[l], batch.others[l]) = (NONE, surely(low));
-            } else if second[i] - first[i] > 2.0 * frame.slack {
+            } else if second[i] - first[i] > 2.0 * frame.rounding {
                 (batch.partners[l], batch.others[l]) = (batch.listed[l][0], surely(second[i]));
             } else if !pairing.choose(batch, l, moved(l)) {
                 // too many are as near as the nearest
