@@ -15,6 +15,7 @@ mod foot_points;
 mod search;
 mod solver;
 mod spans;
+mod state;
 mod sums;
 
 /// Curves longer than this in all, in radii, would fill the memory with places to compare points with.
@@ -207,7 +208,7 @@ pub fn fit_tubes(
     check_tubes(tubes, radii)?;
     check_views(views, tubes, motions)?;
     check_options(options, views.len(), radii.len())?;
-    parallel::run(|| solver::State::new(views, tubes, motions, radii).run(options))
+    parallel::run(|| state::State::new(views, tubes, motions, radii).run(options))
 }
 
 fn check_views(views: &[TubeView], tubes: &[Tube], motions: &[RigidMotion]) -> Result<()> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::foot_points::ViewTerms;
-use super::solver::State;
+use super::state::State;
 use super::sums::{Band, RESIDUAL};
 use super::{EndObservation, TubeFitOptions, Uncertainty};
 use crate::banded::{Bordered, WIDTH};

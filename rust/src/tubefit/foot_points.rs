@@ -6,10 +6,10 @@
 use rayon::prelude::*;
 
 use super::search::{Search, places};
-use super::solver::State;
 use super::spans::{
     DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
 };
+use super::state::State;
 use super::sums::{Features, SpanSums};
 use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
 use crate::Point;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::solver::State;
+use super::state::State;
 use super::{OnCurve, Residual};
 use crate::Point;
 use crate::geometry::{cell_of, dot, normalized, sub};

@@ -1,14 +1,14 @@
-//! Gauss–Newton: the state of a fit, its steps, and when they end.
+//! Gauss–Newton: the steps of a fit, and when they end.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 
 use super::equations::{SECOND_DIFFERENCE, undetermined};
 use super::foot_points::ViewTerms;
-use super::{Residual, Tube, TubeFit, TubeFitOptions, TubeView, Uncertainty, goes_on};
+use super::state::{State, smallest, twist};
+use super::{Residual, TubeFit, TubeFitOptions, Uncertainty, goes_on};
 use crate::Point;
 use crate::error::Result;
-use crate::geometry::{RigidMotion, advance, centroid, dot, sub};
-use crate::spline::Spline;
+use crate::geometry::{RigidMotion, advance, dot, sub};
 
 /// A curve that bends too tightly is made stiffer after each step: the standard deviation of its second differences'
 /// prior is multiplied with this, down to the least scale.
@@ -35,58 +35,7 @@ const STEPS_HELD: usize = 6;
 /// Most iterations for the eigenvectors of a 6x6 matrix, which take about a dozen.
 const MOST_ROTATIONS: usize = 1000;
 
-/// State of a fit between iterations.
-pub(super) struct State<'a> {
-    pub(super) views: &'a [TubeView<'a>],
-    pub(super) curves: Vec<Spline>,
-    pub(super) motions: Vec<RigidMotion>,
-    /// Rotation vector and translation of each motion, about `center`.
-    pub(super) twists: Vec<[f64; 6]>,
-    pub(super) center: Point,
-    /// The number of each curve's radius, and the radii now and at the start.
-    pub(super) radius_classes: Vec<usize>,
-    pub(super) radii: Vec<f64>,
-    start_radii: Vec<f64>,
-    /// For each curve, what the standard deviation of its second differences' prior is multiplied with.
-    pub(super) bend_scale: Vec<f64>,
-    /// For each view, the precision that holds it at the reported pose in open directions.
-    pub(super) held: Vec<[[f64; 6]; 6]>,
-    pub(super) sigma: f64,
-    /// The least that it was.
-    least_sigma: f64,
-    /// Whether stiff curves drew away from their points, so that none is made stiffer any more.
-    strained: bool,
-    /// Standard deviation of a point whose weight is 1: of its residual, or of the noise along its ray.
-    pub(super) noise: f64,
-}
-
-impl<'a> State<'a> {
-    pub(super) fn new(
-        views: &'a [TubeView<'a>],
-        tubes: &[Tube],
-        motions: &[RigidMotion],
-        radii: &[f64],
-    ) -> Self {
-        let all: Vec<Point> = views.iter().map(|view| centroid(view.points)).collect();
-        let center = centroid(&all);
-        Self {
-            views,
-            curves: tubes.iter().map(|tube| tube.curve.clone()).collect(),
-            motions: motions.to_vec(),
-            twists: motions.iter().map(|motion| twist(motion, center)).collect(),
-            center,
-            radius_classes: tubes.iter().map(|tube| tube.radius_class).collect(),
-            radii: radii.to_vec(),
-            start_radii: radii.to_vec(),
-            bend_scale: vec![1.0; tubes.len()],
-            held: vec![[[0.0; 6]; 6]; views.len()],
-            sigma: 0.2 * smallest(radii),
-            least_sigma: f64::INFINITY,
-            strained: false,
-            noise: 0.2 * smallest(radii),
-        }
-    }
-
+impl State<'_> {
     pub(super) fn run(mut self, options: &TubeFitOptions) -> Result<TubeFit> {
         // after an earlier fit the limit beyond which residuals do not count need not begin wide again: its first
         // steps count as taken
@@ -142,11 +91,6 @@ impl<'a> State<'a> {
             }
         }
         Ok(open)
-    }
-
-    /// The radius of a curve.
-    pub(super) fn radius(&self, curve: usize) -> f64 {
-        self.radii[self.radius_classes[curve]]
     }
 
     fn result(
@@ -278,22 +222,11 @@ impl<'a> State<'a> {
     }
 }
 
-/// Rotation vector, and translation of a point, of a rigid motion.
-fn twist(motion: &RigidMotion, center: Point) -> [f64; 6] {
-    let w = Rotation3::from_matrix_unchecked(motion.rotation).scaled_axis();
-    let t = sub(motion.apply(center), center);
-    [w.x, w.y, w.z, t[0], t[1], t[2]]
-}
-
 /// The rigid motion that turns by a rotation vector about a point and then translates.
 fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
     let rotation: Matrix3<f64> = Rotation3::new(Vector3::new(step[0], step[1], step[2])).into_inner();
     let c = Vector3::from(center);
     RigidMotion { rotation, translation: c - rotation * c + Vector3::new(step[3], step[4], step[5]) }
-}
-
-fn smallest(values: &[f64]) -> f64 {
-    values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Standard deviation of values about zero, from the median of their sizes.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::solver::State;
+use super::state::State;
 use super::{OnCurve, TubeFitOptions};
 use crate::Point;
 use crate::geometry::{normalized, sub};
