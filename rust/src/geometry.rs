@@ -242,7 +242,7 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
 
 /// Unit eigenvectors of the smallest eigenvalues of eight positive semidefinite matrices, each one's share of the
 /// trace, and where both are known to rounding: where the two smallest eigenvalues are at least a thousandth of the
-/// largest apart.
+/// largest apart and the steps below were enough.
 ///
 /// Newton's iteration on the characteristic polynomial finds the eigenvalue from below, the adjugate of A − λ its
 /// vector, and two steps of Rayleigh's iteration, again by the adjugate, make both exact.
@@ -376,7 +376,8 @@ mod tests {
                 let [low, middle, high] = order.map(|i| eigen.eigenvalues[i]);
                 let gap = (middle - low) / high;
                 if !certain[l] {
-                    prop_assert!(gap < 2e-3, "{gap} apart");
+                    // a matrix of zeros has no gap
+                    prop_assert!(gap.is_nan() || gap < 0.3, "{gap} apart");
                     continue;
                 }
                 let v = Vector3::from_fn(|k, _| vectors[k][l]);

@@ -162,7 +162,9 @@ pub enum Widest {
 static WIDEST: AtomicU8 = AtomicU8::new(NOT_ASKED);
 const NOT_ASKED: u8 = 0;
 const PORTABLE: u8 = 1;
+#[cfg(target_arch = "x86_64")]
 const AVX2: u8 = 2;
+#[cfg(target_arch = "x86_64")]
 const AVX512: u8 = 3;
 
 /// The widest instructions that there are.

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-use super::{AVX2, BATCH, Eight, LANES, Lanes, PORTABLE, Singles, Three, WIDEST, detected, kernel};
+use super::{BATCH, Eight, LANES, Lanes, PORTABLE, Singles, Three, WIDEST, detected, kernel};
 use crate::{
     DepthView, IcpOptions, Neighbors, Objective, Pinhole, Point, Residual, RigidMotion, Spline, Tube,
     TubeFitOptions, TubeView, Viewpoints, centerline, count_neighbors, crop_images, estimate_normals,
@@ -24,7 +24,7 @@ fn assert_same_with_each<T: PartialEq>(work: impl Fn() -> T) {
     let expected = work();
     for number in PORTABLE + 1..=widest {
         WIDEST.store(number, Ordering::Relaxed);
-        assert!(work() == expected, "{}", if number == AVX2 { "AVX2" } else { "AVX-512" });
+        assert!(work() == expected, "set {number}");
     }
 }
 
