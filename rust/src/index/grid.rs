@@ -137,12 +137,20 @@ impl Grid {
         self.points[position]
     }
 
-    /// Positions of one point in each cube of side `size` that holds points of a choice: the first in the grid's
+    /// Positions of one point in each voxel of side `size` that holds points of a choice: the first in the grid's
     /// order.
     pub fn sample(&self, size: f64, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
+        let voxel = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
         let mut seen = std::collections::HashSet::new();
-        let cube = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
-        (0..self.points.len()).filter(|&i| chosen(i) && seen.insert(cube(self.points[i]))).collect()
+        let mut last = None;
+        let mut is_new = |p: Point| {
+            let found = voxel(p);
+            // points in a row mostly share a voxel, and need no look-up then
+            let is_new = last != Some(found) && seen.insert(found);
+            last = Some(found);
+            is_new
+        };
+        (0..self.points.len()).filter(|&i| chosen(i) && is_new(self.points[i])).collect()
     }
 
     /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,
