@@ -1,3 +1,7 @@
+"""The command line."""
+
+from __future__ import annotations
+
 import contextlib
 import io
 import os

@@ -47,7 +47,7 @@ def test_the_kernels_run_as_they_stand():
 
 def test_what_is_known_beforehand_is_told_as_it_stands():
     (block,) = [code for code in PYTHON if "length=" in code]
-    scene = strand.synthetic.scene(chains=strand.synthetic.tangle(1, 2, seed=0), views=3)
+    scene = strand.synthetic.scene(chains=strand.synthetic.random_ropes(1, 2, seed=0), views=3)
     depth = scene.depth[0] * scene.depth_scale
     image = np.zeros((*depth.shape, 3), dtype=np.uint8)
     views = [view.crop(scene.bounds) for view in scene.views]

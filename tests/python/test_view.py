@@ -1,4 +1,4 @@
-"""Cameras, poses and views."""
+"""Views: what a camera saw, and where it stood."""
 
 from __future__ import annotations
 
@@ -103,26 +103,6 @@ def test_crop_keeps_the_faces_of_the_box_and_everything_inside():
     assert len(moved.crop((low, high)).points) == 5
 
 
-def test_rotation_is_the_product_about_x_then_y_then_z():
-    x, y, z = (strand.rotation_xyz(*angles) for angles in ((0.3, 0, 0), (0, -0.7, 0), (0, 0, 1.1)))
-    np.testing.assert_allclose(strand.rotation_xyz(0.3, -0.7, 1.1), x @ y @ z, atol=1e-15)
-    np.testing.assert_allclose(strand.rotation_xyz(0, 0, np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(strand.rotation_xyz(np.pi / 2, 0, 0) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
-
-
-def test_a_point_of_the_plate_stays_where_it_is_when_the_plate_turns():
-    camera, centre, axis, angle = random_pose(4), np.array([0.1, 0.2, 0.0]), np.array([0.1, 0.0, 2.0]), 0.8
-    on_plate = np.array([0.3, -0.1, 0.05])
-    # the fixed camera sees the turned point where the moved camera sees the unturned one
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    turned = centre + turn @ (on_plate - centre)
-    seen = camera[:3, :3].T @ (turned - camera[:3, 3])
-    pose = strand.turntable_pose(camera, angle, centre, axis)
-    np.testing.assert_allclose(pose[:3, :3] @ seen + pose[:3, 3], on_plate, atol=1e-12)
-
-
 @pytest.mark.parametrize("layout", ["fortran", "strided", "float32", "big endian"])
 def test_any_layout_and_float_type_is_read_right(layout):
     points = np.random.default_rng(5).normal(size=(30, 3)).astype(np.float32).astype(np.float64)
@@ -172,3 +152,44 @@ def spoiled(row: int, column: int, value: float) -> np.ndarray:
 def test_wrong_input_is_refused_by_name(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+K = np.array([[300.0, 0, 3.0], [0, 300.0, 2.0], [0, 0, 1.0]])
+
+
+def test_a_depth_image_brings_the_colours_of_its_pixels():
+    depth = np.zeros((4, 6))
+    depth[1, 2], depth[3, 5], depth[0, 0] = 0.5, 0.6, np.nan
+    colors = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    view = View.from_depth(depth, K, colors=colors)
+    np.testing.assert_array_equal(view.colors, colors[[1, 3], [2, 5]] / 255.0)
+    np.testing.assert_array_equal(View.from_depth(depth, K, colors=colors / 255.0).colors, view.colors)
+    cropped = view.crop(([-1.0, -1.0, 0.55], [1.0, 1.0, 1.0]))
+    np.testing.assert_array_equal(cropped.colors, view.colors[1:])
+    assert cropped.dropped == 1
+    assert View.from_depth(depth, K).colors is None
+
+
+def test_colours_belong_to_the_view():
+    points, colors = np.zeros((2, 3)), np.full((2, 3), 0.5)
+    view = View(points, colors=colors)
+    colors[:] = 0.0
+    assert (view.colors == 0.5).all()
+    world = View.from_world(points, [0.0, 0.0, 1.0], np.full((2, 3), 255, dtype=np.uint8))
+    assert (world.colors == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("colors", "error", "message"),
+    [
+        (np.zeros((3, 3)), ValueError, r"colors: expected shape \(2, 3\)"),
+        (np.zeros((2, 4)), ValueError, r"colors: expected shape \(2, 3\)"),
+        (np.full((2, 3), 1.5), ValueError, "colors: expected colours from 0 to 1"),
+        (np.full((2, 3), -0.5), ValueError, "colors: expected colours from 0 to 1"),
+        (np.full((2, 3), np.nan), ValueError, "colors: expected finite"),
+        (np.zeros((2, 3), dtype=np.int64), TypeError, "colors: expected floating point"),
+    ],
+)
+def test_wrong_colours_are_refused(colors, error, message):
+    with pytest.raises(error, match=message):
+        View(np.zeros((2, 3)), colors=colors)

@@ -1,25 +1,12 @@
-"""Chains, models and their files."""
+"""Chains: one rope's centreline."""
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from drawn import circle
 
-import strand
-from strand import Chain, Model
-
-
-def circle(radius: float, nodes: int, closed: bool) -> Chain:
-    angle = np.linspace(0, 2 * np.pi, nodes, endpoint=not closed)
-    if not closed:
-        angle *= 0.75
-    return Chain(
-        np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle * 0], axis=1), 0.004, closed
-    )
+from strand import Chain
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -62,70 +49,6 @@ def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
     assert ring.nearest(middle_of_last_piece)[1] == pytest.approx(0, abs=1e-12)
 
 
-@given(
-    st.lists(
-        st.tuples(*[st.floats(-10, 10, allow_subnormal=False)] * 3), min_size=2, max_size=20, unique=True
-    ),
-    st.booleans(),
-)
-def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed):
-    points = np.array(nodes)
-    # nodes that only rounding tells apart count as equal along a chain
-    assume((np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1) >= 1e-12).all())
-    path = tmp_path_factory.mktemp("model") / "model.json"
-    model = Model((Chain(points, 0.0042, closed),), np.eye(4)[None], {"trace": 0.25}, ("a warning",))
-    model.save(path)
-    loaded = strand.load(path)
-    np.testing.assert_array_equal(loaded.chains[0].points, points)
-    assert loaded.chains[0].radius == 0.0042
-    assert loaded.chains[0].closed is closed
-    np.testing.assert_array_equal(loaded.poses, model.poses)
-    assert loaded.timings == model.timings
-    assert loaded.warnings == model.warnings
-
-
-def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
-    path = tmp_path / "model.json"
-    model = Model((circle(0.05, 10, True),), np.eye(4)[None])
-    model.save(path)
-    before = path.read_bytes()
-    with pytest.raises(ValueError, match="JSON"):
-        Model(model.chains, np.full((1, 4, 4), np.nan)).save(path)
-    assert path.read_bytes() == before
-    assert [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "{",
-        "[]",
-        '{"format": "other"}',
-        '{"format": "strand model", "version": 2}',
-        '{"format": "strand model", "version": 1, "chains": [{}], "poses": [], "timings": {}, '
-        '"warnings": []}',
-    ],
-)
-def test_a_file_that_is_no_model_is_refused_by_name(tmp_path, content):
-    path = tmp_path / "broken.json"
-    path.write_text(content)
-    with pytest.raises(strand.FileFormatError, match=r"broken\.json"):
-        strand.load(path)
-
-
-def test_a_truncated_model_is_refused(tmp_path):
-    path = tmp_path / "model.json"
-    Model((circle(0.05, 50, True),), np.eye(4)[None]).save(path)
-    text = path.read_text()
-    json.loads(text)
-    path.write_text(text[: len(text) // 2])
-    with pytest.raises(strand.FileFormatError, match=r"model\.json"):
-        strand.load(path)
-    with pytest.raises(FileNotFoundError):
-        strand.load(tmp_path / "missing.json")
-
-
 @pytest.mark.parametrize(
     ("points", "radius", "message"),
     [
@@ -146,3 +69,12 @@ def test_two_nodes_make_a_straight_chain():
     np.testing.assert_array_equal(chain.tangents, [[0, 0, 1], [0, 0, 1]])
     np.testing.assert_array_equal(chain.curvature, [0, 0])
     assert chain.nearest([1.0, 0.0, 0.5]) == (0.5, 1.0)
+
+
+def test_a_reversed_chain_is_the_same_string(paper_model):
+    chain = paper_model.chains[0]
+    back = chain.reversed()
+    s = np.linspace(0.0, chain.length, 11)
+    np.testing.assert_allclose(back.at(s), chain.at(chain.length - s), atol=1e-9)
+    np.testing.assert_array_equal(back.points_seen[::-1], chain.points_seen)
+    np.testing.assert_array_equal(back.reversed().points, chain.points)

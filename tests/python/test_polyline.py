@@ -1,0 +1,28 @@
+"""Ordered nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from strand.polyline import walk
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(1, 8), st.integers(0, 10_000))
+def test_walking_visits_every_segment_once_and_follows_the_joins(count, seed):
+    rng = np.random.default_rng(seed)
+    ends = rng.permutation(2 * count)
+    pairs = [(int(a), int(b)) for a, b in ends[: 2 * int(rng.integers(0, count + 1))].reshape(-1, 2)]
+    walks = walk(count, pairs)
+    assert sorted(end // 2 for entered, _ in walks for end in entered) == list(range(count))
+    links = {frozenset(pair) for pair in pairs}
+    used = set()
+    for entered, closed in walks:
+        for a, b in zip(entered, entered[1:] + entered[:1], strict=True):
+            link = frozenset({a ^ 1, b})
+            if b != entered[0] or closed:
+                assert link in links
+                used.add(link)
+    assert used == links
