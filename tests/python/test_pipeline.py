@@ -170,7 +170,7 @@ def test_several_strings_come_longest_first(numbers):
     assert [round(chain.length, 2) for chain in model.chains] == [0.3, 0.15]
     one = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1, config=numbers)
     assert len(one.chains) == 1
-    (left_out,) = of_kind(one, "left out")
+    (left_out,) = of_kind(one, "count")
     assert np.linalg.norm(chains[1] - left_out.place, axis=1).min() < scene.radius
     assert left_out.amount == pytest.approx(-np.log(0.3 / 0.45), rel=0.03)
     three = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=3, config=numbers)

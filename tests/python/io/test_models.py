@@ -49,7 +49,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
     model.save(path)
     before = path.read_bytes()
     with pytest.raises(ValueError, match="JSON"):
-        Model(model.chains, np.full((1, 4, 4), np.nan)).save(path)
+        Model(model.chains, model.poses, {"trace": np.inf}).save(path)
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
 
