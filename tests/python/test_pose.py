@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import strand
 
@@ -30,3 +31,26 @@ def test_a_point_of_the_plate_stays_where_it_is_when_the_plate_turns():
     seen = camera[:3, :3].T @ (turned - camera[:3, 3])
     pose = strand.turntable_pose(camera, angle, centre, axis)
     np.testing.assert_allclose(pose[:3, :3] @ seen + pose[:3, 3], on_plate, atol=1e-12)
+
+
+def test_vectors_and_poses_may_be_whole_numbers():
+    whole = strand.pose_from_angles(1, 0, 2, [1, 2, 3])
+    np.testing.assert_array_equal(whole, strand.pose_from_angles(1.0, 0.0, 2.0, [1.0, 2.0, 3.0]))
+    turned = strand.turntable_pose(np.eye(4, dtype=int), 1, [0, 1, 0], np.array([0, 0, 2]))
+    want = strand.turntable_pose(np.eye(4), 1.0, [0.0, 1.0, 0.0], [0.0, 0.0, 2.0])
+    np.testing.assert_array_equal(turned, want)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: strand.turntable_pose(np.eye(4), 0.1, axis=[0.0, 0.0, 0.0]), "axis"),
+        (lambda: strand.turntable_pose(np.eye(4), np.nan), "angle"),
+        (lambda: strand.turntable_pose(np.eye(3), 0.1), "camera"),
+        (lambda: strand.pose_from_angles(0.0, np.inf, 0.0, [0.0] * 3), "angles"),
+        (lambda: strand.pose_from_angles(0.0, 0.0, 0.0, [0.0] * 2), r"origin: expected shape \(3,\)"),
+    ],
+)
+def test_what_is_no_pose_is_refused_by_name(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
