@@ -60,6 +60,24 @@ def test_the_string_is_found_from_end_to_end(scene, model):
     assert model.warnings == ()
 
 
+def test_the_model_says_which_method_made_it(model, numbers, tmp_path):
+    assert model.method == numbers.method
+    model.save(tmp_path / "model.json")
+    assert strand.load(tmp_path / "model.json").method == numbers.method
+
+
+def test_bounds_and_radius_may_be_whole_numbers(scene, numbers):
+    # in units of a radius
+    views = [View.from_world(view.world_points / R, view.viewpoint / R) for view in scene.views[2:5]]
+    views = [view.crop((scene.bounds[0] / R, scene.bounds[1] / R)) for view in views]
+    box = [-100, -100, -100], np.array([100, 100, 100])
+    answers = [
+        strand.reconstruct(views, radius, bounds, ropes=1, config=numbers).chains[0].points.tobytes()
+        for radius, bounds in ((1, box), (np.int32(1), box), (1.0, tuple(np.array(c, float) for c in box)))
+    ]
+    assert answers[0] == answers[1] == answers[2]
+
+
 def test_stages_and_timings_are_all_there(scene, model, numbers):
     assert list(model.timings) == STAGES[numbers.method]
     assert all(seconds >= 0 for seconds in model.timings.values())
@@ -189,7 +207,16 @@ def test_several_strings_come_longest_first(numbers):
         ({"radius": 0.0}, ValueError, "radius: expected a positive"),
         ({"radius": -0.004}, ValueError, "radius: expected a positive"),
         ({"radius": float("nan")}, ValueError, "radius: expected a positive"),
-        ({"radius": "4 mm"}, TypeError, "radius: expected a number"),
+        (
+            {"radius": "4.2mm"},
+            TypeError,
+            "radius: expected a number of metres, got '4.2mm'; the command line",
+        ),
+        (
+            {"radius": ["4.2mm"]},
+            TypeError,
+            "radius: expected a number of metres, got '4.2mm'; the command line",
+        ),
         ({"ropes": 0}, ValueError, "ropes: expected at least 1"),
         ({"ropes": 1.5}, TypeError, "ropes: expected a whole number"),
         ({"ropes": True}, TypeError, "ropes: expected a whole number"),

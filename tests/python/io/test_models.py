@@ -55,6 +55,30 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 1}, "model version 1, this reads version 2"),
+        ({"version": 3}, "model version 3, this reads version 2"),
+        ({"version": None}, "model version None, this reads version 2"),
+        ({"format": "strand scene"}, "not a strand model"),
+        ({"warnings": ["a branch?"]}, "not a strand model"),
+        ({"warnings": [{"kind": "magic", "message": "a branch?"}]}, "kind: expected one of"),
+        ({"doubts": [{"amount": 0.1, "about": "it", "reason": "so"}]}, "kind"),
+        ({"chains": [{}]}, "not a strand model"),
+        ({"poses": None}, "not a strand model"),
+    ],
+)
+def test_a_model_of_another_version_or_kind_is_refused_with_the_reason(tmp_path, change, message):
+    path = tmp_path / "other.json"
+    Model((circle(0.05, 10, True),), np.eye(4)[None]).save(path)
+    content = json.loads(path.read_text())
+    assert strand.load(path).chains
+    path.write_text(json.dumps(content | change))
+    with pytest.raises(strand.FileFormatError, match=rf"other\.json: .*{message}"):
+        strand.load(path)
+
+
+@pytest.mark.parametrize(
     "content",
     [
         "",

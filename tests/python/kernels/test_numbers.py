@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -212,18 +214,26 @@ COORDINATE = st.one_of(
 )
 
 
+def finite_or_refused(function):
+    """Whether a call gives finite numbers, or an error that names an argument; a panic is neither."""
+    try:
+        return all(np.isfinite(array).all() for array in numbers(function()))
+    except (ValueError, NotEnoughDataError) as error:
+        return re.match(
+            r"(points|radius|near|far|source|target|viewpoint|max_correspondence_distance): ", str(error)
+        )
+
+
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(
     st.lists(st.tuples(COORDINATE, COORDINATE, COORDINATE), max_size=25),
     st.sampled_from([1e-308, 1e-300, 1e-100, 1e-3, 0.3, 1e5, 1e99, 1e200]),
     st.sampled_from(["raise", "drop"]),
 )
-def test_no_numbers_make_a_kernel_panic(rows, radius, nonfinite):
-    # a panic is no Exception; pytest reports it
+def test_any_numbers_get_a_finite_answer_or_a_reason(rows, radius, nonfinite):
     points = np.array(rows, dtype=np.float64).reshape(-1, 3)
     normals = axis_normals(len(points))
     for function in (
-        lambda: radius_outlier_mask(points, radius, 2, nonfinite=nonfinite),
         lambda: count_neighbors(points, radius, nonfinite=nonfinite),
         lambda: estimate_normals(points, 3, viewpoint=points, variation=True, nonfinite=nonfinite),
         lambda: estimate_normals(points, radius=radius, variation=True, nonfinite=nonfinite),
@@ -232,8 +242,9 @@ def test_no_numbers_make_a_kernel_panic(rows, radius, nonfinite):
         lambda: centerline(points, normals, radius, 1, nonfinite=nonfinite),
         lambda: trace_chains(points, radius, 2.0 * radius, nonfinite=nonfinite),
     ):
-        try:
-            result = function()
-        except (ValueError, NotEnoughDataError):
-            continue
-        assert all(np.isfinite(array).all() for array in numbers(result))
+        assert finite_or_refused(function)
+    if (np.abs(points) < 1e100).all() and radius < 1e100:
+        assert len(radius_outlier_mask(points, radius, 2, nonfinite=nonfinite)) == len(points)
+    elif nonfinite == "raise":
+        with pytest.raises(ValueError, match=r"^(points|radius): expected"):
+            radius_outlier_mask(points, radius, 2)
