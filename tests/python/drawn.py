@@ -25,24 +25,18 @@ def line(start, stop):
     return start + np.linspace(0.0, 1.0, count)[:, None] * (stop - start)
 
 
-def tube(axis: np.ndarray, radius: float, noise: float = 0.0, seed: int = 0) -> np.ndarray:
-    """Points all around a tube, evenly over its surface."""
+def tube_seen(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
+    """Points evenly over that half of a tube's surface which faces a camera."""
     rng = np.random.default_rng(seed)
-    chain = strand.Chain(axis, radius)
+    chain = strand.Chain(axis, R)
     s = rng.uniform(0, chain.length, int(chain.length / 5e-5))
     tangent = np.stack([np.interp(s, chain.arc_length, chain.tangents[:, k]) for k in range(3)], axis=1)
     across = np.cross(tangent, [0.0, 0.0, 1.0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     angle = rng.uniform(0, 2 * np.pi, (len(s), 1))
     outward = np.cos(angle) * across + np.sin(angle) * np.cross(across, tangent)
-    return chain.at(s) + (radius + rng.normal(scale=noise, size=(len(s), 1))) * outward
-
-
-def seen(points: np.ndarray, axis: np.ndarray, camera: np.ndarray) -> np.ndarray:
-    """The points whose outward normal faces a camera."""
-    chain = strand.Chain(axis, R)
-    feet = np.array([chain.at(chain.nearest(point)[0]) for point in points])
-    return points[((points - feet) * (camera - points)).sum(axis=1) > 0]
+    points = chain.at(s) + (R + rng.normal(scale=noise, size=(len(s), 1))) * outward
+    return points[(outward * (camera - points)).sum(axis=1) > 0]
 
 
 def behind_a_plate(scene, low, high, z):

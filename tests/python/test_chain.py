@@ -45,8 +45,8 @@ def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
     np.testing.assert_allclose(ring.at(ring.length), ring.points[0], atol=1e-12)
     np.testing.assert_array_equal(arc.at(arc.length + 1.0), arc.points[-1])
     np.testing.assert_array_equal(arc.at(-1.0), arc.points[0])
-    middle_of_last_piece = (ring.points[-1] + ring.points[0]) / 2
-    assert ring.nearest(middle_of_last_piece)[1] == pytest.approx(0, abs=1e-12)
+    middle_of_last_step = (ring.points[-1] + ring.points[0]) / 2
+    assert ring.nearest(middle_of_last_step)[1] == pytest.approx(0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_two_nodes_make_a_straight_chain():
     assert chain.nearest([1.0, 0.0, 0.5]) == (0.5, 1.0)
 
 
-def test_a_reversed_chain_is_the_same_string(paper_model):
+def test_a_reversed_chain_is_the_same_rope(paper_model):
     chain = paper_model.chains[0]
     back = chain.reversed()
     s = np.linspace(0.0, chain.length, 11)

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import R, of_kind, seen, tube
+from drawn import R, of_kind, tube_seen
 
 import strand
 from strand import View, config
@@ -50,7 +50,7 @@ def distance_to(truth: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.array([line.nearest(point)[1] for point in points])
 
 
-def test_the_string_is_found_from_end_to_end(scene, model):
+def test_the_rope_is_found_from_end_to_end(scene, model):
     (chain,) = model.chains
     (truth,) = scene.truth
     assert chain.length == pytest.approx(strand.Chain(truth, 0.001).length, rel=0.01)
@@ -138,7 +138,7 @@ def test_the_answer_moves_with_the_world(scene, model, numbers):
     assert moved.chains[0].length == pytest.approx(model.chains[0].length, rel=SAME)
 
 
-def test_the_answer_scales_with_the_string(scene, model, numbers):
+def test_the_answer_scales_with_the_rope(scene, model, numbers):
     factor = 3.0
     views = [View.from_world(factor * v.world_points, factor * v.viewpoint) for v in scene.views]
     low, high = scene.bounds
@@ -173,14 +173,14 @@ def test_views_that_see_nothing_are_left_out_with_a_warning(scene, model, number
     assert "only outliers" in str(unused[2])
 
 
-def test_a_single_view_is_enough_where_it_sees_the_whole_string(scene, numbers):
+def test_a_single_view_is_enough_where_it_sees_the_whole_rope(scene, numbers):
     view = scene.views[3]
     found = strand.reconstruct([view], scene.radius, scene.bounds, ropes=1, config=numbers)
     assert distance_to(scene.truth[0], found.chains[0].points).max() < scene.radius
     np.testing.assert_array_equal(found.poses[0], view.pose)
 
 
-def test_several_strings_come_longest_first(numbers):
+def test_several_ropes_come_longest_first(numbers):
     chains = [strand.synthetic.shape("arc", length=0.3), strand.synthetic.shape("straight", length=0.15)]
     chains[1] = chains[1] + [0.0, -0.05, 0.0]
     scene = strand.synthetic.scene(chains=chains, seed=1)
@@ -283,7 +283,7 @@ def test_a_ring_closes(bend, method):
     ring = np.stack([bend * np.cos(angle), bend * np.sin(angle), np.full(300, R)], axis=1)
     cameras = 0.4 * np.array([[0.0, -0.8, 0.8], [0.8, 0.0, 0.8], [0.0, 0.8, 0.8], [-0.8, 0.0, 0.8]])
     views = [
-        strand.View.from_world(seen(tube(ring, R, 2e-4, seed), ring, camera), camera)
+        strand.View.from_world(tube_seen(ring, camera, 2e-4, seed), camera)
         for seed, camera in enumerate(cameras)
     ]
     model = strand.reconstruct(views, R, config=strand.Config(method=method))

@@ -88,7 +88,7 @@ def test_ropes_that_differ_have_a_radius_each(thin, thick):
 
 
 @pytest.mark.parametrize(("crossings", "views", "seed"), [(7, 7, 32006), (10, 3, 32045)])
-def test_a_radius_is_as_sure_as_it_is_right_in_a_tangle(crossings, views, seed):
+def test_a_radius_is_as_sure_as_it_is_right_in_a_heap(crossings, views, seed):
     chains = strand.synthetic.random_ropes(crossings, 3, seed=seed)
     scene = strand.synthetic.scene(chains=chains, seed=seed, views=views)
     for radius in (None, scene.radius):

@@ -47,7 +47,7 @@ def test_a_t_is_named_a_branch_and_a_gap_is_none():
 
 
 @pytest.mark.parametrize(("gap", "said"), [(0.0, True), (1.0, False), (2.0, False)])
-def test_a_string_that_ends_short_of_another_is_no_branch(gap, said):
+def test_a_rope_that_ends_short_of_another_is_no_branch(gap, said):
     trunk = line([-0.12, 0, R], [0.12, 0, R])
     other = line([0.01, (1.0 + gap) * R, R], [0.01, 0.12, R])
     scene = strand.synthetic.scene(chains=[trunk, other], radius=R, seed=1)

@@ -22,7 +22,7 @@ def test_views_with_and_without_colours_go_together():
 
 
 def coloured(scene, paints, views=None):
-    """The scene's views, painted: each point with the colour of the nearest string, shaded and noisy."""
+    """The scene's views, painted: each point with the colour of the nearest rope, shaded and noisy."""
     rng = np.random.default_rng(0)
     painted = []
     for view in scene.views if views is None else views:
@@ -44,13 +44,13 @@ def coloured(scene, paints, views=None):
 
 
 def facing():
-    """Two strings in a line whose ends face each other across a gap of 6 radii."""
+    """Two ropes in a line whose ends face each other across a gap of 6 radii."""
     x = np.linspace(-0.13, -3.0 * R, 300)
     ends = [np.stack([sign * x, 0 * x, 0 * x + R], axis=1) for sign in (1.0, -1.0)]
     return strand.synthetic.scene(chains=ends, seed=1, views=3)
 
 
-def test_strings_of_two_colours_are_not_joined_over_a_gap():
+def test_ropes_of_two_colours_are_not_joined_over_a_gap():
     scene = facing()
     plain = [view.crop(scene.bounds) for view in scene.views]
     assert len(strand.reconstruct(plain, R).chains) == 1
@@ -62,7 +62,7 @@ def test_strings_of_two_colours_are_not_joined_over_a_gap():
 
 
 def test_colours_say_which_ends_go_together_across_a_gap():
-    """Two strings that cross in a gap that nobody sees: without colours they go straight on."""
+    """Two ropes that cross in a gap that nobody sees: without colours they go straight on."""
     half = 0.03
     y = np.linspace(-half - 0.1, half + 0.1, 800)
     t = np.clip(0.5 + 0.5 * y / half, 0.0, 1.0)
@@ -86,7 +86,7 @@ def test_colours_say_which_ends_go_together_across_a_gap():
         assert crossed == [crosses] * 2
 
 
-def test_colours_hardly_change_what_strings_of_one_colour_become():
+def test_colours_hardly_change_what_ropes_of_one_colour_become():
     scene = strand.synthetic.scene("paper", seed=3)
     plain = strand.reconstruct([view.crop(scene.bounds) for view in scene.views], R)
     model = strand.reconstruct(coloured(scene, [RED]), R)
@@ -94,7 +94,7 @@ def test_colours_hardly_change_what_strings_of_one_colour_become():
     assert abs(model.confidence - plain.confidence) < 0.1
 
 
-def test_the_contrast_counts_in_spreads_of_colour_within_pieces():
+def test_the_contrast_counts_in_spreads_of_colour_within_segments():
     scene = facing()
     config = strand.Config()
     views = coloured(scene, (RED, BLUE))

@@ -9,7 +9,7 @@ from drawn import R
 from strand.evidence.prior import Prior, contradiction
 
 
-def test_lengths_are_those_of_the_strings_that_they_fit_best():
+def test_lengths_are_those_of_the_ropes_that_they_fit_best():
     known = Prior.given(None, [0.3, 0.5, 0.4])
     assert known.ropes == 3
     assert known.expected([0.31, 0.42, 0.49]) == [0.3, 0.4, 0.5]

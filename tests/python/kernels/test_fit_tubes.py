@@ -71,7 +71,7 @@ def test_a_fit_refuses_wrong_input_by_name(change, error, message):
 
 
 def test_a_loop_that_the_points_show_is_not_stiffened_until_it_is_straight():
-    """Noise makes it bend more tightly in places than strings are said to."""
+    """Noise makes it bend more tightly in places than ropes are said to."""
     r, turn = 0.0056, 2.6 * np.pi
     angle = np.interp(np.linspace(0.0, 1.0, 400), [0.0, 0.25, 0.75, 1.0], [0.0, 0.0, turn, turn])
     steps = np.stack([np.cos(angle), np.sin(angle), np.full(400, 0.03)], axis=1)

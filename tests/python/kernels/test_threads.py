@@ -95,6 +95,8 @@ def test_python_goes_on_while_a_kernel_works():
             before = steps
             count_neighbors(points, 1.0)
             taken = max(taken, steps - before)
+            if taken >= 5:
+                break
     finally:
         done.set()
         stepping.join()

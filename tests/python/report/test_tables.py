@@ -26,7 +26,7 @@ def test_accuracy_of_a_shifted_chain():
     assert found.length_error == pytest.approx(0)
 
 
-def test_accuracy_of_a_chain_with_a_piece_missing():
+def test_accuracy_of_a_chain_with_a_part_missing():
     found = tables.accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
     assert found.rms == pytest.approx(0, abs=1e-8)
     assert found.length_error == pytest.approx(-0.25)

@@ -55,7 +55,7 @@ def test_straight_tube_from_above():
 
 def test_the_end_is_a_flat_disc():
     nodes = np.stack([np.linspace(-0.1, 0.0, 101), np.zeros(101), np.full(101, 0.05)], axis=1)
-    pose = camera_pose(0.0, 0.3, elevation=0.0)  # looks along the string's axis, from 0.05 below it
+    pose = camera_pose(0.0, 0.3, elevation=0.0)  # looks along the rope's axis, from 0.05 below it
     depth = render_depth([nodes], 0.01, PINHOLE, pose, table=0)
     points = unproject(depth, PINHOLE, pose)
     assert points[:, 0].max() <= 1e-12
@@ -75,7 +75,7 @@ def test_every_hit_is_on_the_table_or_on_the_tube():
     assert cdist(tube, finer(nodes, 10)).min(axis=1) == pytest.approx(RADIUS, rel=0.01)
 
 
-def test_a_fine_string_has_no_gaps():
+def test_a_fine_rope_has_no_gaps():
     angle = np.linspace(0.0, 1.9 * np.pi, 2000)
     ring = np.stack([0.08 * np.cos(angle), 0.08 * np.sin(angle), np.full(2000, RADIUS)], axis=1)
     depth = render_depth([ring], RADIUS, PINHOLE, OVERHEAD)
@@ -97,7 +97,7 @@ def test_chains_of_different_radii_hide_each_other():
     assert both.min() == pytest.approx(0.35 - 0.028, abs=1e-4)
 
 
-def test_strings_beside_and_behind_the_camera():
+def test_ropes_beside_and_behind_the_camera():
     pose = np.eye(4)
     behind = np.array([[-0.1, 0.0, -0.3], [0.1, 0.0, -0.3]])
     assert not render_depth([behind], RADIUS, PINHOLE, pose, table=0).any()
@@ -155,13 +155,13 @@ def test_parity_with_open3d():
         ours = render_depth(made.truth, RADIUS, PINHOLE, pose)
         agree = np.isfinite(theirs) == (ours > 0)
         assert agree.mean() > 0.9999
-        string = np.isfinite(theirs) & (unproject_all(theirs, rays)[..., 2] > 1e-4)
+        rope = np.isfinite(theirs) & (unproject_all(theirs, rays)[..., 2] > 1e-4)
         error = np.abs(ours - theirs)
-        assert string.sum() > 1000
+        assert rope.sum() > 1000
         # the mesh's facets are up to 1.3 micrometres inside the tube; at its outline they miss it
-        assert np.median(error[string]) < 2e-6
-        assert (error[string] < 5e-5).mean() > 0.99
-        assert (error[agree & ~string & (ours > 0)] < 1e-5).mean() > 0.999
+        assert np.median(error[rope]) < 2e-6
+        assert (error[rope] < 5e-5).mean() > 0.99
+        assert (error[agree & ~rope & (ours > 0)] < 1e-5).mean() > 0.999
 
 
 def unproject_all(depth, rays):

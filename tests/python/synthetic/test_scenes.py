@@ -58,7 +58,7 @@ def test_cameras_stand_around_the_table():
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_every_view_holds_the_string(name):
+def test_every_view_holds_the_rope(name):
     made = scene(name, seed=6, noise=0.0003)
     nodes = made.truth[0]
     for pose in made.poses_true:
@@ -83,11 +83,11 @@ def test_same_seed_same_bits():
     assert np.array_equal(first.truth[0], again.truth[0])
     assert not np.array_equal(first.truth[0], other.truth[0])
     assert not np.array_equal(first.depth, other.depth)
-    # the noise has no part in how the string lies
+    # the noise has no part in how the rope lies
     assert np.array_equal(first.truth[0], scene(seed=5, views=2, noise=0.0).truth[0])
 
 
-def test_several_strings_of_ones_own():
+def test_several_ropes_of_ones_own():
     one = shape("arc") - (0.0, 0.03, 0.0)
     two = shape("straight", length=0.1) - (0.03, 0.0, 0.0)
     made = scene(chains=[one, two], seed=1, views=3)
@@ -97,7 +97,7 @@ def test_several_strings_of_ones_own():
     assert scene("pair", chains=[one], views=1).name == "pair"
 
 
-def test_large_and_small_strings():
+def test_large_and_small_ropes():
     for radius in (0.002, 0.01):
         made = scene(radius=radius, views=3)
         assert shapes.arc_lengths(made.truth[0])[-1] == pytest.approx(0.4 * radius / RADIUS, rel=1e-3)
@@ -132,7 +132,7 @@ def test_saved_in_the_format_of_the_stored_scenes(data, tmp_path):
             assert ours[key].dtype.itemsize == theirs[key].dtype.itemsize or key == "name"
             if key != "truth_0":
                 assert ours[key].shape == theirs[key].shape
-        # as the prototype reads it
+        # read without the package
         K, low, high = ours["K"], *ours["box"]
         for depth, pose, view in zip(ours["depth"], ours["poses"], made.views, strict=True):
             v, u = np.nonzero(depth)

@@ -24,7 +24,7 @@ def finer(nodes, times=3):
 
 
 def clearance(nodes, radius):
-    """Least distance between places farther apart than pi * radius along the string, in radii."""
+    """Least distance between places farther apart than pi * radius along the rope, in radii."""
     fine = finer(nodes)
     s = shapes.arc_lengths(fine)
     apart = cdist(fine, fine)[np.abs(s[:, None] - s) > np.pi * radius]
@@ -85,7 +85,7 @@ def test_strands_pass_by_turns_under_and_over(name):
     heights = np.array([z for _, z in passes])
     assert (np.sign(heights) == np.tile([-1, 1], len(heights) // 2)).all()
     assert np.abs(heights) == pytest.approx(2.1 * RADIUS, rel=0.01)
-    # down on the table at both ends, and wherever the string passes under
+    # down on the table at both ends, and wherever the rope passes under
     assert nodes[[0, -1], 2] == pytest.approx(RADIUS)
     s = shapes.arc_lengths(nodes)
     assert np.interp([at for at, z in passes if z < 0], s, nodes[:, 2]) == pytest.approx(RADIUS, rel=0.01)

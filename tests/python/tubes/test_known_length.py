@@ -12,7 +12,7 @@ from strand.config import Config
 
 @pytest.fixture(scope="module")
 def hidden_bow():
-    """A straight string with a bow of 3 cm in its middle, which a plate hides from one camera."""
+    """A straight rope with a bow of 3 cm in its middle, which a plate hides from one camera."""
     y = np.linspace(-0.15, 0.15, 601)
     x = np.where(np.abs(y) < 0.05, 0.03 * np.cos(np.pi * y / 0.1) ** 2, 0.0)
     truth = np.stack([x, y, np.full(len(y), R)], axis=1)
@@ -20,7 +20,7 @@ def hidden_bow():
     return truth, behind_a_plate(scene, (-0.04, -0.05), (0.08, 0.05), 0.022), scene.bounds
 
 
-def test_a_hidden_gap_is_bridged_by_as_much_string_as_is_missing(hidden_bow):
+def test_a_hidden_gap_is_bridged_by_as_much_rope_as_is_missing(hidden_bow):
     truth, views, bounds = hidden_bow
     (straight,) = strand.reconstruct(views, R, bounds, ropes=1).chains
     model = strand.reconstruct(views, R, bounds, ropes=1, length=length_of(truth))
@@ -90,16 +90,16 @@ def test_a_right_length_is_no_news_and_a_wrong_one_is_warned_of(published):
 
 
 @pytest.mark.parametrize("half", [0.03, 0.045])
-def test_lengths_say_which_pieces_go_together(half):
-    """Two strings that cross under a plate: straight on, one would be much longer than the other."""
+def test_lengths_say_which_segments_go_together(half):
+    """Two ropes that cross under a plate: straight on, one would be much longer than the other."""
 
-    def string(side, before, after, lift):
+    def rope(side, before, after, lift):
         y = np.linspace(-half - before, half + after, 500)
         t = np.clip(0.5 + 0.5 * y / half, 0.0, 1.0)
         x = 0.012 * side * (1.0 - 2.0 * t**3 * (10.0 - 15.0 * t + 6.0 * t * t))
         return np.stack([x, y, R + lift * np.sin(np.pi * t) ** 2], axis=1)
 
-    truth = [string(1.0, 0.12, 0.05, 0.0), string(-1.0, 0.05, 0.12, 2.2 * R)]
+    truth = [rope(1.0, 0.12, 0.05, 0.0), rope(-1.0, 0.05, 0.12, 2.2 * R)]
     scene = strand.synthetic.scene(chains=truth, seed=2, views=1)
     views = behind_a_plate(scene, (-0.01, -half - 0.004), (0.08, half + 0.004), 0.045)
     for length in (None, [length_of(nodes) for nodes in truth]):

@@ -22,7 +22,7 @@ def test_touching_strands_and_knots_come_out_whole(collected, name):
         line = strand.Chain(truth, scene.radius)
         s, distance = np.array([line.nearest(point) for point in chain.points]).T
         assert np.sqrt((distance**2).mean()) < 0.2e-3
-        assert (np.diff(s) > -1e-3).all() or (np.diff(s) < 1e-3).all(), "in order along the true string"
+        assert (np.diff(s) > -1e-3).all() or (np.diff(s) < 1e-3).all(), "in order along the true rope"
         assert chain.length == pytest.approx(line.length, rel=0.006)
 
 
@@ -34,7 +34,7 @@ def test_crossings_that_look_like_one_strand_for_long_are_told_apart(collected, 
     truth = strand.Chain(scene.truth[0], scene.radius)
     assert chain.length == pytest.approx(truth.length, rel=0.01)
     s = np.array([truth.nearest(point)[0] for point in chain.points])
-    assert (np.abs(np.diff(s)) < 4.0 * R).all(), "in order along the true string"
+    assert (np.abs(np.diff(s)) < 4.0 * R).all(), "in order along the true rope"
 
 
 def two_in_line(gap):
@@ -93,7 +93,7 @@ def test_rings_are_closed_or_not_as_the_caller_says():
         assert farthest(chain, ring) < 1.0
 
 
-def test_a_string_that_was_seen_to_have_ends_is_no_ring():
+def test_a_rope_that_was_seen_to_have_ends_is_no_ring():
     scene = strand.synthetic.scene("arc", seed=1, views=3)
     sure = with_rings(scene.views, scene.bounds, "never")
     model = with_rings(scene.views, scene.bounds, "always")

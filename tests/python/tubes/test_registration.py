@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, seen, tube
+from drawn import R, tube_seen
 
 import strand
 from strand.outliers import without_outliers
@@ -15,14 +15,14 @@ def test_half_shells_do_not_pull_into_each_other():
     axis = np.array([[-0.15, 0.0, 0.0], [0.15, 0.0, 0.0]])
     cameras = np.array([[0.0, -0.4, 0.1], [0.0, 0.4, 0.1]])
     views = [
-        strand.View.from_world(seen(tube(axis, R, 3e-4, seed), axis, camera), camera)
+        strand.View.from_world(tube_seen(axis, camera, 3e-4, seed), camera)
         for seed, camera in enumerate(cameras)
     ]
     poses, sd = strand.register_views(views, R)
     turn, centre = poses[0][:3, :3], np.array([0.0, 0.0, 0.0])
     shift = turn @ (centre - views[0].viewpoint) + poses[0][:3, 3]
     assert np.abs(shift[1:]).max() < 1e-4
-    # along the string there is only the prior: it stays within it, and says that it knows no more
+    # along the rope there is only the prior: it stays within it, and says that it knows no more
     assert abs(shift[0]) < sd[0, 3]
     assert sd[0, 3] > 0.8 * strand.Config().poses.translation_sd
     assert sd[0, 4:].max() < 0.05 * sd[0, 3]
@@ -49,7 +49,7 @@ def test_registration_finds_the_poses_and_says_how_well(paper):
             assert sd[number][3:].max() < 0.3e-3
 
 
-def test_straight_strings_slide_less_than_their_poses_were_wrong():
+def test_straight_ropes_slide_less_than_their_poses_were_wrong():
     given, found, normalised = [], [], []
     for seed in range(5):
         scene = strand.synthetic.scene("straight", seed=seed)
