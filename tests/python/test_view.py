@@ -103,7 +103,8 @@ def test_depths_whose_unit_is_not_known_are_refused(depth, scale, error, message
 
 @pytest.mark.parametrize("written", [np.asarray, np.ndarray.tolist], ids=["arrays", "lists"])
 def test_vectors_and_matrices_may_be_whole_numbers(written):
-    points = [*np.random.default_rng(7).uniform(-1.0, 1.0, (20, 3)), 0.0, 0.0, 2.0]
+    points = np.random.default_rng(7).uniform(-1.0, 1.0, (20, 3))
+    points[:, 2] += 2.0
     depth = np.full((3, 4), 2.0)
     turn = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
     camera = np.array([[200, 0, 31], [0, 210, 23], [0, 0, 1]])
