@@ -57,7 +57,7 @@ def test_a_lost_end_is_doubtful_and_the_warning_says_by_how_much():
     assert short > 40
     (warning,) = of_kind(model, "length")
     said = f"chain 0 is {chain.length * 1e3:.0f} mm long, {short} mm shorter than it is known to be"
-    assert str(warning) == said
+    assert (str(warning), warning.chains) == (said, (0,))
     # 0.4 for each radius beyond 2 % of the length and one radius
     assert warning.amount == pytest.approx(0.4 * ((0.3 - chain.length - 0.02 * 0.3) / chain.radius - 1.0))
 

@@ -100,5 +100,6 @@ def test_a_rope_that_was_seen_to_have_ends_is_no_ring():
     assert not model.chains[0].closed
     (warning,) = of_kind(model, "ring")
     assert str(warning) == "chain 0 has ends, though all ropes are said to be rings"
+    assert warning.chains == (0,)
     assert warning.amount == pytest.approx(np.log(2.0))
     assert model.confidence < 0.6 < sure.confidence
