@@ -61,7 +61,7 @@ def _in_millimetres(cloud: Array, view: View) -> Array:
 
 
 def _inverse_pose(cloud: Array, view: View) -> Array:
-    return moved(cloud, np.linalg.inv(view.pose))
+    return moved(cloud, np.asarray(np.linalg.inv(view.pose), dtype=np.float64))
 
 
 def _other_axes(turn: Array) -> Callable[[Array, View], Array]:

@@ -59,7 +59,7 @@ def load(path: str | os.PathLike[str]) -> Model:
 def _chain(data: dict[str, Any]) -> Chain:
     curve = data["curve"]
     kinds = {"points": float, "covariance": float, "points_seen": int, "views_seen": int}
-    arrays = {
+    arrays: dict[str, Any] = {
         name: None if data[name] is None else np.asarray(data[name], kind) for name, kind in kinds.items()
     }
     if curve is not None:
