@@ -18,12 +18,6 @@ from strand.synthetic import SyntheticScene
 
 
 @pytest.fixture(scope="session")
-def root() -> Path:
-    """The folder of the repository."""
-    return Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture(scope="session")
 def data() -> Path:
     """The folder of stored data."""
     return collection.DATA

@@ -116,15 +116,12 @@ def test_registration_improves_the_reported_poses(numbers):
     assert np.median(off["found"]) < 0.6 * np.median(off["given"])
 
 
-def test_the_answer_is_the_same_bits_for_any_number_of_threads(scene, numbers):
+def test_the_answer_is_the_same_bits_for_any_number_of_threads(scene, numbers, threads):
     answers = []
-    try:
-        for threads in (1, 2, 3):
-            strand.set_num_threads(threads)
-            model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=numbers)
-            answers.append((model.chains[0].points.tobytes(), model.poses.tobytes()))
-    finally:
-        strand.set_num_threads(0)
+    for count in (1, 2, 3):
+        threads(count)
+        model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=numbers)
+        answers.append((model.chains[0].points.tobytes(), model.poses.tobytes()))
     assert len(set(answers)) == 1
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strand.polyline import walk
+from strand.polyline import runs, walk
 
 
 @settings(deadline=None, max_examples=100)
@@ -26,3 +28,15 @@ def test_walking_visits_every_segment_once_and_follows_the_joins(count, seed):
                 assert link in links
                 used.add(link)
     assert used == links
+
+
+@given(st.lists(st.booleans(), max_size=30))
+def test_runs_are_the_stretches_that_are_marked(marked):
+    found = runs(np.array(marked, dtype=bool))
+    again = np.zeros(len(marked), dtype=bool)
+    for start, stop in found:
+        assert 0 <= start < stop <= len(marked)
+        again[start:stop] = True
+    assert again.tolist() == marked
+    # none can be longer
+    assert all(stop < start for (_, stop), (start, _) in pairwise(found.tolist()))

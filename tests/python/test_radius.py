@@ -33,15 +33,12 @@ def test_the_estimate_moves_with_the_data_and_scales_with_it():
     assert strand.estimate_radius([shuffled])[0][0] == pytest.approx(radius, rel=0.02)
 
 
-def test_the_estimate_is_the_same_for_any_number_of_threads():
+def test_the_estimate_is_the_same_for_any_number_of_threads(threads):
     view = strand.View.from_world(strip(0.004, 1e-3), CAMERA)
     answers = []
-    try:
-        for threads in (1, 2, 3):
-            strand.set_num_threads(threads)
-            answers.append(strand.estimate_radius([view])[0].tobytes())
-    finally:
-        strand.set_num_threads(0)
+    for count in (1, 2, 3):
+        threads(count)
+        answers.append(strand.estimate_radius([view])[0].tobytes())
     assert answers[0] == answers[1] == answers[2]
 
 

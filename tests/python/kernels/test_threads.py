@@ -17,12 +17,6 @@ from strand import (
 )
 
 
-@pytest.fixture
-def threads():
-    yield strand.set_num_threads
-    strand.set_num_threads(0)
-
-
 def test_the_number_of_threads(threads):
     assert strand.num_threads() >= 1
     threads(3)

@@ -37,16 +37,13 @@ def test_two_strands_in_contact_stay_two():
         assert np.ptp(nodes[:, 0]) > 0.18
 
 
-def test_tracing_is_the_same_for_any_number_of_threads(paper):
+def test_tracing_is_the_same_for_any_number_of_threads(paper, threads):
     (view,) = without_outliers([paper.views[3].crop(paper.bounds)], R, strand.Config().filter, widen=True)
     answers = []
-    try:
-        for threads in (1, 2, 3):
-            strand.set_num_threads(threads)
-            arcs = strand.trace_tubes(view.points, [0.0, 0.0, 0.0], R)
-            answers.append([nodes.tobytes() for nodes, _ in arcs])
-    finally:
-        strand.set_num_threads(0)
+    for count in (1, 2, 3):
+        threads(count)
+        arcs = strand.trace_tubes(view.points, [0.0, 0.0, 0.0], R)
+        answers.append([nodes.tobytes() for nodes, _ in arcs])
     assert answers[0]
     assert answers[0] == answers[1] == answers[2]
 
