@@ -245,7 +245,7 @@ class Model:
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
-        object.__setattr__(self, "poses", float_array("poses", self.poses, ("V", 4, 4)))
+        object.__setattr__(self, "poses", finite_array("poses", self.poses, ("V", 4, 4)))
         object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, ("V", 6)))
         known = not isinstance(self.confidence, float) or not np.isnan(self.confidence)
         if known and not 0.0 <= number("confidence", self.confidence) <= 1.0:

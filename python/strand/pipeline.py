@@ -137,9 +137,11 @@ def reconstruct(
     chains = tuple(oriented(kept, () if previous is None else previous.chains))
     against = contradictions(chains, found.chains[len(chains) :], prior, found.all_rings)
     run.warnings.extend(
-        ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount) for doubt in against
+        ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount, about) for doubt, about in against
     )
-    doubts = sorted([*(found.doubts or ()), *against], key=lambda doubt: -doubt.amount)
+    doubts = sorted(
+        [*(found.doubts or ()), *(doubt for doubt, _ in against)], key=lambda doubt: -doubt.amount
+    )
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd

@@ -68,6 +68,8 @@ class View:
         each point, from 0 to 1.
     """
 
+    __slots__ = ("_colors", "_dropped", "_image", "_points", "_pose")
+
     def __init__(
         self,
         points: ArrayLike,

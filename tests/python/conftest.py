@@ -1,19 +1,16 @@
-"""What several files share: the data folder, the scenes, the real frames, the measure of a reconstruction."""
+"""What several files share: stored data, scenes, models, real frames, the measure of a reconstruction."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benches"))
-
 import collection
 import frames
+import numpy as np
+import pytest
+from drawn import R
 from measure import Measure, measured
 
 import strand
@@ -33,6 +30,30 @@ def collected() -> Callable[[str], SyntheticScene]:
 
 
 @pytest.fixture(scope="session")
+def paper() -> SyntheticScene:
+    """The published experiment, simulated."""
+    return strand.synthetic.scene("paper", seed=3)
+
+
+@pytest.fixture(scope="session")
+def paper_model(paper: SyntheticScene) -> strand.Model:
+    """What the default method makes of it, with the stages."""
+    return strand.reconstruct(paper.views, paper.radius, paper.bounds, keep_stages=True)
+
+
+@pytest.fixture(scope="session")
+def tucked_under() -> SyntheticScene:
+    """A rope whose end lies under another one, one radius beyond its axis, seen from one place."""
+    over = [
+        np.linspace(-0.1, 0.1, 201),
+        np.zeros(201),
+        R + 2.2 * R * np.exp(-((np.arange(-100, 101) / 20) ** 2)),
+    ]
+    under = [np.zeros(111), np.linspace(-0.11 + R, R, 111), np.full(111, R)]
+    return strand.synthetic.scene(chains=[np.stack(over, axis=1), np.stack(under, axis=1)], views=1, seed=5)
+
+
+@pytest.fixture(scope="session")
 def frame() -> Callable[[str], strand.View]:
     """A real depth frame by its number, in the camera frame: x right, y down, z forward."""
     return lambda name: strand.View.from_depth(frames.depth(name), frames.intrinsics())
@@ -42,3 +63,10 @@ def frame() -> Callable[[str], strand.View]:
 def measure() -> Callable[[strand.Model, Sequence[np.ndarray], float], Measure]:
     """How well a model matches true centrelines."""
     return lambda model, truth, radius: measured([chain.points for chain in model.chains], truth, radius)
+
+
+@pytest.fixture
+def threads() -> Iterator[Callable[[int], None]]:
+    """Sets the number of threads; afterwards it is as it was."""
+    yield strand.set_num_threads
+    strand.set_num_threads(0)

@@ -1,3 +1,7 @@
+"""The command line."""
+
+from __future__ import annotations
+
 import contextlib
 import io
 import os
@@ -52,36 +56,44 @@ def demo(tmp_path_factory):
     return code, out.getvalue(), err.getvalue(), folder
 
 
-def test_demo_prints_stages_counts_and_errors(demo):
+def test_demo_shows_both_methods_the_default_one_first(demo):
     code, out, err, _ = demo
     assert code == 0
-    names = re.findall(r"^(\w+) +\d+ +\d+ +\d+\.\d$", out, re.MULTILINE)
-    assert names == PUBLISHED_STAGES
-    points = [tuple(map(int, row)) for row in re.findall(r"^\w+ +(\d+) +(\d+) +\d+\.\d$", out, re.MULTILINE)]
-    assert points[0][0] > points[0][1] > 1000
-    assert all(before[1] == after[0] for before, after in pairwise(points))
-    counts = re.findall(r"^([a-z ]+?) +(\d+) +(\d+)$", out, re.MULTILINE)
+    default, published = out.split("The published method\n")
+    assert default.startswith("The default method\n")
+    for said, names in ((default, STAGES), (published, PUBLISHED_STAGES)):
+        rows = re.findall(r"^(\w+) +(\d+)? +(\d+)? +\d+\.\d$", said, re.MULTILINE)
+        assert [name for name, *_ in rows if name != "total"] == names
+        points = [(int(before), int(after)) for _, before, after in rows if before]
+        assert points[0][0] > points[0][1] > 1000
+        assert len(points) > 4
+        assert all(before[1] == after[0] for before, after in pairwise(points))
+        assert re.search(
+            r"^rope 1: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", said, re.MULTILINE
+        )
+        assert "rope 2" not in said
+    assert re.search(r"^whole ropes +1$", default, re.MULTILINE)
+    counts = re.findall(r"^([a-z ]+?) +(\d+) +(\d+)$", published, re.MULTILINE)
     assert [(name, paper) for name, _, paper in counts] == [
         ("chains traced", "3"),
         ("segments after the split", "7"),
         ("whole strings", "1"),
     ]
     assert [here for _, here, _ in counts[1:]] == ["7", "1"]
-    assert re.search(
-        r"^string 1: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", out, re.MULTILINE
-    )
     assert [line for line in err.splitlines() if "warning" not in line] == [
-        f"strand: {name}" for name in PUBLISHED_STAGES
+        f"strand: {name}" for name in (*STAGES, *PUBLISHED_STAGES)
     ]
 
 
-def test_demo_writes_model_and_figures(demo):
+def test_demo_writes_models_and_figures_of_both_methods(demo):
     _, out, _, folder = demo
-    names = sorted(path.name for path in folder.iterdir())
-    assert len(names) == 10
-    assert [name for name in names if not name.endswith(".png")] == ["model.json"]
-    assert sorted(out.splitlines()[-10:]) == sorted(str(folder / name) for name in names)
-    assert len(strand.load(folder / "model.json").chains) == 1
+    written = sorted(str(path) for path in folder.rglob("*") if path.is_file())
+    assert sorted(line for line in out.splitlines() if line.startswith(str(folder))) == written
+    for place, method, figures in ((folder, "tubes", 7), (folder / "published", "published", 9)):
+        assert len(list(place.glob("*.png"))) == figures
+        model = strand.load(place / "model.json")
+        assert (model.method, len(model.chains)) == (method, 1)
+    assert len(written) == 7 + 9 + 2
 
 
 def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
@@ -132,7 +144,7 @@ def test_published_method_by_its_name(scene_npz, tmp_path, capsys):
     write_folder(tmp_path, radius="")
     assert main(["reconstruct", str(tmp_path), *command]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "strand: error: radius: the published method needs it, and the scene has none; give --radius"
+        "strand: error: radius: the published method needs the ropes' one radius, metres"
     ]
     assert main(["reconstruct", str(tmp_path), *command, "--radius", "4.2mm"]) == 0
 
@@ -288,7 +300,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
     def fail(_):
         raise error
 
-    monkeypatch.setattr(cli.io, "load_scene", fail)
+    monkeypatch.setattr(cli, "load_scene", fail)
     assert main(["reconstruct", "a.npz", "-o", "a.json"]) == code
     assert capsys.readouterr().err.splitlines() == [line]
 
@@ -297,7 +309,7 @@ def test_errors_of_ours_are_not_hidden(monkeypatch):
     def fail(_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli.io, "load_scene", fail)
+    monkeypatch.setattr(cli, "load_scene", fail)
     with pytest.raises(ZeroDivisionError):
         main(["reconstruct", "a.npz", "-o", "a.json"])
 

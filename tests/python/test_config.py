@@ -46,6 +46,24 @@ def test_a_wrong_file_is_refused_with_what_is_accepted(tmp_path, text, message):
         config.load(path)
 
 
+def test_the_published_method_is_one_configuration():
+    assert strand.Config(method="published") == strand.Config.published()
+    assert strand.Config.published().filter == strand.Config().filter
+    assert strand.Config.published() != strand.Config()
+
+
+def test_a_method_that_there_is_not_is_refused():
+    with pytest.raises(ValueError, match=r"Config\.method: expected one of tubes, published, got 'tube'"):
+        strand.Config(method="tube")
+
+
+def test_numbers_that_would_fill_the_memory_are_refused():
+    for wrong in ({"spacing": 1e-6}, {"node_spacing": 1e-12}, {"rounds": 0}, {"min_bend": 0.5}):
+        (name,) = wrong
+        with pytest.raises(ValueError, match=rf"Tubes\.{name}: expected at least"):
+            config.Tubes(**wrong)
+
+
 def test_a_section_of_another_kind_is_refused():
     with pytest.raises(TypeError, match=r"Config\.tracing: expected a Tracing"):
         strand.Config(tracing=config.Filter())  # type: ignore[arg-type]

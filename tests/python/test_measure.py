@@ -68,10 +68,10 @@ def test_a_shortcut_is_wrong_though_every_node_is_on_the_rope(rope):
     assert found.crossings == Crossings(0, 1, 0)
 
 
-def test_a_rope_in_two_pieces_is_wrong(rope):
+def test_a_rope_in_two_parts_is_wrong(rope):
     found = measured([rope[:150], rope[149:]], [rope], R)
     assert (found.chains, found.ropes, found.right) == (2, 1, False)
-    # the better piece is measured all the same
+    # the better part is measured all the same
     assert np.isfinite([found.frechet, found.rms, found.length_error]).all()
 
 

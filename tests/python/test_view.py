@@ -1,4 +1,4 @@
-"""Cameras, poses and views."""
+"""Views: what a camera saw, and where it stood."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 
 import strand
 from strand import View
+from strand.view import DepthImage
 
 INTRINSICS = np.array([[200.0, 0.0, 31.5], [0.0, 210.0, 23.5], [0.0, 0.0, 1.0]])
 
@@ -62,6 +63,99 @@ def test_a_depth_image_is_copied_and_cropping_it_is_cropping_its_points():
         _ = copied.nothing
 
 
+@pytest.mark.parametrize("kind", [np.uint16, np.int32, np.float32, np.float64])
+def test_a_depth_scale_says_what_a_unit_is(kind):
+    millimetres = np.random.default_rng(6).integers(0, 900, (12, 16)).astype(kind)
+    assert (millimetres == 0).sum() + 1 < millimetres.size
+    view = View.from_depth(millimetres, INTRINSICS, depth_scale=0.001)
+    want = View.from_depth(millimetres.astype(float) * 0.001, INTRINSICS)
+    np.testing.assert_array_equal(view.points, want.points)
+    assert view.dropped == 0
+    whole_metres = View.from_depth(np.full((12, 16), 2, dtype=kind), INTRINSICS, depth_scale=1)
+    assert (whole_metres.points[:, 2] == 2.0).all()
+
+
+def test_broken_pixels_are_counted_whatever_the_unit():
+    depth = np.full((3, 4), 500.0)
+    depth[0, 0], depth[1, 1], depth[2, 2] = 0.0, np.nan, np.inf
+    view = View.from_depth(depth, INTRINSICS, depth_scale=0.001)
+    assert (len(view.points), view.dropped) == (9, 2)
+    np.testing.assert_allclose(view.points[:, 2], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("depth", "scale", "error", "message"),
+    [
+        (np.ones((3, 4), np.uint16), None, TypeError, "depth: .*metres, got dtype uint16; depth_scale= says"),
+        (np.ones((3, 4), int).tolist(), None, TypeError, "depth: .* 0.001 for millimetres"),
+        (np.ones((3, 4), bool), 0.001, TypeError, "depth: expected numbers, got dtype bool"),
+        (np.full((3, 4), -1), 0.001, ValueError, "depth: expected depths >= 0"),
+        (np.ones((3, 4), np.uint16), 0.0, ValueError, "depth_scale: expected a positive"),
+        (np.ones((3, 4), np.uint16), np.nan, ValueError, "depth_scale: expected a positive"),
+        (np.ones((3, 4), np.uint16), "mm", TypeError, "depth_scale: expected a number"),
+        (np.ones((3, 4, 1), np.uint16), 0.001, ValueError, r"depth: expected shape \(H, W\)"),
+    ],
+)
+def test_depths_whose_unit_is_not_known_are_refused(depth, scale, error, message):
+    with pytest.raises(error, match=message):
+        View.from_depth(depth, INTRINSICS, depth_scale=scale)
+
+
+@pytest.mark.parametrize("written", [np.asarray, np.ndarray.tolist], ids=["arrays", "lists"])
+def test_vectors_and_matrices_may_be_whole_numbers(written):
+    points = np.random.default_rng(7).uniform(-1.0, 1.0, (20, 3))
+    points[:, 2] += 2.0
+    depth = np.full((3, 4), 2.0)
+    turn = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    camera = np.array([[200, 0, 31], [0, 210, 23], [0, 0, 1]])
+    viewpoint, low, high = np.array([1, 2, 3]), np.array([0, 0, 1]), np.array([1, 1, 2])
+    for make in (
+        lambda like: View(points, like(turn)).world_points,
+        lambda like: View.from_depth(depth, like(camera), like(turn)).world_points,
+        lambda like: View.from_world(points, like(viewpoint)).points,
+        lambda like: View(points).crop((like(low), like(high))).points,
+    ):
+        given = make(written)
+        assert given.size
+        np.testing.assert_array_equal(given, make(np.float64))
+
+
+def test_what_a_view_holds_cannot_be_assigned():
+    view = View(np.ones((4, 3)))
+    names = ("points", "pose", "dropped", "colors", "image", "measured", "viewpoint", "world_points")
+    for name in (*names, "colours"):
+        with pytest.raises(AttributeError, match=name):
+            setattr(view, name, None)
+    np.testing.assert_array_equal(view.points, np.ones((4, 3)))
+
+
+def test_a_view_shows_what_it_is_in_one_line_and_makes_no_points_for_that():
+    view = View.from_depth(np.ones((12, 16)), INTRINSICS)
+    assert repr(view) == "View(depth image of 16 x 12 pixels, camera at [0.0, 0.0, 0.0] m)"
+    assert isinstance(view.measured, DepthImage)
+    assert view.measured is view.image
+    assert view.points.shape == (192, 3)
+    assert repr(view) == "View(192 points, camera at [0.0, 0.0, 0.0] m)"
+    assert view.measured is view.points
+
+
+def test_parts_and_moved_views_keep_what_belongs_to_the_points():
+    rng = np.random.default_rng(8)
+    points, colors = rng.normal(size=(20, 3)), rng.uniform(size=(20, 3))
+    view = View(points, random_pose(9), dropped=3, colors=colors)
+    chosen = rng.random(20) < 0.5
+    some = view.only(chosen)
+    np.testing.assert_array_equal(some.points, points[chosen])
+    np.testing.assert_array_equal(some.colors, colors[chosen])
+    np.testing.assert_array_equal(some.pose, view.pose)
+    motion = random_pose(10)
+    moved = view.moved(motion)
+    want = view.world_points @ motion[:3, :3].T + motion[:3, 3]
+    np.testing.assert_allclose(moved.world_points, want, atol=1e-12)
+    assert moved.points is view.points
+    assert (some.dropped, moved.dropped) == (3, 3)
+
+
 def test_what_the_caller_does_with_its_pose_later_changes_no_view():
     for made in (
         lambda pose: View(np.ones((4, 3)), pose),
@@ -101,26 +195,6 @@ def test_crop_keeps_the_faces_of_the_box_and_everything_inside():
     assert len(moved.crop((low, high)).points) == 5
     high[1] = np.inf
     assert len(moved.crop((low, high)).points) == 5
-
-
-def test_rotation_is_the_product_about_x_then_y_then_z():
-    x, y, z = (strand.rotation_xyz(*angles) for angles in ((0.3, 0, 0), (0, -0.7, 0), (0, 0, 1.1)))
-    np.testing.assert_allclose(strand.rotation_xyz(0.3, -0.7, 1.1), x @ y @ z, atol=1e-15)
-    np.testing.assert_allclose(strand.rotation_xyz(0, 0, np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(strand.rotation_xyz(np.pi / 2, 0, 0) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
-
-
-def test_a_point_of_the_plate_stays_where_it_is_when_the_plate_turns():
-    camera, centre, axis, angle = random_pose(4), np.array([0.1, 0.2, 0.0]), np.array([0.1, 0.0, 2.0]), 0.8
-    on_plate = np.array([0.3, -0.1, 0.05])
-    # the fixed camera sees the turned point where the moved camera sees the unturned one
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    turned = centre + turn @ (on_plate - centre)
-    seen = camera[:3, :3].T @ (turned - camera[:3, 3])
-    pose = strand.turntable_pose(camera, angle, centre, axis)
-    np.testing.assert_allclose(pose[:3, :3] @ seen + pose[:3, 3], on_plate, atol=1e-12)
 
 
 @pytest.mark.parametrize("layout", ["fortran", "strided", "float32", "big endian"])
@@ -164,11 +238,49 @@ def spoiled(row: int, column: int, value: float) -> np.ndarray:
         (lambda: View.from_world(np.zeros((2, 3)), [0.0, 1.0]), ValueError, "viewpoint"),
         (lambda: View(np.zeros((2, 3))).crop(([0.0] * 3, [0.0, 1.0, 1.0])), ValueError, "bounds"),
         (lambda: View(np.zeros((2, 3))).crop([0.0] * 3), ValueError, "bounds"),
-        (lambda: strand.turntable_pose(np.eye(4), 0.1, axis=[0.0, 0.0, 0.0]), ValueError, "axis"),
-        (lambda: strand.turntable_pose(np.eye(4), np.nan), ValueError, "angle"),
-        (lambda: strand.pose_from_angles(0.0, np.inf, 0.0, [0.0] * 3), ValueError, "angles"),
     ],
 )
 def test_wrong_input_is_refused_by_name(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+K = np.array([[300.0, 0, 3.0], [0, 300.0, 2.0], [0, 0, 1.0]])
+
+
+def test_a_depth_image_brings_the_colours_of_its_pixels():
+    depth = np.zeros((4, 6))
+    depth[1, 2], depth[3, 5], depth[0, 0] = 0.5, 0.6, np.nan
+    colors = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
+    view = View.from_depth(depth, K, colors=colors)
+    np.testing.assert_array_equal(view.colors, colors[[1, 3], [2, 5]] / 255.0)
+    np.testing.assert_array_equal(View.from_depth(depth, K, colors=colors / 255.0).colors, view.colors)
+    cropped = view.crop(([-1.0, -1.0, 0.55], [1.0, 1.0, 1.0]))
+    np.testing.assert_array_equal(cropped.colors, view.colors[1:])
+    assert cropped.dropped == 1
+    assert View.from_depth(depth, K).colors is None
+
+
+def test_colours_belong_to_the_view():
+    points, colors = np.zeros((2, 3)), np.full((2, 3), 0.5)
+    view = View(points, colors=colors)
+    colors[:] = 0.0
+    assert (view.colors == 0.5).all()
+    world = View.from_world(points, [0.0, 0.0, 1.0], np.full((2, 3), 255, dtype=np.uint8))
+    assert (world.colors == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("colors", "error", "message"),
+    [
+        (np.zeros((3, 3)), ValueError, r"colors: expected shape \(2, 3\)"),
+        (np.zeros((2, 4)), ValueError, r"colors: expected shape \(2, 3\)"),
+        (np.full((2, 3), 1.5), ValueError, "colors: expected colours from 0 to 1"),
+        (np.full((2, 3), -0.5), ValueError, "colors: expected colours from 0 to 1"),
+        (np.full((2, 3), np.nan), ValueError, "colors: expected finite"),
+        (np.zeros((2, 3), dtype=np.int64), TypeError, "colors: expected floating point"),
+    ],
+)
+def test_wrong_colours_are_refused(colors, error, message):
+    with pytest.raises(error, match=message):
+        View(np.zeros((2, 3)), colors=colors)

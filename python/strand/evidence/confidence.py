@@ -33,7 +33,7 @@ def doubt_of_margin(margin: float) -> float:
 
 def contradictions(
     chains: Sequence[Chain], left_out: Sequence[Chain], prior: Prior, all_rings: bool
-) -> list[Doubt]:
+) -> list[tuple[Doubt, tuple[int, ...]]]:
     """Say where the ropes that were found are not as they are known to be.
 
     Parameters
@@ -48,12 +48,15 @@ def contradictions(
 
     Returns
     -------
-    list of Doubt
+    list of (Doubt, tuple of int)
+        Each with the numbers of the chains that it is about.
     """
-    found: list[Doubt] = []
+    found: list[tuple[Doubt, tuple[int, ...]]] = []
 
-    def contradicts(kind: str, amount: float, reason: str, place: Array | None = None) -> None:
-        found.append(Doubt(kind, amount, "whether that is right", reason, place))
+    def contradicts(
+        kind: str, amount: float, reason: str, place: Array | None = None, about: tuple[int, ...] = ()
+    ) -> None:
+        found.append((Doubt(kind, amount, "whether that is right", reason, place), about))
 
     if prior.ropes is not None and len(chains) < prior.ropes:
         amount = math.log(prior.ropes / len(chains))
@@ -76,7 +79,9 @@ def contradictions(
                 _LENGTH * off,
                 f"chain {number} is {chain.length * 1e3:.0f} mm long, {abs(more) * 1e3:.0f} mm "
                 f"{'longer' if more > 0 else 'shorter'} than it is known to be",
+                about=(number,),
             )
         if all_rings and not chain.closed:
-            contradicts("ring", _OPEN, f"chain {number} has ends, though all ropes are said to be rings")
+            reason = f"chain {number} has ends, though all ropes are said to be rings"
+            contradicts("ring", _OPEN, reason, about=(number,))
     return found

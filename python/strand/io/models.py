@@ -6,7 +6,6 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strand.chain import Chain
 from strand.curve import Curve
@@ -60,7 +59,7 @@ def load(path: str | os.PathLike[str]) -> Model:
 def _chain(data: dict[str, Any]) -> Chain:
     curve = data["curve"]
     kinds = {"points": float, "covariance": float, "points_seen": int, "views_seen": int}
-    arrays: dict[str, NDArray[Any] | None] = {
+    arrays: dict[str, Any] = {
         name: None if data[name] is None else np.asarray(data[name], kind) for name, kind in kinds.items()
     }
     if curve is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import strand
 from strand import synthetic
 from strand._core import EndObservation, spline_through
-from strand.model import Alternative, Doubt
+from strand.model import Alternative, Doubt, ModelWarning
 
 R = 0.0042
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
@@ -47,7 +46,11 @@ FUNCTIONS = {
     ),
     "Chain": (strand.Chain, {"points": LINE, "radius": R, "closed": False, "radius_sd": 1e-5}),
     "Join": (strand.Join, {"place": LINE[0], "chains": (0,), "margin": 1.0}),
-    "Doubt": (Doubt, {"amount": 0.1, "about": "where", "reason": "hidden"}),
+    "Doubt": (Doubt, {"kind": "end", "amount": 0.1, "about": "where", "reason": "hidden"}),
+    "ModelWarning": (
+        ModelWarning,
+        {"kind": "branch", "message": "where", "place": LINE[0], "amount": 0.1, "chains": (0, 1), "view": 0},
+    ),
     "Alternative": (Alternative, {"cost": 1.0, "chains": (LINE,)}),
     "Model": (
         strand.Model,
@@ -66,7 +69,7 @@ FUNCTIONS = {
     "reconstruct": (strand.reconstruct, {"views": CLOUDS, "keep_stages": False}),
     "turntable_pose": (strand.turntable_pose, {"camera": np.eye(4), "angle": 0.1}),
     "rotation_xyz": (strand.rotation_xyz, {"rx": 0.1, "ry": 0.1, "rz": 0.1}),
-    "tangle": (synthetic.tangle, {"crossings": 1, "ropes": 1, "radius": R, "seed": 0}),
+    "random_ropes": (synthetic.random_ropes, {"crossings": 1, "ropes": 1, "radius": R, "seed": 0}),
     "camera_pose": (synthetic.camera_pose, {"azimuth": 0.1, "distance": 0.5, "elevation": 0.7}),
     "render_depth": (
         synthetic.render_depth,
@@ -80,6 +83,7 @@ FUNCTIONS = {
 }
 SIGNED = (
     ("Join", "margin"),
+    ("ModelWarning", "amount"),
     ("Alternative", "cost"),
     ("turntable_pose", "angle"),
     *(("rotation_xyz", angle) for angle in ("rx", "ry", "rz")),
@@ -99,6 +103,10 @@ ACCEPTED = {
     ("Model", "doubts", "[]"),
     ("Model", "alternatives", "[]"),
     ("Doubt", "about", "'a'"),
+    ("Doubt", "place", "None"),
+    ("ModelWarning", "message", "'a'"),
+    ("ModelWarning", "chains", "[]"),
+    *(("ModelWarning", argument, "None") for argument in ("place", "amount", "view")),
     ("Doubt", "reason", "'a'"),
     ("Alternative", "chains", "[]"),
     ("render_depth", "chains", "[]"),
@@ -111,9 +119,9 @@ ACCEPTED = {
 def test_errors_name_the_argument(name):
     function, usual = FUNCTIONS[name]
     for argument in usual:
-        for wrong in WRONG:
-            if (name, argument, repr(wrong)) in ACCEPTED:
-                continue
+        refused = [wrong for wrong in WRONG if (name, argument, repr(wrong)) not in ACCEPTED]
+        assert len(refused) > len(WRONG) - 3
+        for wrong in refused:
             with pytest.raises((TypeError, ValueError)) as caught:
                 function(**{**usual, argument: wrong})
             # what pyo3 refuses has the name in a note
@@ -138,10 +146,21 @@ def test_end_observations_are_checked(argument, value, match):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Doubt(-0.1, "where", "hidden"), "amount: expected a number >= 0"),
-        (lambda: Doubt(0.1, 5, "hidden"), "about: expected text, got int"),
-        (lambda: Doubt(0.1, "where", b"hidden"), "reason: expected text, got bytes"),
-        (lambda: Doubt(0.1, "where", "hidden", LINE), r"place: expected shape \(3\)"),
+        (lambda: Doubt("end", -0.1, "where", "hidden"), "amount: expected a number >= 0"),
+        (lambda: Doubt("end", 0.1, 5, "hidden"), "about: expected text, got int"),
+        (lambda: Doubt("end", 0.1, "where", b"hidden"), "reason: expected text, got bytes"),
+        (lambda: Doubt("end", 0.1, "where", "hidden", LINE), r"place: expected shape \(3,\)"),
+        (
+            lambda: Doubt("ends", 0.1, "where", "hidden"),
+            "kind: expected one of join, rival, end, .*ring, got 'ends'",
+        ),
+        (lambda: ModelWarning("magic", "where"), "kind: expected one of join, .*unused view, got 'magic'"),
+        (lambda: ModelWarning("branch", "where", chains=(0, -1)), "chains: expected at least 0"),
+        (lambda: ModelWarning("unused view", "where", view=1.5), "view: expected an integer"),
+        (
+            lambda: strand.Model((), SCENE.poses, warnings=("a",)),
+            r"warnings\[0\]: expected type ModelWarning",
+        ),
         (lambda: Alternative(np.inf, (LINE,)), "cost: expected a finite number"),
         (lambda: Alternative(1.0, (LINE, LINE[:, :2])), r"chains\[1\]: expected shape \(N, 3\)"),
         (lambda: Alternative(1.0, (np.full((2, 3), np.nan),)), r"chains\[0\]: expected finite"),
@@ -158,7 +177,7 @@ def test_doubts_and_alternatives_that_make_no_sense_are_refused(make, message):
 
 
 def test_doubts_and_alternatives_are_kept_as_tuples_of_float_arrays():
-    doubt = Doubt(np.float64(0.5), "where", "hidden", LINE[0].tolist())
+    doubt = Doubt("end", np.float64(0.5), "where", "hidden", LINE[0].tolist())
     other = Alternative(2, [LINE.tolist()])
     model = strand.Model((), SCENE.poses, doubts=[doubt], alternatives=[other])
     assert (model.doubts, model.alternatives) == ((doubt,), (other,))
@@ -174,25 +193,6 @@ def test_an_end_observed_by_a_view_that_is_not_there_is_refused():
         strand.fit_tubes(**{**FIT, "end_observations": [beyond]})
 
 
-@pytest.mark.parametrize(
-    ("argument", "value"),
-    [("crossings", 10**9), ("ropes", 10**9), ("radius", 1e9), ("radius", 10**400), ("seed", -1)],
-)
-def test_absurd_tangles_are_refused_at_once(argument, value):
-    with pytest.raises(ValueError, match=argument):
-        synthetic.tangle(**{argument: value})
-
-
 def test_extraction_ranges_may_be_whole_numbers():
     radii, _ = strand.estimate_radius(CLOUDS, ([-1, -1, -1], [1, 1, 1]))
     assert radii.tolist() == strand.estimate_radius(CLOUDS)[0].tolist()
-
-
-def test_the_next_view_leaves_out_a_camera_at_the_place():
-    place = LINE[80]
-    poses = SCENE.poses.copy()
-    poses[0, :3, 3] = place
-    model = strand.Model((CHAIN,), poses, joins=(strand.Join(place, (0,), 1.0),))
-    assert np.isfinite(model.next_view()).all()
-    with pytest.raises(ValueError, match="poses"):
-        replace(model, poses=poses[:1]).next_view()

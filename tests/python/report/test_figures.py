@@ -1,11 +1,16 @@
+"""One figure for each stage."""
+
+from __future__ import annotations
+
 import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from strand import TubeFit, figures
-from strand.model import Chain, Model
+from strand import Chain, Model, TubeFit
+from strand.report import figures
+from strand.report.sheet import PALETTE
 
 RADIUS = 0.004
 S = np.linspace(0.0, 0.2, 41)
@@ -36,7 +41,7 @@ def model_of(**changes):
         "segments": (LINE[:20], LINE[20:27], LINE[30:]),
     }
     chains = changes.pop("chains", (Chain(LINE, RADIUS),))
-    return Model(chains, poses, {}, (), stages | changes)
+    return Model(chains, poses, {}, (), stages | changes, method="published")
 
 
 def seen_chain(points=LINE, bridged=(20, 30), closed=False):
@@ -85,7 +90,7 @@ def tube_model_of(explained=0.9, **changes):
         "fit": fit,
     }
     chains = changes.pop("chains", (seen_chain(),))
-    return Model(chains, model_of().poses, {}, (), stages | changes)
+    return Model(chains, model_of().poses, {}, (), stages | changes, method="tubes")
 
 
 PUBLISHED_FIGURES = [
@@ -104,7 +109,7 @@ FIGURES = [
     "2-filtered.png",
     "3-registered.png",
     "4-arcs.png",
-    "5-strings.png",
+    "5-ropes.png",
     "6-residuals.png",
     "7-uncertainty.png",
 ]
@@ -158,17 +163,6 @@ def test_same_model_same_bytes(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_plan_is_seen_from_the_cameras(axis, side):
-    viewpoints = np.full((2, 3), [[0.1], [-0.1]])
-    viewpoints[:, axis] = side
-    plan = figures.Plan.towards(viewpoints, np.zeros((1, 3)))
-    right, up, towards = (plan.signs[k] * np.eye(3)[plan.axes[k]] for k in range(3))
-    np.testing.assert_array_equal(towards, side * np.eye(3)[axis])
-    np.testing.assert_array_equal(np.cross(right, up), towards)
-
-
 @pytest.mark.parametrize("upper", [0, 1])
 def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
     s = np.linspace(-0.1, 0.1, 21)[:, None]
@@ -179,7 +173,7 @@ def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
     figures.plot_over_points(model, np.vstack(strands), tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
-    colours = [np.array([int(c[i : i + 2], 16) for i in (1, 3, 5)]) for c in figures.PALETTE[:2]]
+    colours = [np.array([int(c[i : i + 2], 16) for i in (1, 3, 5)]) for c in PALETTE[:2]]
     near = [np.abs(pixels - colour).max(axis=2) < 12 for colour in colours]
     # the crossing is the middle of what either strand covers, away from the legend
     rows, columns = np.nonzero((near[0] | near[1])[:-100])
@@ -200,8 +194,8 @@ def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
         (figures.segments, {"chains": ()}),
         (figures.segments, {"segments": (LINE[:2],)}),
         (figures.chains, {"traced": tuple(LINE[i : i + 3] for i in range(30))}),
-        (figures.strings, {"chains": ()}),
-        (figures.strings, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
+        (figures.ropes, {"chains": ()}),
+        (figures.ropes, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
         (figures.raw, {"raw": tuple(tube(0)[0][:30] for _ in range(40))}),
         (figures.raw, {"raw": (LINE[:1],)}),
     ],
@@ -217,8 +211,8 @@ def test_draws_odd_models(draw, changes):
     [
         (figures.arcs, {"arcs": ()}),
         (figures.arcs, {"arcs": (LINE[:2],) * 12}),
-        (figures.strings, {"chains": ()}),
-        (figures.strings, {"chains": (seen_chain(bridged=(0, 41)),)}),
+        (figures.ropes, {"chains": ()}),
+        (figures.ropes, {"chains": (seen_chain(bridged=(0, 41)),)}),
         (figures.residuals, {"explained": 0.0}),
         (figures.residuals, {"explained": 1.0}),
         (figures.uncertainty, {"chains": ()}),
@@ -249,7 +243,7 @@ def test_uncertainty_is_that_of_the_worst_direction():
 
 @pytest.mark.parametrize(("bridged", "marked"), [((0, 0), False), ((20, 30), True)])
 def test_bridged_nodes_are_marked_and_named(bridged, marked):
-    for draw in (figures.strings, figures.uncertainty):
+    for draw in (figures.ropes, figures.uncertainty):
         (legend,) = draw(tube_model_of(chains=(seen_chain(bridged=bridged),))).legends
         assert ("node without points" in [text.get_text() for text in legend.get_texts()]) == marked
 

@@ -1,45 +1,13 @@
-"""Simulated scenes and real frames."""
+"""Real depth frames of a rope between two grippers."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from measure import Crossings
 
 import strand
 
 PUBLISHED = strand.Config.published()
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["straight_0.3mm", "straight_0.7mm", "arc_0.3mm", "arc_0.7mm", "s_0.3mm", "s_0.7mm", "figure8_low"],
-)
-def test_the_published_method_holds_on_plain_strings_and_steep_crossings(collected, measure, name):
-    scene = collected(name)
-    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=PUBLISHED)
-    found = measure(model, scene.truth, scene.radius)
-    assert found.right
-    assert found.rms < 1e-3
-    assert found.length_error < 0.01
-    assert found.crossings.found == found.crossings.true == found.crossings.right
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_papers_string_is_cut_in_seven_and_made_whole(measure, seed):
-    scene = strand.synthetic.scene("paper", seed=seed)
-    model = strand.reconstruct(
-        scene.views, scene.radius, scene.bounds, ropes=1, config=PUBLISHED, keep_stages=True
-    )
-    assert len(model.stages["segments"]) == 7
-    assert len(model.chains) == 1
-    found = measure(model, scene.truth, scene.radius)
-    assert found.right
-    assert found.rms < 1e-3
-    assert found.length_error < 0.02
-    assert found.crossings == Crossings(found=3, true=3, right=3)
-
-
 # where the two grippers hold the rope, and the crossing, in the camera frame; read off the colour images
 FRAMES = {
     "0500": ([-0.060, -0.111], [0.070, -0.103], [0.000, -0.065]),

@@ -1,9 +1,13 @@
+"""What a reconstruction did, in numbers and lines of text."""
+
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
 import strand
-from strand import report
-from strand.model import Chain, Model
+from strand import Chain, Model
+from strand.report import tables
 
 LINE = np.stack([np.linspace(0.0, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
 RADIUS = 0.004
@@ -11,18 +15,19 @@ RADIUS = 0.004
 
 def model_of(*lines, **stages):
     chains = tuple(Chain(line, RADIUS) for line in lines)
-    names = report.STAGE_ARRAYS["tubes" if "arcs" in stages else "published"]
-    return Model(chains, np.eye(4)[None], dict.fromkeys(names, 0.0015), (), stages)
+    method = "tubes" if "arcs" in stages else "published"
+    timings = dict.fromkeys(tables.STAGE_ARRAYS[method], 0.0015)
+    return Model(chains, np.eye(4)[None], timings, (), stages, method=method)
 
 
 def test_accuracy_of_a_shifted_chain():
-    found = report.accuracy(Chain(LINE + np.array([0, 0.001, 0]), RADIUS), LINE)
+    found = tables.accuracy(Chain(LINE + np.array([0, 0.001, 0]), RADIUS), LINE)
     assert found.rms == pytest.approx(0.001)
     assert found.length_error == pytest.approx(0)
 
 
-def test_accuracy_of_a_chain_with_a_piece_missing():
-    found = report.accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
+def test_accuracy_of_a_chain_with_a_part_missing():
+    found = tables.accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
     assert found.rms == pytest.approx(0, abs=1e-8)
     assert found.length_error == pytest.approx(-0.25)
 
@@ -31,8 +36,8 @@ def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
     # one node far from the truth, most nodes on it
     few = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0.2, 0, 0]])
     crowded = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
-    want = report.accuracy(Chain(few, RADIUS), LINE).rms
-    assert report.accuracy(Chain(crowded, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
+    want = tables.accuracy(Chain(few, RADIUS), LINE).rms
+    assert tables.accuracy(Chain(crowded, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
     # straight up to 0.1 m and down again: the mean of s squared is a third of 0.1 squared
     assert want == pytest.approx(0.1 / np.sqrt(3), rel=0.01)
 
@@ -40,7 +45,7 @@ def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
 @pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
 def test_accuracy_refuses_what_is_no_centreline(truth):
     with pytest.raises(ValueError, match="points"):
-        report.accuracy(Chain(LINE, RADIUS), truth)
+        tables.accuracy(Chain(LINE, RADIUS), truth)
 
 
 def test_stages_and_counts():
@@ -54,12 +59,12 @@ def test_stages_and_counts():
         "segments": (LINE[:6], LINE[:5], LINE[:4]),
     }
     model = model_of(LINE[:9], **stages)
-    counts = report.stage_counts([strand.View(LINE), strand.View(LINE)], model)
+    counts = tables.stage_counts([strand.View(LINE), strand.View(LINE)], model)
     assert [count.points_out for count in counts] == [50, 46, 46, 46, 40, 19, 15, 9]
     assert [count.points_in for count in counts] == [82, 50, 46, 46, 46, 40, 19, 15]
     assert {count.seconds for count in counts} == {0.0015}
-    assert report.chain_counts(model) == (2, 3, 1)
-    assert report.describe_stages([strand.View(LINE)], model).splitlines()[-1].split() == ["total", "12.0"]
+    assert tables.chain_counts(model) == (2, 3, 1)
+    assert tables.describe_stages([strand.View(LINE)], model).splitlines()[-1].split() == ["total", "12.0"]
 
 
 def test_stages_and_counts_of_the_default_method():
@@ -71,8 +76,8 @@ def test_stages_and_counts_of_the_default_method():
         "fit": object(),
     }
     model = model_of(LINE[:9], **stages)
-    assert report.method(model) == "tubes"
-    assert report.describe_stages([strand.View(LINE), strand.View(LINE)], model).splitlines() == [
+    assert tables.stages_of(model) == "tubes"
+    assert tables.describe_stages([strand.View(LINE), strand.View(LINE)], model).splitlines() == [
         "stage     points in  points out    ms",
         "extract          82          50   1.5",
         "radius                            1.5",
@@ -84,13 +89,13 @@ def test_stages_and_counts_of_the_default_method():
         "ends             19           9   1.5",
         "total                            12.0",
     ]
-    assert report.describe_counts(model).splitlines() == [
-        "               here",
-        "arcs seen         2",
-        "whole strings     1",
+    assert tables.describe_counts(model).splitlines() == [
+        "             here",
+        "arcs seen       2",
+        "whole ropes     1",
     ]
     del model.timings["radius"]
-    assert "radius" not in [count.name for count in report.stage_counts([], model)]
+    assert "radius" not in [count.name for count in tables.stage_counts([], model)]
 
 
 @pytest.mark.parametrize("settings", [strand.Config(), strand.Config.published()])
@@ -101,28 +106,28 @@ def test_every_stage_that_runs_is_known(settings):
     model = strand.reconstruct(
         scene.views, radius, scene.bounds, config=settings, keep_stages=True, progress=names.append
     )
-    assert report.method(model) == settings.method
-    assert names == list(model.timings) == list(report.STAGE_ARRAYS[settings.method])
-    assert [count.name for count in report.stage_counts(scene.views, model)] == names
-    assert report.chain_counts(model)[-1] == len(model.chains)
+    assert tables.stages_of(model) == settings.method
+    assert names == list(model.timings) == list(tables.STAGE_ARRAYS[settings.method])
+    assert [count.name for count in tables.stage_counts(scene.views, model)] == names
+    assert tables.chain_counts(model)[-1] == len(model.chains)
 
 
 def test_stages_are_needed():
     for describe in (
-        report.method,
-        report.chain_counts,
-        report.describe_counts,
-        lambda model: report.stage_counts([], model),
+        tables.stages_of,
+        tables.chain_counts,
+        tables.describe_counts,
+        lambda model: tables.stage_counts([], model),
     ):
         with pytest.raises(ValueError, match="model: expected one with its stages"):
             describe(model_of(LINE))
 
 
 def test_accuracy_lines_pair_the_longest_with_the_longest():
-    lines = report.describe_accuracy(model_of(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
+    lines = tables.describe_accuracy(model_of(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
     assert lines == [
-        "string 1: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
-        "string 2: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+        "rope 1: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+        "rope 2: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
     ]
 
 
@@ -130,12 +135,12 @@ def test_tables_line_up():
     model = Model(
         (Chain(LINE, RADIUS), Chain(LINE[:9], RADIUS, closed=True)), np.eye(4)[None], {"extract": 1.0}
     )
-    assert report.describe_chains(model).splitlines() == [
+    assert tables.describe_chains(model).splitlines() == [
         "chain  length / mm  nodes  radius / mm    ends",
         "1            200.0     41         4.00    open",
         "2             80.0      9         4.00  closed",
     ]
-    assert report.describe_timings(model).splitlines() == [
+    assert tables.describe_timings(model).splitlines() == [
         "stage        ms",
         "extract  1000.0",
         "total    1000.0",

@@ -1,8 +1,10 @@
+"""A property that is worked out once."""
+
 from __future__ import annotations
 
 import threading
 
-from strand.memo import memo
+from strand.lazy import lazy
 
 
 class Slow:
@@ -11,7 +13,7 @@ class Slow:
         self.asked = threading.Event()
         self.times = 0
 
-    @memo
+    @lazy
     def value(self):
         """What is worked out."""
         self.asked.set()

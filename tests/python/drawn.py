@@ -1,0 +1,108 @@
+"""Ropes and views that several files draw, and what they ask of models."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import strand
+from strand import Chain
+from strand.synthetic import camera_pose, render_depth, sense
+
+R = 0.0042
+# where the camera of `strip` is
+CAMERA = np.array([0.0, 0.0, 0.4])
+
+
+def of_kind(model, kind):
+    """A model's warnings of one kind."""
+    return [warning for warning in model.warnings if warning.kind == kind]
+
+
+def line(start, stop):
+    """Nodes half a radius apart from one place to another."""
+    start, stop = np.array(start, float), np.array(stop, float)
+    count = max(int(np.linalg.norm(stop - start) / (0.5 * R)), 2) + 1
+    return start + np.linspace(0.0, 1.0, count)[:, None] * (stop - start)
+
+
+def tube_seen(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
+    """Points evenly over that half of a tube's surface which faces a camera."""
+    rng = np.random.default_rng(seed)
+    chain = strand.Chain(axis, R)
+    s = rng.uniform(0, chain.length, int(chain.length / 5e-5))
+    tangent = np.stack([np.interp(s, chain.arc_length, chain.tangents[:, k]) for k in range(3)], axis=1)
+    across = np.cross(tangent, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    angle = rng.uniform(0, 2 * np.pi, (len(s), 1))
+    outward = np.cos(angle) * across + np.sin(angle) * np.cross(across, tangent)
+    points = chain.at(s) + (R + rng.normal(scale=noise, size=(len(s), 1))) * outward
+    return points[(outward * (camera - points)).sum(axis=1) > 0]
+
+
+def behind_a_plate(scene, low, high, z):
+    """Views of a scene with a level plate at the height z, from one corner in x and y to the other."""
+    views = []
+    (fx, _, cx), (_, fy, cy), _ = scene.intrinsics
+    for depth, pose, true in zip(scene.depth, scene.poses, scene.poses_true, strict=True):
+        v, u = np.indices(depth.shape)
+        rays = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.shape)], axis=2) @ true[:3, :3].T
+        plate = (z - true[2, 3]) / rays[..., 2]
+        place = true[:2, 3] + plate[..., None] * rays[..., :2]
+        seen = depth * scene.depth_scale
+        hides = ((place > low) & (place < high)).all(axis=2) & ((seen == 0) | (plate < seen))
+        views.append(strand.View.from_depth(np.where(hides, plate, seen), scene.intrinsics, pose))
+    return views
+
+
+def length_of(nodes):
+    return strand.Chain(nodes, R).length
+
+
+def circle(radius: float, nodes: int, closed: bool) -> Chain:
+    angle = np.linspace(0, 2 * np.pi, nodes, endpoint=not closed)
+    if not closed:
+        angle *= 0.75
+    return Chain(
+        np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * angle * 0], axis=1), 0.004, closed
+    )
+
+
+def farthest(chain, truth):
+    """How far a chain's nodes are from a true centreline at most, in radii."""
+    line = strand.Chain(truth, R)
+    return max(line.nearest(point)[1] for point in chain.points) / R
+
+
+def strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """The upper half of a straight tube, evenly over the image of a camera above it."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-0.1, 0.1, 4000), rng.uniform(-radius, radius, 4000)
+    z = np.sqrt(radius**2 - y**2)
+    points = np.stack([x, y, z], axis=1)
+    ray = points - CAMERA
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    return points + rng.normal(scale=depth_noise, size=(4000, 1)) * ray
+
+
+def crossing(thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (640, 480), count: int = 5):
+    """Two ropes, the second over the first: views, extraction range and true axes."""
+    t = np.linspace(-0.5, 0.5, 400)
+    under = np.stack([0.3 * t, 0.03 * np.sin(5 * t), thin + 0 * t], axis=1)
+    over = np.stack([0.03 * np.sin(4 * t), 0.24 * t, 0 * t], axis=1)
+    over[:, 2] = thick + (2 * thin + 5e-4) * np.exp(-((over[:, 1] / 0.04) ** 2))
+    width, height = size
+    focal = 430.0 / 640.0 * width
+    intrinsics = np.array(
+        [[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
+    rng = np.random.default_rng(seed)
+    views = []
+    for azimuth in np.linspace(-0.5 * np.pi, 0.5 * np.pi, count):
+        pose = camera_pose(azimuth, 0.38)
+        depth = render_depth([under, over], [thin, thick], intrinsics, pose, size)
+        image = sense(depth, noise=7e-4, flying=0.05, step=thin, depth_scale=1e-4, rng=rng)
+        views.append(strand.View.from_depth(image * 1e-4, intrinsics, pose))
+    nodes = np.concatenate([under, over])
+    low, high = nodes.min(axis=0) - 0.02, nodes.max(axis=0) + 0.02
+    low[2] = 0.6 * thin
+    return views, (low, high), (under, over)

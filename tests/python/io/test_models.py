@@ -1,0 +1,109 @@
+"""Models saved and read back."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from drawn import circle
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import strand
+from strand import Chain, Model, ModelWarning
+
+
+@given(
+    st.lists(
+        st.tuples(*[st.floats(-10, 10, allow_subnormal=False)] * 3), min_size=2, max_size=20, unique=True
+    ),
+    st.booleans(),
+)
+def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed):
+    points = np.array(nodes)
+    # nodes that only rounding tells apart count as equal along a chain
+    assume((np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1) >= 1e-12).all())
+    path = tmp_path_factory.mktemp("model") / "model.json"
+    warning = ModelWarning("branch", "a branch?", points[0], 0.25, (0, 1), 2)
+    model = Model(
+        (Chain(points, 0.0042, closed),), np.eye(4)[None], {"trace": 0.25}, (warning,), method="tubes"
+    )
+    model.save(path)
+    loaded = strand.load(path)
+    np.testing.assert_array_equal(loaded.chains[0].points, points)
+    assert loaded.chains[0].radius == 0.0042
+    assert loaded.chains[0].closed is closed
+    np.testing.assert_array_equal(loaded.poses, model.poses)
+    assert loaded.timings == model.timings
+    (again,) = loaded.warnings
+    np.testing.assert_array_equal(again.place, warning.place)
+    for name in ("kind", "message", "amount", "chains", "view"):
+        assert getattr(again, name) == getattr(warning, name)
+    assert loaded.method == "tubes"
+
+
+def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
+    path = tmp_path / "model.json"
+    model = Model((circle(0.05, 10, True),), np.eye(4)[None])
+    model.save(path)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="JSON"):
+        Model(model.chains, model.poses, {"trace": np.inf}).save(path)
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 1}, "model version 1, this reads version 2"),
+        ({"version": 3}, "model version 3, this reads version 2"),
+        ({"version": None}, "model version None, this reads version 2"),
+        ({"format": "strand scene"}, "not a strand model"),
+        ({"warnings": ["a branch?"]}, "not a strand model"),
+        ({"warnings": [{"kind": "magic", "message": "a branch?"}]}, "kind: expected one of"),
+        ({"doubts": [{"amount": 0.1, "about": "it", "reason": "so"}]}, "kind"),
+        ({"chains": [{}]}, "not a strand model"),
+        ({"poses": None}, "not a strand model"),
+    ],
+)
+def test_a_model_of_another_version_or_kind_is_refused_with_the_reason(tmp_path, change, message):
+    path = tmp_path / "other.json"
+    Model((circle(0.05, 10, True),), np.eye(4)[None]).save(path)
+    content = json.loads(path.read_text())
+    assert strand.load(path).chains
+    path.write_text(json.dumps(content | change))
+    with pytest.raises(strand.FileFormatError, match=rf"other\.json: .*{message}"):
+        strand.load(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "{",
+        "[]",
+        '{"format": "other"}',
+        '{"format": "strand model", "version": 2}',
+        '{"format": "strand model", "version": 1, "chains": [{}], "poses": [], "timings": {}, '
+        '"warnings": []}',
+    ],
+)
+def test_a_file_that_is_no_model_is_refused_by_name(tmp_path, content):
+    path = tmp_path / "broken.json"
+    path.write_text(content)
+    with pytest.raises(strand.FileFormatError, match=r"broken\.json"):
+        strand.load(path)
+
+
+def test_a_truncated_model_is_refused(tmp_path):
+    path = tmp_path / "model.json"
+    Model((circle(0.05, 50, True),), np.eye(4)[None]).save(path)
+    text = path.read_text()
+    json.loads(text)
+    path.write_text(text[: len(text) // 2])
+    with pytest.raises(strand.FileFormatError, match=r"model\.json"):
+        strand.load(path)
+    with pytest.raises(FileNotFoundError):
+        strand.load(tmp_path / "missing.json")

@@ -1,0 +1,189 @@
+"""Recorded scenes: archives and folders."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+from scene_files import CAMERA, DEPTH, POINTS, K, ply, save_npz, save_png, scene_of
+
+import strand
+from strand import FileFormatError, View, load_scene
+
+
+def test_npz_scene(tmp_path):
+    save_npz(tmp_path / "a.npz")
+    scene = load_scene(tmp_path / "a.npz")
+    assert scene.name == "knot"
+    assert scene.radius == 0.004
+    np.testing.assert_array_equal(scene.bounds, [[-1, -2, -3], [1, 2, 3]])
+    assert len(scene.views) == 2
+    want = View.from_depth(DEPTH[::-1] * 0.001, K, scene.views[1].pose)
+    np.testing.assert_array_equal(scene.views[1].points, want.points)
+    np.testing.assert_array_equal(scene.views[1].viewpoint, [0.1, 0.2, 0.3])
+    # in the order of their numbers, not of their names
+    np.testing.assert_allclose(np.vstack(scene.truth), POINTS[:15], rtol=1e-6)
+
+
+def test_npz_scene_with_what_is_needed_only(tmp_path):
+    save_npz(tmp_path / "a.npz", box=None, radius=None, truth_0=None, truth_2=None, truth_10=None, name=None)
+    scene = load_scene(str(tmp_path / "a.npz"))
+    assert (scene.name, scene.bounds, scene.radius, scene.truth) == ("a", None, None, ())
+
+
+@pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
+def test_npz_truncated(tmp_path, part):
+    save_npz(tmp_path / "whole.npz")
+    data = (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(data[: int(part * len(data))])
+    with pytest.raises(FileFormatError, match=r"a\.npz.*(empty|truncated)"):
+        load_scene(tmp_path / "a.npz")
+
+
+def test_npz_damaged(tmp_path):
+    save_npz(tmp_path / "whole.npz")
+    data = bytearray((tmp_path / "whole.npz").read_bytes())
+    data[60:80] = bytes(20)
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(FileFormatError, match=r"a\.npz"):
+        load_scene(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"depth": None}, "missing depth"),
+        ({"poses": None, "K": None}, "missing K, poses"),
+        ({"depth": DEPTH}, r"depth: expected \(V, H, W\) uint16"),
+        ({"depth": np.stack([DEPTH, DEPTH]).astype(float)}, r"depth: expected \(V, H, W\) uint16"),
+        ({"poses": np.eye(4)[None]}, r"poses: expected \(2, 4, 4\)"),
+        ({"poses": np.ones((2, 4, 4))}, "pose: expected"),
+        ({"K": np.eye(2)}, "intrinsics: expected"),
+        ({"depth_scale": np.float64(0)}, "depth_scale: expected one positive number"),
+        ({"radius": np.float64(-1)}, "radius: expected one positive number"),
+        ({"radius": np.array("wide")}, "radius: expected one positive number"),
+        ({"box": np.array([[1.0, 1, 1], [0, 0, 0]])}, "bounds: expected low < high"),
+        ({"truth_0": np.zeros((4, 2))}, "truth_0: expected shape"),
+        ({"K": np.array([None])}, "pickle"),
+    ],
+)
+def test_npz_with_wrong_content(tmp_path, changes, message):
+    save_npz(tmp_path / "a.npz", **changes)
+    with pytest.raises(FileFormatError, match=rf"a\.npz: .*{message}"):
+        load_scene(tmp_path / "a.npz")
+
+
+def test_stored_scene(data):
+    scene = load_scene(data / "scenes" / "two_ropes.npz")
+    assert len(scene.views) == 7
+    assert len(scene.truth) == 2
+    assert scene.radius == pytest.approx(0.0042)
+
+
+@pytest.mark.parametrize("name", ["no.npz", "no", "no/scene.toml"])
+def test_no_such_scene(tmp_path, name):
+    with pytest.raises(FileNotFoundError):
+        load_scene(tmp_path / name)
+
+
+def test_folder_without_a_description(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        load_scene(tmp_path)
+    assert caught.value.filename == str(tmp_path / "scene.toml")
+
+
+def test_other_kind_of_file(tmp_path):
+    (tmp_path / "a.pcd").write_bytes(b"VERSION .7")
+    with pytest.raises(FileFormatError, match=r"a\.pcd: expected a folder"):
+        load_scene(tmp_path / "a.pcd")
+
+
+@pytest.mark.parametrize("suffix", ["png", "npy", "ply"])
+def test_views_file_missing_or_empty(tmp_path, suffix):
+    folder = scene_of(tmp_path, f"a.{suffix}")
+    with pytest.raises(FileNotFoundError) as caught:
+        load_scene(folder)
+    assert caught.value.filename == str(tmp_path / f"a.{suffix}")
+    (tmp_path / f"a.{suffix}").write_bytes(b"")
+    with pytest.raises(FileFormatError, match=rf"a\.{suffix}: the file is empty"):
+        load_scene(folder)
+
+
+def test_views_file_of_another_kind(tmp_path):
+    (tmp_path / "a.pcd").write_bytes(b"VERSION .7")
+    with pytest.raises(FileFormatError, match=r"a\.pcd: expected a \.png, \.ply or \.npy file"):
+        load_scene(scene_of(tmp_path, "a.pcd"))
+
+
+@pytest.mark.parametrize("suffix", ["png", "npy"])
+def test_depth_image_needs_a_camera_and_its_scale(tmp_path, suffix):
+    save_png(tmp_path / "a.png")
+    np.save(tmp_path / "a.npy", DEPTH)
+    with pytest.raises(FileFormatError, match=rf"a\.{suffix}: a 16-bit depth image needs depth_scale"):
+        load_scene(scene_of(tmp_path, f"a.{suffix}", head=CAMERA.replace("depth_scale = 0.001", "")))
+    np.save(tmp_path / "a.npy", DEPTH * 0.001)
+    with pytest.raises(FileFormatError, match=r"a\.npy: a depth image needs a \[camera\] table"):
+        load_scene(scene_of(tmp_path, "a.npy", head=""))
+
+
+def test_scene_files_hold_colour_images(tmp_path):
+    scene = strand.synthetic.scene("arc", views=2)
+    images = np.random.default_rng(0).integers(0, 256, (*scene.depth.shape, 3), dtype=np.uint8)
+    arrays = {"depth": scene.depth, "depth_scale": scene.depth_scale, "K": scene.intrinsics}
+    arrays["poses"] = scene.poses
+    np.savez(tmp_path / "a.npz", **arrays, color=images)
+    (fx, _, cx), (_, fy, cy), _ = scene.intrinsics.tolist()
+    lines = [f"[camera]\nfx = {fx}\nfy = {fy}\ncx = {cx}\ncy = {cy}\ndepth_scale = {scene.depth_scale}"]
+    for i, (depth, image) in enumerate(zip(scene.depth, images, strict=True)):
+        Image.fromarray(depth).save(tmp_path / f"{i}.png")
+        Image.fromarray(image).save(tmp_path / f"c{i}.png")
+        pose = scene.poses[i].tolist()
+        lines.append(f'[[view]]\nfile = "{i}.png"\ncolor = "c{i}.png"\npose = {pose}')
+    text = "\n".join(lines)
+    (tmp_path / "scene.toml").write_text(text)
+    archived, described = load_scene(tmp_path / "a.npz"), load_scene(tmp_path)
+    for a, b, depth, image in zip(archived.views, described.views, scene.depth, images, strict=True):
+        np.testing.assert_array_equal(a.colors, image[depth > 0] / 255.0)
+        np.testing.assert_array_equal(a.colors, b.colors)
+    np.savez(tmp_path / "b.npz", **arrays, color=images[:, ::2])
+    with pytest.raises(FileFormatError, match=r"b.npz: color: expected \(2, 240, 320, 3\) uint8"):
+        load_scene(tmp_path / "b.npz")
+    (tmp_path / "c0.png").write_bytes(b"no image")
+    with pytest.raises(FileFormatError, match=r"c0\.png: truncated, or not a colour image"):
+        load_scene(tmp_path)
+    Image.fromarray(images[0, ::2]).save(tmp_path / "c0.png")
+    with pytest.raises(FileFormatError, match=r"0.png: colors: expected shape \(240, 320, 3\)"):
+        load_scene(tmp_path)
+    np.save(tmp_path / "0.npy", np.zeros((5, 3)))
+    (tmp_path / "scene.toml").write_text(text.replace('"0.png"', '"0.npy"'))
+    with pytest.raises(FileFormatError, match="color: only depth images have colour images"):
+        load_scene(tmp_path)
+    (tmp_path / "scene.toml").write_text(text.replace('"c0.png"', "3"))
+    with pytest.raises(FileFormatError, match=r"view 1\.color: expected a file's name"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("package", "file"),
+    [
+        ("PIL", "a.png"),
+        ("trimesh", "a.ply"),
+        ("tomllib" if sys.version_info >= (3, 11) else "tomli", "a.npy"),
+    ],
+)
+def test_missing_package_is_named(tmp_path, monkeypatch, package, file):
+    save_png(tmp_path / "a.png")
+    np.save(tmp_path / "a.npy", POINTS)
+    (tmp_path / "a.ply").write_bytes(ply())
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    folder = scene_of(tmp_path, file)
+    name = {"PIL": "pillow"}.get(package, package)
+    with pytest.raises(
+        ImportError, match=re.escape(f'{name} is needed here: pip install ".[cli]" installs it')
+    ):
+        load_scene(folder)

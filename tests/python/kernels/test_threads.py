@@ -1,0 +1,135 @@
+"""Threads and processes: the same answers for any number of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from kernel_calls import ARRAYS, CALLS, CLOUDS, assert_same, call, lattice, numbers
+
+import strand
+from strand import (
+    count_neighbors,
+)
+
+
+def test_the_number_of_threads(threads):
+    assert strand.num_threads() >= 1
+    threads(3)
+    assert strand.num_threads() == 3
+    threads(2**40)
+    assert strand.num_threads() == 256
+    threads(0)
+    assert strand.num_threads() >= 1
+
+
+@pytest.mark.parametrize("kernel", CALLS)
+def test_answers_do_not_depend_on_the_number_of_threads(kernel, threads):
+    big = {
+        name: np.tile(array, (40, 1)) + np.random.default_rng(2).normal(0, 1e-3, (40 * len(array), 3))
+        if (kernel, name) in CLOUDS and "normals" not in name
+        else np.tile(array, (40, 1))
+        if (kernel, name) in CLOUDS
+        else array
+        for name, array in ARRAYS[kernel].items()
+    }
+    threads(1)
+    expected = call(kernel, **big)
+    for count in (2, 3, 7):
+        threads(count)
+        assert_same(call(kernel, **big), expected)
+
+
+def test_changing_the_number_of_threads_often_does_not_pile_up_threads(threads):
+    def running():
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("Threads:"))
+
+    for count in (1, 2):
+        threads(count)
+        count_neighbors(lattice(), 0.5)
+    before = running()
+    for count in (1, 2) * 20:
+        threads(count)
+        count_neighbors(lattice(), 0.5)
+    assert running() <= before
+
+
+def test_several_python_threads_may_call_at_once():
+    expected = {kernel: call(kernel) for kernel in CALLS}
+    with ThreadPoolExecutor(8) as executor:
+        calls = [(kernel, executor.submit(call, kernel)) for _ in range(25) for kernel in CALLS]
+        for kernel, future in calls:
+            assert_same(future.result(timeout=60), expected[kernel])
+
+
+def test_python_goes_on_while_a_kernel_works():
+    # one place, so that every point is every other's neighbour: much work for little memory
+    points = np.zeros((12_000, 3))
+    steps = 0
+    done = threading.Event()
+
+    def step():
+        nonlocal steps
+        while not done.is_set():
+            steps += 1
+            time.sleep(0.0005)
+
+    stepping = threading.Thread(target=step)
+    stepping.start()
+    try:
+        taken = 0
+        # with the interpreter locked for the whole call it could take a step or two in any of them; otherwise
+        # other programs may still keep it from more in some
+        for _ in range(20):
+            before = steps
+            count_neighbors(points, 1.0)
+            taken = max(taken, steps - before)
+            if taken >= 5:
+                break
+    finally:
+        done.set()
+        stepping.join()
+    assert taken >= 5
+
+
+def forked_answers(queue):
+    queue.put([numbers(call(kernel)) for kernel in CALLS])
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_a_forked_process_can_call_after_its_parent_did(busy):
+    expected = [numbers(call(kernel)) for kernel in CALLS]
+    stop = threading.Event()
+
+    def keep_working():
+        while not stop.is_set():
+            count_neighbors(lattice(2000), 0.5)
+
+    # a kernel at work at the moment of the fork
+    working = threading.Thread(target=keep_working)
+    if busy:
+        working.start()
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    children = [context.Process(target=forked_answers, args=(queue,), daemon=True) for _ in range(4)]
+    try:
+        for child in children:
+            child.start()
+        for _ in children:
+            for got, want in zip(queue.get(timeout=30), expected, strict=True):
+                assert_same(got, want)
+        for child in children:
+            child.join(timeout=30)
+            assert child.exitcode == 0
+    finally:
+        stop.set()
+        if busy:
+            working.join()
+        for child in children:
+            if child.is_alive():
+                child.kill()

@@ -1,0 +1,80 @@
+"""Chains: one rope's centreline."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drawn import circle
+
+from strand import Chain
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_length_tangents_and_curvature_of_a_circle(closed):
+    chain = circle(0.05, 400, closed)
+    around = 2 * np.pi * 0.05 * (1 if closed else 0.75)
+    assert chain.length == pytest.approx(around, rel=1e-4)
+    assert chain.arc_length[0] == 0
+    assert len(chain.arc_length) == len(chain.tangents) == len(chain.curvature) == 400
+    np.testing.assert_allclose(chain.curvature, 20.0, rtol=1e-3)
+    outwards = chain.points / np.linalg.norm(chain.points, axis=1, keepdims=True)
+    tangents = np.cross([0, 0, 1], outwards)
+    inner = slice(None) if closed else slice(1, -1)
+    np.testing.assert_allclose(chain.tangents[inner], tangents[inner], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(chain.tangents, axis=1), 1.0, atol=1e-12)
+
+
+def test_at_and_nearest_go_together():
+    chain = circle(0.05, 300, False)
+    rng = np.random.default_rng(0)
+    for s in rng.uniform(0, chain.length, 20):
+        found, distance = chain.nearest(chain.at(s))
+        assert found == pytest.approx(s, abs=1e-9)
+        assert distance == pytest.approx(0, abs=1e-9)
+    for p in rng.uniform(-0.1, 0.1, (20, 3)):
+        s, distance = chain.nearest(p)
+        assert np.linalg.norm(chain.at(s) - p) == pytest.approx(distance, abs=1e-12)
+        dense = chain.at(np.linspace(0, chain.length, 5000))
+        assert distance <= np.linalg.norm(dense - p, axis=1).min() + 1e-12
+    np.testing.assert_array_equal(chain.at(chain.arc_length), chain.points)
+
+
+def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
+    ring, arc = circle(0.05, 100, True), circle(0.05, 100, False)
+    np.testing.assert_allclose(ring.at(ring.length + 0.01), ring.at(0.01), atol=1e-12)
+    np.testing.assert_allclose(ring.at(ring.length), ring.points[0], atol=1e-12)
+    np.testing.assert_array_equal(arc.at(arc.length + 1.0), arc.points[-1])
+    np.testing.assert_array_equal(arc.at(-1.0), arc.points[0])
+    middle_of_last_step = (ring.points[-1] + ring.points[0]) / 2
+    assert ring.nearest(middle_of_last_step)[1] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "radius", "message"),
+    [
+        (np.zeros((1, 3)), 0.01, "at least two nodes"),
+        (np.zeros((2, 3)), 0.01, "no two equal nodes"),
+        (np.array([[0.0, 0, 0], [np.nan, 0, 0]]), 0.01, "points: expected finite"),
+        (np.array([[0.0, 0, 0], [1.0, 0, 0]]), 0.0, "radius"),
+        (np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.nan, "radius"),
+    ],
+)
+def test_a_chain_that_makes_no_sense_is_refused(points, radius, message):
+    with pytest.raises(ValueError, match=message):
+        Chain(points, radius)
+
+
+def test_two_nodes_make_a_straight_chain():
+    chain = Chain(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]), 0.01)
+    np.testing.assert_array_equal(chain.tangents, [[0, 0, 1], [0, 0, 1]])
+    np.testing.assert_array_equal(chain.curvature, [0, 0])
+    assert chain.nearest([1.0, 0.0, 0.5]) == (0.5, 1.0)
+
+
+def test_a_reversed_chain_is_the_same_rope(paper_model):
+    chain = paper_model.chains[0]
+    back = chain.reversed()
+    s = np.linspace(0.0, chain.length, 11)
+    np.testing.assert_allclose(back.at(s), chain.at(chain.length - s), atol=1e-9)
+    np.testing.assert_array_equal(back.points_seen[::-1], chain.points_seen)
+    np.testing.assert_array_equal(back.reversed().points, chain.points)

@@ -1,0 +1,57 @@
+"""What a user sees of the package: its names, and what its values show of themselves."""
+
+from __future__ import annotations
+
+import types
+
+import numpy as np
+import pytest
+from drawn import R, circle
+
+import strand
+from strand.curve import Curve
+
+
+def test_only_public_names_are_shown():
+    assert dir(strand) == sorted(strand.__all__)
+    assert [name for name in dir(strand) if name.startswith("_")] == ["__version__"]
+    modules = [name for name in dir(strand) if isinstance(getattr(strand, name), types.ModuleType)]
+    assert modules == ["synthetic"]
+
+
+@pytest.mark.parametrize("name", [name for name in strand.__all__ if name != "__version__"])
+def test_every_public_name_says_what_it_is(name):
+    shown = getattr(strand, name)
+    assert shown.__doc__
+    assert len(shown.__doc__.splitlines()[0]) > 20 or len(shown.__doc__.splitlines()) > 1
+
+
+def model_of(count, **more):
+    chains = tuple(circle(0.05, 40, False) for _ in range(count))
+    return strand.Model(chains, np.tile(np.eye(4), (2, 1, 1)), **more)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 12])
+def test_a_model_shows_itself_in_a_few_lines(count):
+    shown = repr(model_of(count, method="tubes", confidence=0.876)).splitlines()
+    assert shown[0].startswith(f"Model({count} chain")
+    for part in ("from 2 views", "by tubes", "confidence 0.88", "0 warnings"):
+        assert part in shown[0]
+    assert shown[1 : 1 + min(count, 3)] == [f"  {circle(0.05, 40, False)!r}"] * min(count, 3)
+    assert shown[1 + min(count, 3) :] == ([f"  and {count - 3} more"] if count > 3 else [])
+    assert all(len(line) < 110 for line in shown)
+    assert "confidence unknown" in repr(model_of(1))
+
+
+def test_chains_and_curves_show_themselves_in_one_line():
+    chain = strand.Chain(np.linspace([0.0, 0.0, 0.0], [0.4, 0.0, 0.0], 101), R)
+    assert repr(chain) == "Chain(400.0 mm, radius 4.20 mm, open, 101 nodes)"
+    assert repr(circle(0.05, 40, True)).endswith("radius 4.00 mm, closed, 40 nodes)")
+    curve = Curve.whole(np.linspace([0.0, 0.0, 0.0], [0.13, 0.0, 0.0], 14))
+    assert repr(curve) == "Curve(110.0 mm, 14 control points)"
+
+
+def test_what_a_reconstruction_of_many_nodes_shows_is_short(paper_model):
+    assert len(repr(paper_model).splitlines()) == 2
+    assert len(repr(paper_model)) < 250
+    assert len(repr(paper_model.chains[0].curve).splitlines()) == 1
