@@ -37,12 +37,13 @@ beforehand; "points": too few of them lie on the ropes found; "count", "length",
 they are known to be.
 """
 
-WARNINGS = (*DOUBTS, "branch", "cut end", "open pose", "radius", "unused view")
+WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "radius", "unused view")
 """Kinds of warning: those of doubts, and
 
 "branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
 the data leave a direction of a view's pose open; "radius": the points contradict the radius that was given,
-or hardly fix one that was not; "unused view": a view saw nothing, or was not registered.
+or hardly fix one that was not; "unused view": a view saw nothing; "kept pose": a view could not be registered
+and stays at its reported pose.
 """
 
 # so many chains a model's repr names
@@ -247,16 +248,17 @@ class Model:
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
         object.__setattr__(self, "poses", finite_array("poses", self.poses, ("V", 4, 4)))
         object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, ("V", 6)))
+        if self.method is not None:
+            object.__setattr__(self, "method", text("method", self.method))
         known = not isinstance(self.confidence, float) or not np.isnan(self.confidence)
         if known and not 0.0 <= number("confidence", self.confidence) <= 1.0:
             raise ValueError(f"confidence: expected a number from 0 to 1, or NaN, got {self.confidence}")
 
     def __repr__(self) -> str:
-        made = f" by {self.method}" if self.method else ""
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"
         lines = [
-            f"Model({len(self.chains)} chains from {len(self.poses)} views{made}, confidence {sure}, "
-            f"{len(self.warnings)} warnings)"
+            f"Model(chains: {len(self.chains)}, views: {len(self.poses)}, method: {self.method}, "
+            f"confidence: {sure}, warnings: {len(self.warnings)})"
         ]
         lines += [f"  {chain!r}" for chain in self.chains[:_SHOWN]]
         if len(self.chains) > _SHOWN:

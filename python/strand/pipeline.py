@@ -182,7 +182,10 @@ def _checked(
         raise TypeError(f"previous: expected a Model or None, got {type(previous).__name__}")
     method = _METHODS[config.method]
     if not method.any_radius and (radii is None or len(radii.values) > 1):
-        raise ValueError(f"radius: the {config.method} method needs the ropes' one radius, metres")
+        raise ValueError(
+            f"radius: the {config.method} method needs the ropes' one radius, metres "
+            "(--radius on the command line)"
+        )
     return views, radii, method
 
 

@@ -190,7 +190,7 @@ def test_several_ropes_come_longest_first(numbers):
     assert left_out.amount == pytest.approx(-np.log(0.3 / 0.45), rel=0.03)
     three = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=3, config=numbers)
     (count,) = of_kind(three, "count")
-    assert str(count) == "found 2 ropes, fewer than ropes = 3"
+    assert str(count) == "found fewer ropes, 2, than ropes = 3"
     assert count.amount == pytest.approx(np.log(1.5))
 
 

@@ -60,7 +60,7 @@ def contradictions(
 
     if prior.ropes is not None and len(chains) < prior.ropes:
         amount = math.log(prior.ropes / len(chains))
-        contradicts("count", amount, f"found {len(chains)} ropes, fewer than ropes = {prior.ropes}")
+        contradicts("count", amount, f"found fewer ropes, {len(chains)}, than ropes = {prior.ropes}")
     all_lengths = sum(chain.length for chain in [*chains, *left_out])
     for chain in left_out:
         where = np.round(chain.points[0], 3).tolist()

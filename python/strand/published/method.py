@@ -124,7 +124,7 @@ def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Ru
     for i, result in zip(turns[1:], results, strict=True):
         if result.stop in ("too few correspondences", "degenerate"):
             message = f"view {clouds[i].number} kept its pose: {result.stop} to register it"
-            run.warnings.append(ModelWarning("unused view", message, view=clouds[i].number))
+            run.warnings.append(ModelWarning("kept pose", message, view=clouds[i].number))
         registered[i] = clouds[i].moved(result.transformation)
     return [registered[i] for i in range(len(clouds))]
 
