@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import synthetic
+from strand import config, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -48,6 +48,7 @@ __all__ = [
     "View",
     "__version__",
     "centerline",
+    "config",
     "count_neighbors",
     "estimate_normals",
     "estimate_radius",

@@ -80,6 +80,9 @@ class Chain:
                 raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
             if not np.isfinite(array).all():
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+            if name != "covariance" and (array < 0).any():
+                raise ValueError(f"{name}: expected counts, got negative numbers")
+            object.__setattr__(self, name, array)
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 
@@ -191,10 +194,15 @@ class Chain:
 
         Raises
         ------
+        TypeError
+            If `s` does not hold real numbers.
         ValueError
             If `s` is not finite.
         """
-        at = np.asarray(s, dtype=np.float64)
+        given = as_array("s", s)
+        if given.dtype.kind not in "fiu":
+            raise TypeError(f"s: expected arc lengths in metres, got dtype {given.dtype}")
+        at = given.astype(np.float64)
         if not np.isfinite(at).all():
             raise ValueError("s: expected finite arc lengths, got NaN or infinity")
         if self.curve is not None:

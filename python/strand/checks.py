@@ -134,10 +134,11 @@ def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:
     ValueError
         If it is another word.
     """
-    found = text(name, value)
-    if found not in accepted:
-        raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {found!r}")
-    return found
+    if not isinstance(value, str):
+        raise TypeError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
+    if value not in accepted:
+        raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
+    return value
 
 
 def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
@@ -168,25 +169,6 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
         return np.asarray(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-
-
-def positive_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return `value` as a float64 array of finite numbers above zero, of any shape.
-
-    Raises
-    ------
-    TypeError
-        If it holds something else than real numbers.
-    ValueError
-        If one is not finite and positive.
-    """
-    array = as_array(name, value)
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"{name}: expected numbers, got {value!r}")
-    found = array.astype(np.float64)
-    if not (np.isfinite(found) & (found > 0)).all():
-        raise ValueError(f"{name}: expected positive numbers, got {value!r}")
-    return found
 
 
 def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
@@ -267,7 +249,7 @@ def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ValueError
         If the shape differs, or a number is not from 0 to 1 (uint8: from 0 to 255).
     """
-    array = np.asarray(value)
+    array = as_array(name, value)
     colors = finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
     if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
         raise ValueError(
@@ -353,10 +335,10 @@ def checked_radius(radius: float) -> float:
             f"radius: expected a number of metres, got {radius!r}; "
             "the command line and scene files take a length with its unit"
         )
-    if isinstance(radius, bool) or not isinstance(radius, (int, float, np.floating, np.integer)):
-        raise TypeError(f"radius: expected a number of metres, got {radius!r}")
     try:
         found = number("radius", radius)
+    except TypeError:
+        raise TypeError(f"radius: expected a number of metres, got {radius!r}") from None
     except ValueError:
         found = 0.0
     if found <= 0:

@@ -11,11 +11,16 @@ import os
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from strand.checks import one_of
 from strand.files import FileFormatError, read_toml
 
 
 def _check(section: object) -> None:
     """Refuse fields of the wrong type, not finite, or negative; only floats may be fractions.
+
+    NumPy's numbers become Python's.
 
     Raises
     ------
@@ -29,6 +34,11 @@ def _check(section: object) -> None:
         value = getattr(section, entry.name)
         if (value is None and entry.default is None) or entry.type == "str":
             continue
+        if isinstance(value, (np.integer, np.floating)) or (
+            isinstance(value, np.ndarray) and value.ndim == 0
+        ):
+            value = value.item()
+            object.__setattr__(section, entry.name, value)
         whole = entry.type == "int"
         if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
             kind = "a whole number" if whole else "a number"
@@ -322,8 +332,7 @@ class Linking:
 
     def __post_init__(self) -> None:
         _check(self)
-        if self.rings not in RINGS:
-            raise ValueError(f"Linking.rings: expected one of {', '.join(RINGS)}, got {self.rings!r}")
+        one_of("Linking.rings", self.rings, RINGS)
 
 
 METHODS = ("tubes", "published")
@@ -365,8 +374,7 @@ class Config:
     reconnection: Reconnection = field(default_factory=Reconnection)
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise ValueError(f"Config.method: expected one of {', '.join(METHODS)}, got {self.method!r}")
+        one_of("Config.method", self.method, METHODS)
         for name, section in _SECTIONS.items():
             if not isinstance(getattr(self, name), section):
                 raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
@@ -437,5 +445,5 @@ def load(path: str | os.PathLike[str]) -> Config:
             raise FileFormatError(f"{path}: {error}") from error
     try:
         return Config(**sections)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: {error}") from error

@@ -11,8 +11,8 @@ from strand.checks import Array, Bounds
 from strand.pose import moved
 from strand.view import View
 
-# so many points of each view are looked at
-_ENOUGH = 20_000
+# so many points of each view are looked at; a cause is likely if it explains this share of them
+_ENOUGH, _SHARE = 20_000, 1e-3
 # camera frames of other conventions, as rotations into x right, y down, z forward
 _AXES = {
     "x right, y up, z backward": np.diag([1.0, -1.0, -1.0]),
@@ -39,7 +39,8 @@ def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
         for cause, mend in _CAUSES.items()
     }
     likely = max(inside, key=inside.__getitem__)
-    hint = likely if inside[likely] else "are bounds, poses and units those of one world frame, in metres?"
+    found = inside[likely] > _SHARE * sum(map(len, clouds))
+    hint = likely if found else "are bounds, poses and units those of one world frame, in metres?"
     return (
         "no view has a point in the extraction range: "
         f"the points lie between {_corner(placed.min(axis=0))} and {_corner(placed.max(axis=0))} m, "
@@ -56,8 +57,20 @@ def _corner(point: Array) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"
 
 
-def _in_millimetres(cloud: Array, view: View) -> Array:
+def _depth_in_millimetres(cloud: Array, view: View) -> Array:
     return moved(1e-3 * cloud, view.pose)
+
+
+def _all_in_millimetres(cloud: Array, view: View) -> Array:
+    return 1e-3 * moved(cloud, view.pose)
+
+
+def _bounds_in_millimetres(cloud: Array, view: View) -> Array:
+    return 1e3 * moved(cloud, view.pose)
+
+
+def _in_world_frame(cloud: Array, _: View) -> Array:
+    return cloud
 
 
 def _inverse_pose(cloud: Array, view: View) -> Array:
@@ -65,7 +78,14 @@ def _inverse_pose(cloud: Array, view: View) -> Array:
 
 
 def _other_axes(turn: Array) -> Callable[[Array, View], Array]:
-    return lambda cloud, view: moved(cloud @ turn.T, view.pose)
+    def turned(cloud: Array, view: View) -> Array:
+        # points that came in the world frame have a camera's place, but no camera frame
+        from_world = (
+            view.image is None and np.array_equal(view.pose[:3, :3], np.eye(3)) and view.viewpoint.any()
+        )
+        return np.empty((0, 3)) if from_world else moved(cloud @ turn.T, view.pose)
+
+    return turned
 
 
 def _centred(_: Array, view: View) -> Array:
@@ -81,7 +101,10 @@ def _centred(_: Array, view: View) -> Array:
 
 
 _CAUSES: dict[str, Callable[[Array, View], Array]] = {
-    "depths look like millimetres: give depth_scale=0.001, or points * 0.001": _in_millimetres,
+    "depths look like millimetres: give depth_scale=0.001, or points * 0.001": _depth_in_millimetres,
+    "points and poses look like millimetres: give both in metres": _all_in_millimetres,
+    "bounds look like millimetres: give them in metres": _bounds_in_millimetres,
+    "points look like world-frame ones: use View.from_world": _in_world_frame,
     "poses look like world-to-camera ones: give their inverses, camera-to-world": _inverse_pose,
     **{
         f"the camera frame looks like {name}: turn it to x right, y down, z forward": _other_axes(turn)

@@ -89,7 +89,7 @@ def plain(value: Any) -> Any:
     """
     if is_dataclass(value):
         return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
     if isinstance(value, dict):
         return {key: plain(entry) for key, entry in value.items()}

@@ -21,6 +21,7 @@ from strand.checks import (
     text,
     whole,
 )
+from strand.config import METHODS
 from strand.files import plain, write_json
 from strand.next_view import best_camera
 
@@ -246,13 +247,15 @@ class Model:
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
-        object.__setattr__(self, "poses", finite_array("poses", self.poses, ("V", 4, 4)))
+        object.__setattr__(self, "poses", small_array("poses", self.poses, ("V", 4, 4)))
         object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, ("V", 6)))
         if self.method is not None:
-            object.__setattr__(self, "method", text("method", self.method))
-        known = not isinstance(self.confidence, float) or not np.isnan(self.confidence)
-        if known and not 0.0 <= number("confidence", self.confidence) <= 1.0:
+            object.__setattr__(self, "method", one_of("method", self.method, METHODS))
+        unknown = isinstance(self.confidence, (float, np.floating)) and np.isnan(self.confidence)
+        sure = float("nan") if unknown else number("confidence", self.confidence)
+        if not unknown and not 0.0 <= sure <= 1.0:
             raise ValueError(f"confidence: expected a number from 0 to 1, or NaN, got {self.confidence}")
+        object.__setattr__(self, "confidence", sure)
 
     def __repr__(self) -> str:
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"

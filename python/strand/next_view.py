@@ -12,7 +12,7 @@ from strand.checks import Array
 _DIRECTIONS, _WIDEST = 600, np.radians(45.0)
 # the stretch of rope to see, on each side of the place, and where strands are clear of each other, in radii
 _STRETCH, _CLEAR = 5.0, 3.0
-# what seeing strands from the side, and from where no camera was, is worth against a clear sight
+# weights of seeing strands from the side, and from where no camera was, against an unhindered view of them
 _SIDE, _NEW = 0.5, 0.3
 
 

@@ -141,7 +141,7 @@ def estimate_radius(
     ]
     strips = np.concatenate([np.empty((0, 2)), *found])
     if len(strips) < _FEWEST:
-        raise NotEnoughDataError("views: they show no strips that would give a radius")
+        raise NotEnoughDataError("views: no stretch of rope is clear enough to give a radius")
     size = np.log(strips[:, 0])
     places = np.arange(size.min() - _STEP, size.max() + 2.0 * _STEP, _STEP)
     density = np.exp(-0.5 * ((places[:, None] - size) / _KERNEL) ** 2).sum(axis=1)

@@ -236,12 +236,34 @@ class View:
         return f"View({len(self.points)} points, camera at {where} m)"
 
     def only(self, chosen: NDArray[np.bool_]) -> View:
-        """Return the view with some of its points, (N,) of bool."""
+        """Return the view with some of its points.
+
+        Parameters
+        ----------
+        chosen : (N,) ndarray of bool
+            Which points to keep.
+
+        Raises
+        ------
+        ValueError
+            If it is of another shape or kind.
+        """
+        if np.shape(chosen) != (len(self.points),) or np.asarray(chosen).dtype != np.bool_:
+            raise ValueError(f"chosen: expected one bool for each of {len(self.points)} points")
         return self._part(self.points[chosen], None if self._colors is None else self._colors[chosen])
 
     def moved(self, motion: Array) -> View:
-        """Return the view, its points shared, after a (4, 4) rigid motion of the world frame."""
-        return self._of(self._points, self._image, motion @ self._pose, self._dropped, self._colors)
+        """Return the view, its points shared, after a (4, 4) rigid motion of the world frame.
+
+        Raises
+        ------
+        TypeError
+            If the motion does not hold real numbers.
+        ValueError
+            If it is no rigid motion.
+        """
+        pose = rigid_motion("motion", motion) @ self._pose
+        return self._of(self._points, self._image, pose, self._dropped, self._colors)
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
         """Keep the points inside the extraction range.
@@ -281,7 +303,13 @@ def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
         scale = positive("depth_scale", depth_scale)
         if image.dtype.kind not in "fiu":
             raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
-        image = image.astype(np.float64) * scale
+        given = image.astype(np.float64)
+        with np.errstate(over="ignore"):
+            image = given * scale
+        if (np.isfinite(given) & ~np.isfinite(image)).any():
+            raise ValueError(
+                f"depth: expected depths that are finite in metres, got up to {np.nanmax(given)} units"
+            )
     elif image.dtype.kind in "iu":
         raise TypeError(
             f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "

@@ -88,7 +88,7 @@ impl Answers<'_> {
     /// Turns the normal of input point `index` to its camera and keeps it.
     ///
     /// # Safety
-    /// Every point once.
+    /// Each index is put once, by one task.
     #[inline(always)]
     unsafe fn put(&self, index: usize, point: Point, normal: Point, variation: f64) {
         let viewpoint = match self.viewpoints {
@@ -96,7 +96,7 @@ impl Answers<'_> {
             Viewpoints::Each(all) => all[index],
         };
         let away = dot(normal, sub(viewpoint, point)) < 0.0;
-        // SAFETY: as of this function
+        // SAFETY: the caller puts each index once, so no two tasks write one slot of either array
         unsafe {
             self.normals.put(index, if away { normal.map(|x| -x) } else { normal });
             self.variation.put(index, variation);

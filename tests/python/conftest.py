@@ -70,3 +70,10 @@ def threads() -> Iterator[Callable[[int], None]]:
     """Sets the number of threads; afterwards it is as it was."""
     yield strand.set_num_threads
     strand.set_num_threads(0)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """A skipped test fails the run: it would hide what is missing."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is not None and reporter.stats.get("skipped") and session.exitstatus == 0:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

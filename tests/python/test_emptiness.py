@@ -40,6 +40,32 @@ def test_depths_in_millimetres(kind):
     assert "depths look like millimetres: give depth_scale=0.001" in message(views)
 
 
+def test_points_and_poses_in_millimetres():
+    views = [strand.View.from_world(1e3 * view.world_points, 1e3 * view.viewpoint) for view in images()]
+    assert "points and poses look like millimetres" in message(views)
+
+
+def test_bounds_in_millimetres():
+    assert "bounds look like millimetres" in message(images(), tuple(1e3 * corner for corner in BOUNDS))
+
+
+def test_points_that_are_in_the_world_frame_already():
+    views = [strand.View(view.world_points, view.pose) for view in images()]
+    assert "points look like world-frame ones: use View.from_world" in message(views)
+
+
+def test_points_without_a_camera_frame_are_told_of_none():
+    views = [strand.View.from_world(view.points, view.viewpoint) for view in images()]
+    assert "camera frame" not in message(views)
+
+
+def test_a_stray_point_makes_no_cause_likely():
+    high = np.array([0.0, 0.0, 90.0])
+    points = np.concatenate([np.tile(high, (5000, 1)), 1e3 * SCENE.truth[0][:1]])
+    said = message([strand.View.from_world(points, [0.0, 0.0, 9.0])])
+    assert said.endswith("are bounds, poses and units those of one world frame, in metres?")
+
+
 def test_poses_that_lead_from_the_world_to_the_camera():
     assert "poses look like world-to-camera ones" in message(images(poses=np.linalg.inv(POSES)))
 

@@ -166,8 +166,8 @@ def normals(model: Model) -> Figure:
         order = some[np.argsort(depth(points[some]), kind="stable")]
         feet, tips = sheet.plan.of(points[order]), sheet.plan.of(points[order] + reach * vectors[order])
         pieces = np.stack([feet, tips], axis=1)[:, :, [across, up]]
-        hues = _direction_colours(sheet.plan.of(vectors[order])[:, :2] * sheet.plan.signs[:2] / 1e3)
-        axes.add_collection(collections.LineCollection(list(pieces), colors=hues, linewidths=0.9))
+        each = _direction_colours(sheet.plan.of(vectors[order])[:, :2] * sheet.plan.signs[:2] / 1e3)
+        axes.add_collection(collections.LineCollection(list(pieces), colors=each, linewidths=0.9))
     return sheet.figure
 
 
@@ -312,8 +312,8 @@ def residuals(model: Model) -> Figure:
     some = np.random.default_rng(0).permutation(explained)[:MAX_POINTS]
     axes, across, up, _ = sheet.panels[0]
     where = sheet.plan.of(fit.points[some])
-    hues = colours(1e3 * fit.residual[some])
-    axes.scatter(where[:, across], where[:, up], s=4.0, c=hues, linewidths=0, antialiaseds=False)
+    each = colours(1e3 * fit.residual[some])
+    axes.scatter(where[:, across], where[:, up], s=4.0, c=each, linewidths=0, antialiaseds=False)
     sheet.points(fit.points[~fit.explained], INK, size=4.0)
     return sheet.figure
 

@@ -11,12 +11,12 @@ from strand.checks import Array
 from strand.curve import Curve
 from strand.evidence.prior import Prior
 
-# a bow may be made so much higher than it was, and its height is found by so many bisections
+# a bow may become this many times as high; its height is found by so many bisections
 _HIGHEST, _BISECTIONS = 2.0, 40
 
 
 def bowed(fit: TubeFit, starts: Sequence[Array]) -> list[Array]:
-    """Return the control points of fitted curves, where no points are in the shape that they started from.
+    """Give fitted curves their starting shape back where no point lies on them.
 
     Where nothing was seen a fit bends least, which takes bows away. There the starting shape is put back,
     with a change of least third differences that joins it smoothly to what was seen.

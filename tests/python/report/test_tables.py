@@ -35,9 +35,9 @@ def test_accuracy_of_a_chain_with_a_part_missing():
 def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
     # one node far from the truth, most nodes on it
     few = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0.2, 0, 0]])
-    crowded = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
+    uneven = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
     want = tables.accuracy(Chain(few, RADIUS), LINE).rms
-    assert tables.accuracy(Chain(crowded, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
+    assert tables.accuracy(Chain(uneven, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
     # straight up to 0.1 m and down again: the mean of s squared is a third of 0.1 squared
     assert want == pytest.approx(0.1 / np.sqrt(3), rel=0.01)
 
