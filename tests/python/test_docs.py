@@ -7,6 +7,7 @@ import math
 import re
 from pathlib import Path
 
+import collection
 import pytest
 
 import strand
@@ -90,3 +91,11 @@ def test_the_architecture_names_every_room():
     rooms = [path for path in package.rglob("*.py") if not path.name.startswith("__")]
     assert len(rooms) > 50
     assert [path.name for path in rooms if f"{path.name}`" not in said] == []
+
+
+@pytest.mark.parametrize("command", ["python benches/scenes.py\n", "python benches/scenes.py --published\n"])
+def test_tables_of_scenes_have_all_scenes_of_the_collection(command):
+    after = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8").split(command, 1)[1]
+    table = after.split("\n\n", 2)[1].splitlines()
+    assert table[0].startswith("| scene | topology |")
+    assert [row.split("|")[1].strip() for row in table[2:]] == list(collection.names())
