@@ -78,3 +78,18 @@ def test_a_reversed_chain_is_the_same_rope(paper_model):
     np.testing.assert_allclose(back.at(s), chain.at(chain.length - s), atol=1e-9)
     np.testing.assert_array_equal(back.points_seen[::-1], chain.points_seen)
     np.testing.assert_array_equal(back.reversed().points, chain.points)
+
+
+def test_lists_are_kept_as_arrays():
+    chain = Chain([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], 0.1, points_seen=[3, 0, 5])
+    assert chain.points_seen.tolist() == [3, 0, 5]
+    assert chain.bridged.tolist() == [False, True, False]
+    with pytest.raises(ValueError, match="points_seen: expected counts, got negative numbers"):
+        Chain(chain.points, 0.1, points_seen=[3, -1, 5])
+
+
+@pytest.mark.parametrize("wrong", ["abc", [None], 1j, [[1.0], [1.0, 2.0]]])
+def test_places_are_asked_for_by_numbers(wrong):
+    chain = Chain([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 0.1)
+    with pytest.raises((TypeError, ValueError), match=r"^s: "):
+        chain.at(wrong)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 import strand
@@ -76,3 +77,9 @@ def test_every_number_is_documented():
     assert len(numbers) > 30
     for section, name in numbers:
         assert f"    {name} : " in type(section).__doc__
+
+
+def test_numbers_of_numpy_are_numbers():
+    section = config.Filter(min_neighbors=np.int64(7), radius=np.float64(1.5), min_fraction=np.array(0.5))
+    assert section == config.Filter(min_neighbors=7, radius=1.5, min_fraction=0.5)
+    assert [type(value) for value in dataclasses.astuple(section)] == [float, float, int, float]

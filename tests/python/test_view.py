@@ -284,3 +284,22 @@ def test_colours_belong_to_the_view():
 def test_wrong_colours_are_refused(colors, error, message):
     with pytest.raises(error, match=message):
         View(np.zeros((2, 3)), colors=colors)
+
+
+@pytest.mark.parametrize("wrong", [None, 1, [], [0, 1, 1], [True, False]])
+def test_points_are_chosen_by_one_bool_each(wrong):
+    view = View(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="chosen: expected one bool for each of 3 points"):
+        view.only(wrong)
+    assert len(view.only(np.array([True, False, True])).points) == 2
+
+
+def test_only_a_rigid_motion_moves_a_view():
+    view = View(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="motion: expected a rigid motion"):
+        view.moved(2.0 * np.eye(4) - np.diag([0.0, 0.0, 0.0, 1.0]))
+
+
+def test_depths_that_overflow_in_metres_are_refused():
+    with pytest.raises(ValueError, match="depth: expected depths that are finite in metres"):
+        View.from_depth(np.full((3, 3), 1e308), np.eye(3), depth_scale=1e10)

@@ -107,3 +107,12 @@ def test_a_truncated_model_is_refused(tmp_path):
         strand.load(path)
     with pytest.raises(FileNotFoundError):
         strand.load(tmp_path / "missing.json")
+
+
+def test_numbers_of_numpy_are_saved_and_methods_are_known(tmp_path):
+    model = strand.Model((), np.eye(4, dtype=int)[None], {"fit": np.float32(0.5)}, confidence=np.float32(0.5))
+    model.save(tmp_path / "model.json")
+    loaded = strand.load(tmp_path / "model.json")
+    assert (loaded.confidence, loaded.timings) == (0.5, {"fit": 0.5})
+    with pytest.raises(ValueError, match="method: expected one of tubes, published, got 'magic'"):
+        strand.Model((), np.eye(4)[None], method="magic")
