@@ -144,7 +144,8 @@ def test_published_method_by_its_name(scene_npz, tmp_path, capsys):
     write_folder(tmp_path, radius="")
     assert main(["reconstruct", str(tmp_path), *command]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "strand: error: radius: the published method needs the ropes' one radius, metres"
+        "strand: error: radius: the published method needs the ropes' one radius, metres "
+        "(--radius on the command line)"
     ]
     assert main(["reconstruct", str(tmp_path), *command, "--radius", "4.2mm"]) == 0
 
