@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -315,7 +315,8 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        content = plain(self)
+        # the arrays between the stages are large and stay out
+        content = plain(replace(self, stages={}))
         del content["stages"]
         write_json(
             path, {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}
