@@ -106,3 +106,21 @@ def crossing(thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (
     low, high = nodes.min(axis=0) - 0.02, nodes.max(axis=0) + 0.02
     low[2] = 0.6 * thin
     return views, (low, high), (under, over)
+
+
+CROSSED = 0.004
+"""Radius of the chains of `cross`, metres."""
+
+
+def straight(start: tuple[float, ...], end: tuple[float, ...], spacing: float = CROSSED) -> np.ndarray:
+    """Nodes of a straight chain."""
+    a, b = np.array(start, dtype=float), np.array(end, dtype=float)
+    count = int(np.linalg.norm(b - a) / spacing) + 1
+    return a + np.linspace(0, 1, count)[:, None] * (b - a)
+
+
+def cross(angle: float = np.pi / 2) -> list[np.ndarray]:
+    """Two straight chains, the second two radii above the first, that cross in the middle."""
+    along = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    up = np.array([0, 0, 2 * CROSSED])
+    return [straight((-0.05, 0, 0), (0.05, 0, 0)), straight(tuple(up - along), tuple(up + along))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from drawn import CROSSED, cross, straight
 
 from strand._core import straighten
 from strand.config import Reconnection, Splitting
@@ -11,20 +12,7 @@ from strand.published.assembly import assemble, reach_end
 from strand.published.reconnection import reconnect
 from strand.published.splitting import split
 
-RADIUS = 0.004
-
-
-def straight(start: tuple[float, ...], end: tuple[float, ...], spacing: float = RADIUS) -> np.ndarray:
-    a, b = np.array(start, dtype=float), np.array(end, dtype=float)
-    count = int(np.linalg.norm(b - a) / spacing) + 1
-    return a + np.linspace(0, 1, count)[:, None] * (b - a)
-
-
-def cross(angle: float = np.pi / 2) -> list[np.ndarray]:
-    """Two straight chains, the second two radii above the first, that cross in the middle."""
-    along = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
-    up = np.array([0, 0, 2 * RADIUS])
-    return [straight((-0.05, 0, 0), (0.05, 0, 0)), straight(tuple(up - along), tuple(up + along))]
+RADIUS = CROSSED
 
 
 def test_a_crossing_cuts_both_strands_once_and_the_right_ends_are_joined():
