@@ -45,12 +45,14 @@ mod error;
 mod filter;
 mod geometry;
 mod icp;
+mod image;
 mod index;
 mod normals;
 mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod silhouette;
 mod simd;
 mod spline;
 mod straighten;
