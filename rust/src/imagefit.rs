@@ -97,7 +97,7 @@ pub struct Sensor {
 
 impl Sensor {
     /// A stereo camera near its best distance.
-    pub const DEFAULT: Self = Self { correlation: 3.0, surface: 0.85, bias: 0.15 };
+    pub const DEFAULT: Self = Self { correlation: 3.0, surface: 0.85, bias: 0.3 };
 }
 
 /// A plane that nothing goes below: its unit normal n, towards the cameras, and n·x on it.
