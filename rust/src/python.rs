@@ -8,6 +8,7 @@ mod filter;
 mod fit;
 mod icp;
 mod normals;
+mod silhouettes;
 mod tubes;
 mod views;
 mod visibility;
@@ -71,6 +72,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fit::EndObservation>()?;
     module.add_class::<fit::TubeFit>()?;
     module.add_class::<icp::IcpResult>()?;
+    module.add_class::<silhouettes::Silhouette>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
