@@ -9,6 +9,7 @@ mod links;
 mod network;
 mod pairings;
 mod planar;
+mod refine;
 mod search;
 mod skeleton;
 

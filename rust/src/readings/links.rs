@@ -10,7 +10,7 @@ pub const STEP: f64 = 0.5;
 /// Nodes of a segment that a curve through its zone is fitted together with.
 pub const TAIL: usize = 8;
 /// Weights of bending and of its change in the fit.
-const FIT_BENDING: [f64; 2] = [3.0, 10.0];
+pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
 const EDGE_SD: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.5;
@@ -48,7 +48,7 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
     let rr = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / rr;
-    let smooth = smoothness(n, h);
+    let smooth = smoothness(n, h, FIT_BENDING);
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
     for x in p {
@@ -145,19 +145,19 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
 }
 
 /// Lower rows of the matrix of bending and its change: for each node itself and the three before it.
-fn smoothness(n: usize, h: f64) -> Vec<[f64; 4]> {
+pub fn smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
     let mut rows = vec![[0.0; 4]; n];
-    let mut add = |weights: &[f64], weight: f64| {
-        for start in 0..(n + 1).saturating_sub(weights.len()) {
-            for (i, a) in weights.iter().enumerate() {
-                for (j, b) in weights.iter().enumerate().take(i + 1) {
+    let mut add = |taps: &[f64], weight: f64| {
+        for start in 0..(n + 1).saturating_sub(taps.len()) {
+            for (i, a) in taps.iter().enumerate() {
+                for (j, b) in taps.iter().enumerate().take(i + 1) {
                     rows[start + i][i - j] += weight * a * b;
                 }
             }
         }
     };
-    add(&[1.0, -2.0, 1.0], FIT_BENDING[0] / h.powi(3));
-    add(&[-1.0, 3.0, -3.0, 1.0], FIT_BENDING[1] / h.powi(5));
+    add(&[1.0, -2.0, 1.0], weights[0] / h.powi(3));
+    add(&[-1.0, 3.0, -3.0, 1.0], weights[1] / h.powi(5));
     rows
 }
 
@@ -230,7 +230,7 @@ pub fn link(
 }
 
 /// What a curve costs: bending, its change, tube outside the mask, kinks.
-fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
+pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
     let rr = silhouette.radius_px;
     let (bent, change) = bending(p, rr);
     let outside: f64 = p.iter().map(|&x| (0.8 - silhouette.distance(x) / rr).max(0.0)).sum::<f64>() * STEP;

@@ -9,8 +9,9 @@ use crate::silhouette::Silhouette;
 const WIDE: f64 = 1.35;
 /// Zones reach this much farther than the mask's width at a junction, radii.
 const ZONE_PAD: f64 = 0.3;
-/// Branches of a skeleton that reach no farther than this out of the strand that they leave are spurs, radii.
-const SPUR: f64 = 0.35;
+/// Branches of a skeleton that reach no farther than this out of the strand that they leave are spurs, radii: of most
+/// readings, and of those that look for ends beside another strand.
+pub const SPURS: [f64; 2] = [0.35, -0.4];
 /// Stretches between two zones with odd numbers of ports that hide two strands are shorter than this, radii.
 const STACK: f64 = 12.0;
 
@@ -69,8 +70,8 @@ pub fn shown_radius(silhouette: &Silhouette) -> Option<f64> {
 }
 
 impl Skeleton {
-    /// Thins a mask, prunes spurs and finds zones.
-    pub fn new(silhouette: &Silhouette) -> Self {
+    /// Thins a mask, prunes spurs that reach out no farther than `spur` radii, and finds zones.
+    pub fn new(silhouette: &Silhouette, spur: f64) -> Self {
         let rr = silhouette.radius_px;
         let scale = silhouette.scale as f64;
         let width = silhouette.inside.width;
@@ -81,7 +82,7 @@ impl Skeleton {
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
-            let gone = spurs(&net, &junction, rr, scale, depth_at);
+            let gone = spurs(&net, &junction, spur * rr, rr, scale, depth_at);
             if gone.is_empty() {
                 break (net, junction);
             }
@@ -208,7 +209,14 @@ impl Skeleton {
 }
 
 /// Pixels of branches that are no strands: the shortest one of each junction, so that an end's fork keeps a prong.
-fn spurs(net: &Net, junction: &[bool], rr: f64, scale: f64, depth: impl Fn(usize) -> f64) -> Vec<u32> {
+fn spurs(
+    net: &Net,
+    junction: &[bool],
+    spur: f64,
+    rr: f64,
+    scale: f64,
+    depth: impl Fn(usize) -> f64,
+) -> Vec<u32> {
     let (numbers, count) = net.groups(junction);
     let mut wide = vec![0.0f64; count + 1];
     for (i, &number) in numbers.iter().enumerate() {
@@ -230,7 +238,7 @@ fn spurs(net: &Net, junction: &[bool], rr: f64, scale: f64, depth: impl Fn(usize
         } else if a == 0 || b == 0 {
             let j = a.max(b) as usize;
             let long = line_length(net, &line.path) / scale;
-            if long < wide[j] + SPUR * rr && shortest[j].is_none_or(|(least, _)| long < least) {
+            if long < wide[j] + spur && shortest[j].is_none_or(|(least, _)| long < least) {
                 shortest[j] = Some((long, k));
             }
         }

@@ -8,7 +8,7 @@ use super::planar::{Place, cross, nearest};
 use crate::silhouette::Silhouette;
 
 /// What uncovered mask costs for each squared radius, and two strands that touch without crossing.
-const UNCOVERED: f64 = 0.8;
+pub const UNCOVERED: f64 = 0.8;
 const KISS: f64 = 2.5;
 /// Most ways that are kept, and that are tried.
 const KEPT: usize = 6;
@@ -26,8 +26,17 @@ pub struct Joint {
 #[derive(Debug, Clone)]
 pub struct Pairings {
     pub joints: Vec<Joint>,
-    /// What each way costs, and its joints; the best first.
-    pub ways: Vec<(f64, Vec<usize>)>,
+    /// The best first.
+    pub ways: Vec<Way>,
+}
+
+/// A way to join all ports of a zone.
+#[derive(Debug, Clone)]
+pub struct Way {
+    pub cost: f64,
+    /// What of it is for ends, for what is left out and for kisses.
+    pub fixed: f64,
+    pub joints: Vec<usize>,
 }
 
 /// Pixels of the mask that the links of a zone are to cover.
@@ -177,7 +186,7 @@ pub fn pairings(
     let all: Vec<usize> = (0..ports.len()).collect();
     search.join(&all, &mut Vec::new(), 0.0);
     let mut ways = search.ways;
-    ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ways.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     ways.truncate(KEPT);
     Pairings { joints, ways }
 }
@@ -190,7 +199,7 @@ struct Search<'a> {
     rr: f64,
     kisses: HashMap<(usize, usize), f64>,
     tried: usize,
-    ways: Vec<(f64, Vec<usize>)>,
+    ways: Vec<Way>,
 }
 
 impl Search<'_> {
@@ -201,8 +210,12 @@ impl Search<'_> {
             return;
         }
         let Some(&a) = rest.first() else {
-            let cost = cost + self.whole(chosen);
-            self.ways.push((cost, chosen.clone()));
+            let kisses = self.kisses(chosen);
+            let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
+            let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
+            let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
+            let bare = UNCOVERED * self.region.uncovered(&covers) / (self.rr * self.rr);
+            self.ways.push(Way { cost: cost + kisses + bare, fixed, joints: chosen.clone() });
             return;
         };
         let mut options: Vec<(f64, usize)> = self
@@ -226,20 +239,15 @@ impl Search<'_> {
         }
     }
 
-    /// What a whole way costs beside its links: mask that they leave uncovered, and kisses.
-    fn whole(&mut self, chosen: &[usize]) -> f64 {
-        let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
-        let mut cost = UNCOVERED * self.region.uncovered(&covers) / (self.rr * self.rr);
+    /// What the kisses of a way's links cost.
+    fn kisses(&mut self, chosen: &[usize]) -> f64 {
+        let mut cost = 0.0;
         for (i, &k) in chosen.iter().enumerate() {
             for &l in &chosen[i + 1..] {
                 if self.joints[k].ports.1.is_some() && self.joints[l].ports.1.is_some() {
                     let (joints, rr) = (self.joints, self.rr);
-                    let key = (k.min(l), k.max(l));
-                    cost += KISS
-                        * *self
-                            .kisses
-                            .entry(key)
-                            .or_insert_with(|| kiss(&joints[k].link.full, &joints[l].link.full, rr));
+                    let new = || kiss(&joints[k].link.full, &joints[l].link.full, rr);
+                    cost += KISS * *self.kisses.entry((k.min(l), k.max(l))).or_insert_with(new);
                 }
             }
         }

@@ -3,16 +3,19 @@
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::rc::Rc;
 
-use super::links::TAIL;
-use super::network::{Network, Skeleton};
-use super::pairings::{Pairings, pairings};
+use super::links::{TAIL, curve_cost};
+use super::network::{Network, SPURS, Skeleton};
+use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
+use super::refine::refined;
 use crate::silhouette::Silhouette;
 
 /// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
 const RING: f64 = 6.0;
 const TOO_FEW: f64 = 8.0;
 const HIDDEN: f64 = 1.0;
+/// What a reading costs that keeps short branches of the skeleton.
+const TIPS: f64 = 1.0;
 /// A gap in the mask costs this many times its own cost.
 const GAP: f64 = 3.0;
 /// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
@@ -25,6 +28,8 @@ const MOST: usize = 600;
 #[derive(Debug, Clone)]
 pub struct Reading {
     pub cost: f64,
+    /// What of it is for what chains do not show: ends inside zones, kisses, gaps.
+    fixed: f64,
     /// Nodes half a radius apart of each rope.
     pub chains: Vec<Vec<Place>>,
     /// How many of them were rings and have been opened.
@@ -33,7 +38,7 @@ pub struct Reading {
 
 /// Where a port leads.
 #[derive(Clone)]
-struct Way {
+struct Lead {
     to: Option<usize>,
     pairings: Rc<Pairings>,
     joint: usize,
@@ -45,7 +50,64 @@ type Known = BTreeMap<(Vec<u32>, Vec<(u32, u32, usize)>), Rc<Pairings>>;
 
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
-    let skeleton = Skeleton::new(silhouette);
+    let rr = silhouette.radius_px;
+    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most);
+    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most).into_iter().map(|r| Reading {
+        cost: r.cost + TIPS,
+        fixed: r.fixed + TIPS,
+        ..r
+    }));
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Reading> = Vec::new();
+    for reading in found {
+        if kept.len() >= most {
+            break;
+        }
+        if !kept.iter().any(|k| alike(&k.chains, &reading.chains, rr)) {
+            kept.push(reading);
+        }
+    }
+    for reading in &mut kept {
+        let chains = refined(silhouette, &reading.chains);
+        let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
+        reading.cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains);
+        reading.chains = chains;
+    }
+    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    kept
+}
+
+/// The mask that no chain covers, squared radii.
+fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
+    let rr = silhouette.radius_px;
+    let ([left, top], [width, height]) = silhouette.frame();
+    let mut covered = vec![false; width * height];
+    for chain in chains {
+        for x in chain {
+            let reach = 1.2 * rr + 0.3;
+            let range = |c: usize, low: f64, count: usize| {
+                let first = (x[c] - reach - low).ceil().max(0.0) as usize;
+                (first, ((x[c] + reach - low).floor().max(-1.0) + 1.0).min(count as f64) as usize)
+            };
+            let ((u0, u1), (v0, v1)) = (range(0, left, width), range(1, top, height));
+            for v in v0..v1 {
+                for u in u0..u1 {
+                    let d = [u as f64 + left - x[0], v as f64 + top - x[1]];
+                    covered[v * width + u] |= d[0] * d[0] + d[1] * d[1] <= reach * reach;
+                }
+            }
+        }
+    }
+    let missed = silhouette
+        .pixels()
+        .filter(|p| !covered[(p[1] - top) as usize * width + (p[0] - left) as usize])
+        .count();
+    missed as f64 / (rr * rr)
+}
+
+/// Readings of one skeleton: as it is, and with stretches taken for two strands.
+fn of_skeleton(silhouette: &Silhouette, spur: f64, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+    let skeleton = Skeleton::new(silhouette, spur);
     let rr = silhouette.radius_px;
     let plain = skeleton.read(rr, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
@@ -67,21 +129,11 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
             found.extend(
                 search(silhouette, &skeleton, &network, ropes, most, &mut known)
                     .into_iter()
-                    .map(|r| Reading { cost: r.cost + more, ..r }),
+                    .map(|r| Reading { cost: r.cost + more, fixed: r.fixed + more, ..r }),
             );
         }
     }
-    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut kept: Vec<Reading> = Vec::new();
-    for reading in found {
-        if kept.len() >= most {
-            break;
-        }
-        if !kept.iter().any(|k| alike(&k.chains, &reading.chains, rr)) {
-            kept.push(reading);
-        }
-    }
-    kept
+    found
 }
 
 /// Whether two readings run through the same places in the same order, to a radius.
@@ -135,7 +187,7 @@ fn search(
         zones.push((ports, Rc::clone(found)));
     }
     let price = |choice: &[usize]| -> f64 {
-        choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.0)).sum()
+        choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
     };
     let mut found = Vec::new();
     let mut heap = BinaryHeap::new();
@@ -161,7 +213,9 @@ fn search(
             }
             more += TOO_FEW * ropes.saturating_sub(chains.len()) as f64;
         }
-        found.push(Reading { cost: cost + more, chains, rings });
+        let fixed: f64 =
+            choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
+        found.push(Reading { cost: cost + more, fixed: fixed + more, chains, rings });
         for (k, (_, pairings)) in zones.iter().enumerate() {
             if choice[k] + 1 < pairings.ways.len() {
                 let mut next = choice.clone();
@@ -202,15 +256,15 @@ fn assembled(
     choice: &[usize],
     rr: f64,
 ) -> (Vec<Vec<Place>>, usize) {
-    let mut next: Vec<Option<Way>> = vec![None; network.ports.len()];
+    let mut next: Vec<Option<Lead>> = vec![None; network.ports.len()];
     let mut used = vec![false; network.segments.len()];
     let mut hidden_ends = Vec::new();
     for ((ports, pairings), &way) in zones.iter().zip(choice) {
-        let Some((_, joints)) = pairings.ways.get(way) else { continue };
-        for &joint in joints {
+        let Some(way) = pairings.ways.get(way) else { continue };
+        for &joint in &way.joints {
             let (a, b) = pairings.joints[joint].ports;
             let lead =
-                |to: Option<usize>, turned: bool| Way { to, pairings: Rc::clone(pairings), joint, turned };
+                |to: Option<usize>, turned: bool| Lead { to, pairings: Rc::clone(pairings), joint, turned };
             next[ports[a]] = Some(lead(b.map(|b| ports[b]), false));
             match b {
                 Some(b) => next[ports[b]] = Some(lead(Some(ports[a]), true)),
@@ -257,7 +311,7 @@ fn assembled(
 fn walked(
     network: &Network,
     port_of: &[[Option<usize>; 2]],
-    next: &[Option<Way>],
+    next: &[Option<Lead>],
     used: &mut [bool],
     mut segment: usize,
     mut leave: usize,
