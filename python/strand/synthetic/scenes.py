@@ -55,6 +55,8 @@ class SyntheticScene:
         The ropes' centrelines in the world frame, metres, end to end.
     noise : float
         Standard deviation of the depths, metres.
+    mask : (V, H, W) ndarray of bool or int, or None
+        The ropes' pixels as a segmenter gives them, as `View.from_depth` takes them; None: not known.
     """
 
     name: str
@@ -67,13 +69,15 @@ class SyntheticScene:
     radius: float
     truth: tuple[Array, ...]
     noise: float
+    mask: NDArray[np.bool_] | NDArray[np.integer[Any]] | None = None
 
     @property
     def views(self) -> tuple[View, ...]:
         """The images as views, with the poses as read off the stage."""
+        masks = [None] * len(self.depth) if self.mask is None else self.mask
         return tuple(
-            View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale)
-            for image, pose in zip(self.depth, self.poses, strict=True)
+            View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale, mask=mask)
+            for image, pose, mask in zip(self.depth, self.poses, masks, strict=True)
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -105,6 +109,8 @@ class SyntheticScene:
         }
         for i, nodes in enumerate(self.truth):
             arrays[f"truth_{i}"] = nodes.astype(np.float32)
+        if self.mask is not None:
+            arrays["mask"] = self.mask
         content = BytesIO()
         np.savez_compressed(content, **arrays)
         write_bytes(path, content.getvalue())
