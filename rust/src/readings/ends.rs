@@ -11,6 +11,14 @@ const SHARE: f64 = 0.35;
 const REACH: f64 = 7.0;
 /// An end that another strand hides lies this far under it, radii.
 const UNDER: f64 = 1.0;
+/// What it costs to lead an end on to mask that nothing covers: its turning, for each radius of its way, and what each
+/// squared radius of that mask is worth; and how far it may be, radii.
+const LED_TURN: f64 = 3.0;
+const LED_LENGTH: f64 = 0.1;
+const LED_GAIN: f64 = 1.5;
+const LED_MOST: f64 = 16.0;
+/// Other bends than the rope's last that are tried, over a radius.
+const BENDS: [f64; 6] = [0.1, -0.1, 0.2, -0.2, 0.3, -0.3];
 /// Nodes nearer than this along a chain are no other strand, nodes.
 const OWN: usize = 24;
 
@@ -60,9 +68,10 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
     let recent = &base[base.len() - 24.min(base.len())..];
     let (curvature, span) = curvature(recent);
     let mut best: Option<(f64, Vec<Place>)> = None;
-    for share in [0.0, 0.5, 1.0] {
-        let bend = share * curvature;
-        let start = heading[1].atan2(heading[0]) + if share > 0.0 { bend * span / 4.0 } else { 0.0 };
+    let as_before = [0.0, 0.5, 1.0].map(|share| share * curvature);
+    let more = BENDS.map(|bend| 0.5 * curvature + bend / rr);
+    for bend in as_before.into_iter().chain(more) {
+        let start = heading[1].atan2(heading[0]) + bend * span / 4.0;
         let mut path = base.to_vec();
         for i in 1..(REACH / STEP) as usize {
             let angle = start + bend * i as f64 * STEP * rr;
@@ -78,7 +87,7 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
         let Some(good) = last_shown(&shares) else { continue };
         let explained: f64 = shares[..=good].iter().sum();
         let end = if good + 2 >= stop { good } else { (good + (UNDER / STEP) as usize).min(stop - 1) };
-        if best.as_ref().is_none_or(|(most, _)| explained > most + 0.5) {
+        if best.as_ref().is_none_or(|(most, _)| explained > most + 0.7) {
             path.truncate(first + end + 1);
             best = Some((explained, path));
         }
@@ -130,4 +139,77 @@ fn last_shown(shares: &[f64]) -> Option<usize> {
         }
     }
     found
+}
+
+/// Chains whose ends are led on to mask that no chain covers: an end may lie under or beside another strand for a while
+/// before it shows again.
+///
+/// `bare`: middles of stretches of mask that nothing covers, and their areas in squared radii.
+pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f64)]) -> Vec<Vec<Place>> {
+    let rr = silhouette.radius_px;
+    let mut chains = chains.to_vec();
+    for &(goal, area) in bare {
+        let mut best: Option<(f64, usize, bool, Vec<Place>)> = None;
+        for (number, chain) in chains.iter().enumerate() {
+            for first in [false, true] {
+                if chain.len() < 12 {
+                    continue;
+                }
+                let from = |i: usize| if first { chain[i] } else { chain[chain.len() - 1 - i] };
+                // the last nodes of an end inside a zone are a guess
+                for back in [2, 6, 10] {
+                    let (end, before) =
+                        (from(back.min(chain.len() - 8)), from(back.min(chain.len() - 8) + 5));
+                    let heading = unit([end[0] - before[0], end[1] - before[1]]);
+                    let Some(way) = arc(end, heading, goal, rr) else { continue };
+                    if way.iter().any(|&x| silhouette.distance(x) < 0.3 * rr) {
+                        continue;
+                    }
+                    let far = apart(end, goal);
+                    let turn = {
+                        let d = unit([goal[0] - end[0], goal[1] - end[1]]);
+                        2.0 * (heading[0] * d[1] - heading[1] * d[0])
+                            .atan2(heading[0] * d[0] + heading[1] * d[1])
+                    };
+                    let cost = LED_TURN * turn * turn * rr / far + LED_LENGTH * far / rr;
+                    if cost < LED_GAIN * area && best.as_ref().is_none_or(|b| cost < b.0) {
+                        let kept: Vec<Place> =
+                            (back.min(chain.len() - 8)..chain.len()).rev().map(from).collect();
+                        let longer = kept.into_iter().chain(way).collect();
+                        best = Some((cost, number, first, longer));
+                    }
+                }
+            }
+        }
+        if let Some((_, number, first, mut longer)) = best {
+            if first {
+                longer.reverse();
+            }
+            chains[number] = resampled(&longer, 0.5 * rr);
+        }
+    }
+    chains
+}
+
+/// The arc of a circle that leaves a place in a direction and ends at another; none if it is long or turns too much.
+fn arc(from: Place, heading: Place, to: Place, rr: f64) -> Option<Vec<Place>> {
+    let far = apart(from, to);
+    let d = unit([to[0] - from[0], to[1] - from[1]]);
+    let half = (heading[0] * d[1] - heading[1] * d[0]).atan2(heading[0] * d[0] + heading[1] * d[1]);
+    let curvature = 2.0 * half.sin() / far.max(1e-9);
+    if far < 0.5 * rr || far > LED_MOST * rr || half.abs() > 1.2 || curvature.abs() * rr > 0.5 {
+        return None;
+    }
+    let long = if half.abs() < 1e-6 { far } else { 2.0 * half / curvature };
+    let n = (long / (0.5 * rr)).ceil() as usize;
+    let start = heading[1].atan2(heading[0]);
+    let mut way = Vec::with_capacity(n);
+    let mut x = from;
+    for i in 0..n {
+        let step = long / n as f64;
+        let angle = start + curvature * step * (i as f64 + 0.5);
+        x = [x[0] + step * angle.cos(), x[1] + step * angle.sin()];
+        way.push(x);
+    }
+    Some(way)
 }

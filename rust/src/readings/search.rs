@@ -3,17 +3,21 @@
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::rc::Rc;
 
+use super::ends::led_on;
 use super::links::{TAIL, curve_cost};
 use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
 use super::refine::refined;
+use crate::image::{Image, blobs};
 use crate::silhouette::Silhouette;
 
 /// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
 const RING: f64 = 6.0;
 const TOO_FEW: f64 = 8.0;
 const HIDDEN: f64 = 1.0;
+/// Stretches of mask without a chain that are larger than this may hold a rope's end, squared radii.
+const BARE: f64 = 0.4;
 /// What a reading costs that keeps short branches of the skeleton.
 const TIPS: f64 = 1.0;
 /// A gap in the mask costs this many times its own cost.
@@ -68,20 +72,27 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
         }
     }
     for reading in &mut kept {
-        let chains = refined(silhouette, &reading.chains);
+        let mut chains = reading.chains.clone();
+        for _ in 0..2 {
+            let (_, bare) = uncovered(silhouette, &chains);
+            chains = refined(silhouette, &led_on(silhouette, &chains, &bare));
+        }
         let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
-        reading.cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains);
+        reading.cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains).0;
         reading.chains = chains;
     }
     kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
 }
 
-/// The mask that no chain covers, squared radii.
-fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
+/// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
+fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
     let rr = silhouette.radius_px;
     let ([left, top], [width, height]) = silhouette.frame();
-    let mut covered = vec![false; width * height];
+    let mut bare = Image::filled(width, height, false);
+    for [u, v] in silhouette.pixels() {
+        bare.set((u - left) as usize, (v - top) as usize, true);
+    }
     for chain in chains {
         for x in chain {
             let reach = 1.2 * rr + 0.3;
@@ -93,16 +104,29 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
             for v in v0..v1 {
                 for u in u0..u1 {
                     let d = [u as f64 + left - x[0], v as f64 + top - x[1]];
-                    covered[v * width + u] |= d[0] * d[0] + d[1] * d[1] <= reach * reach;
+                    if d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                        bare.set(u, v, false);
+                    }
                 }
             }
         }
     }
-    let missed = silhouette
-        .pixels()
-        .filter(|p| !covered[(p[1] - top) as usize * width + (p[0] - left) as usize])
-        .count();
-    missed as f64 / (rr * rr)
+    let found = blobs(&bare, true, true);
+    let mut sums = vec![[0.0; 2]; found.sizes.len()];
+    for (k, &number) in found.numbers.values.iter().enumerate() {
+        sums[number as usize][0] += (k % width) as f64 + left;
+        sums[number as usize][1] += (k / width) as f64 + top;
+    }
+    let mut stretches = Vec::new();
+    let mut total = 0.0;
+    for (number, &size) in found.sizes.iter().enumerate().skip(1) {
+        let area = size as f64 / (rr * rr);
+        total += area;
+        if area > BARE {
+            stretches.push((sums[number].map(|s| s / size as f64), area));
+        }
+    }
+    (total, stretches)
 }
 
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
