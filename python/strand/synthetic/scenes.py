@@ -192,7 +192,8 @@ def scene(
     mask : Segmentation, optional
         How the ropes' pixels are found; exactly if not given along with a camera.
     distance : float, optional
-        From the origin to the cameras, metres, for ropes of a given width in the image.
+        From the origin to the cameras, metres, if every view holds the ropes whole from there; 76 radii if
+        not given.
     elevation : float, optional
         Angle of the cameras above the table, radians; 50 degrees if not given, 0 before a wall.
     wall : float, optional
@@ -213,8 +214,7 @@ def scene(
     ValueError
         If there is no such shape or camera, `length` is too short for the shape or is given along with
         `chains`, there are no chains or one is not as `render_depth` wants it, `views` is not positive,
-        `distance` is too near for views that hold the ropes, `flying` is given along with a camera, or a
-        number is out of its range.
+        `flying` is given along with a camera, or a number is out of its range.
     """
     if name is not None and not isinstance(name, str):
         raise TypeError(f"name: expected text, got {type(name).__name__}")
@@ -257,12 +257,7 @@ def scene(
     intrinsics = np.array([[focus, 0.0, centre[0]], [0.0, focus, centre[1]], [0.0, 0.0, 1.0]])
     nodes = np.concatenate(truth)
     least = nearest(nodes, radius, around, number("elevation", elevation), (width, height))
-    if distance is None:
-        distance = max(_NEAREST * radius, least)
-    elif positive("distance", distance, LONGEST) < least:
-        raise ValueError(
-            f"distance: the ropes need at least {least:.4g} m to be seen whole, got {distance:g} m"
-        )
+    distance = max(_NEAREST * radius if distance is None else positive("distance", distance, LONGEST), least)
     poses_true = np.stack([camera_pose(azimuth, distance, elevation) for azimuth in around])
     if imitated is not None and noise is not None:
         imitated = imitated.with_noise(noise, focus, distance)
