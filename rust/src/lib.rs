@@ -46,6 +46,7 @@ mod filter;
 mod geometry;
 mod icp;
 mod image;
+mod imagefit;
 mod index;
 mod normals;
 mod overlap;

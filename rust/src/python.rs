@@ -7,6 +7,7 @@ mod density;
 mod filter;
 mod fit;
 mod icp;
+mod imagefit;
 mod normals;
 mod silhouettes;
 mod tubes;
@@ -94,6 +95,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::rope_extents, module)?)?;
+    module.add_function(wrap_pyfunction!(imagefit::fit_image, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
     module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
