@@ -45,12 +45,16 @@ mod error;
 mod filter;
 mod geometry;
 mod icp;
+mod image;
+mod imagefit;
 mod index;
 mod normals;
 mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod readings;
+mod silhouette;
 mod simd;
 mod spline;
 mod straighten;

@@ -7,7 +7,9 @@ mod density;
 mod filter;
 mod fit;
 mod icp;
+mod imagefit;
 mod normals;
+mod silhouettes;
 mod tubes;
 mod views;
 mod visibility;
@@ -71,6 +73,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fit::EndObservation>()?;
     module.add_class::<fit::TubeFit>()?;
     module.add_class::<icp::IcpResult>()?;
+    module.add_class::<silhouettes::Silhouette>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
@@ -92,6 +95,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::rope_extents, module)?)?;
+    module.add_function(wrap_pyfunction!(imagefit::fit_image, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
     module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;

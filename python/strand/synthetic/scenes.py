@@ -83,10 +83,10 @@ class SyntheticScene:
     @property
     def views(self) -> tuple[View, ...]:
         """The images as views, with the poses as read off the stage."""
-        images = self.depth if self.mask is None else np.where(self.mask != 0, self.depth, 0)
+        masks = [None] * len(self.depth) if self.mask is None else self.mask
         return tuple(
-            View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale)
-            for image, pose in zip(images, self.poses, strict=True)
+            View.from_depth(image, self.intrinsics, pose, depth_scale=self.depth_scale, mask=mask)
+            for image, pose, mask in zip(self.depth, self.poses, masks, strict=True)
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -1,0 +1,110 @@
+//! What a fitted hypothesis leaves unexplained.
+
+use super::curves::Curves;
+use super::evidence::Seen;
+use super::{Misfit, Place2, RopeView, STEP, Sensor};
+
+/// Mask farther from the axis than this is not covered: rr, and pixels more.
+const COVERS: (f64, f64) = (1.2, 0.5);
+/// Tube nearer to the axis than this has to lie in the mask: rr, and pixels less.
+const FILLS: (f64, f64) = (0.7, 0.3);
+/// Noise that squares of depth's residuals are counted in, radii, and their limit.
+const NOISE: f64 = 0.5;
+const LIMIT: f64 = 6.0;
+
+/// Adds what one view sees.
+pub fn add_view(
+    view: &RopeView,
+    seen: &Seen,
+    curves: &Curves,
+    bias: f64,
+    radius: f64,
+    sensor: &Sensor,
+    misfit: &mut Misfit,
+) {
+    let rr = view.silhouette.radius_px;
+    let (covers, fills) = (COVERS.0 * rr + COVERS.1, FILLS.0 * rr - FILLS.1);
+    let distances = Distances::new(view, &seen.image, curves, covers);
+    let (mut uncovered, mut outside) = (0, 0);
+    for (k, &square) in distances.squares.iter().enumerate() {
+        let far = f64::from(square) > covers * covers;
+        let near = fills > 0.0 && f64::from(square) < fills * fills;
+        if far || near {
+            let at = distances.place(k);
+            let inside = view.silhouette.distance(at) > 0.0;
+            uncovered += u32::from(far && inside);
+            outside += u32::from(near && !inside);
+        }
+    }
+    misfit.uncovered += f64::from(uncovered) / (2.0 * rr * rr);
+    misfit.outside += f64::from(outside) / (2.0 * rr * rr);
+    for i in 0..seen.image.len() {
+        let observed = view.medians.at(seen.image[i]);
+        let e = (seen.places[i][2] - observed) / radius - sensor.surface - bias;
+        if seen.visible[i] && !seen.mixed[i] && e.is_finite() {
+            misfit.depth += STEP / sensor.correlation * (e / NOISE).powi(2).min(LIMIT);
+            misfit.depths += STEP / sensor.correlation;
+        }
+    }
+}
+
+/// Squared distances of pixels from the axes.
+struct Distances {
+    low: [i64; 2],
+    width: usize,
+    /// Row by row; infinite farther than the reach.
+    squares: Vec<f32>,
+}
+
+impl Distances {
+    /// Over the mask's frame and the chains, as far as the image goes.
+    fn new(view: &RopeView, places: &[Place2], curves: &Curves, reach: f64) -> Self {
+        let (origin, size) = view.silhouette.frame();
+        let mut low = origin;
+        let mut high: Place2 = std::array::from_fn(|k| origin[k] + size[k] as f64);
+        for p in places {
+            for k in 0..2 {
+                low[k] = low[k].min(p[k] - reach);
+                high[k] = high[k].max(p[k] + reach);
+            }
+        }
+        let low: [i64; 2] = std::array::from_fn(|k| low[k].max(0.0) as i64);
+        let high: [i64; 2] = std::array::from_fn(|k| high[k].min(view.size[k] as f64 - 1.0) as i64);
+        let [width, height] = std::array::from_fn(|k| (high[k] - low[k] + 1).max(0) as usize);
+        let mut made = Self { low, width, squares: vec![f32::INFINITY; width * height] };
+        for chain in &curves.chains {
+            for pair in places[chain.clone()].windows(2) {
+                made.stamp(pair[0], pair[1], reach, [width, height]);
+            }
+        }
+        made
+    }
+
+    fn stamp(&mut self, a: Place2, b: Place2, reach: f64, size: [usize; 2]) {
+        let range = |k: usize| {
+            let from = (a[k].min(b[k]) - reach).ceil() as i64 - self.low[k];
+            let to = (a[k].max(b[k]) + reach).floor() as i64 - self.low[k] + 1;
+            from.clamp(0, size[k] as i64) as usize..to.clamp(0, size[k] as i64) as usize
+        };
+        let (columns, rows) = (range(0), range(1));
+        let shift = |p: Place2| -> [f32; 2] { std::array::from_fn(|k| (p[k] - self.low[k] as f64) as f32) };
+        let (a, b) = (shift(a), shift(b));
+        let d = [b[0] - a[0], b[1] - a[1]];
+        let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1]).max(1e-12);
+        for y in rows {
+            let py = y as f32 - a[1];
+            let row = &mut self.squares[y * self.width..][columns.clone()];
+            for (square, x) in row.iter_mut().zip(columns.clone()) {
+                let px = x as f32 - a[0];
+                let t = ((px * d[0] + py * d[1]) * inverse).clamp(0.0, 1.0);
+                let (ex, ey) = (px - t * d[0], py - t * d[1]);
+                *square = square.min(ex * ex + ey * ey);
+            }
+        }
+    }
+
+    /// The column and row of a pixel.
+    fn place(&self, k: usize) -> Place2 {
+        [(k % self.width) as f64 + self.low[0] as f64, (k / self.width) as f64 + self.low[1] as f64]
+    }
+}

@@ -1,0 +1,243 @@
+//! Where strands lie over each other in an image, and which is on top.
+
+use super::smoothing::{Gap, Profile};
+use super::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
+
+/// Pairs this near in both their places along the rope are of one crossing, samples.
+const TOGETHER: usize = 5;
+/// Samples of a stretch over which a long overlap is held apart.
+const STRETCH: usize = 8;
+/// Flips of both of two neighbours are tried for this many crossings at most.
+const MOST_DOUBLE: usize = 24;
+/// A crossing whose sides differ by more than this alone is left as it is.
+const CLEAR: f64 = 30.0;
+
+/// A place where two strands lie over each other in an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crossing {
+    /// Places of both strands that lie over each other: the first's, which is the earlier one, and the second's.
+    pub pairs: Vec<[OnChain; 2]>,
+    /// Whether the first is nearer to the camera.
+    pub first_on_top: bool,
+    /// How much more the opposite would cost.
+    pub margin: f64,
+}
+
+impl Crossing {
+    /// The pairs with the upper strand first.
+    pub fn ordered(&self) -> impl Iterator<Item = [OnChain; 2]> + '_ {
+        self.pairs.iter().map(|&[a, b]| if self.first_on_top { [a, b] } else { [b, a] })
+    }
+}
+
+/// Samples of two strands that hide each other.
+#[derive(Debug, Clone)]
+pub struct Overlap {
+    /// Samples of the strand that comes first, and of the other.
+    pub sides: [Vec<usize>; 2],
+    /// Pairs of them whose axes all but cross, with their distance in the image, rr.
+    pub pairs: Vec<([usize; 2], f64)>,
+}
+
+/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, rr.
+pub fn overlaps(pairs: &[([usize; 2], f64)]) -> Vec<Overlap> {
+    let mut group: Vec<usize> = (0..pairs.len()).collect();
+    let root = |group: &mut Vec<usize>, mut i: usize| {
+        while group[i] != i {
+            group[i] = group[group[i]];
+            i = group[i];
+        }
+        i
+    };
+    for a in 0..pairs.len() {
+        let [i, j] = pairs[a].0;
+        for b in a + 1..pairs.len() {
+            let [k, l] = pairs[b].0;
+            if k > i + TOGETHER {
+                break;
+            }
+            if l.abs_diff(j) <= TOGETHER {
+                let (x, y) = (root(&mut group, a), root(&mut group, b));
+                group[x.max(y)] = x.min(y);
+            }
+        }
+    }
+    let roots: Vec<usize> = (0..pairs.len()).map(|a| root(&mut group, a)).collect();
+    let mut firsts: Vec<usize> = roots.clone();
+    firsts.sort_unstable();
+    firsts.dedup();
+    firsts
+        .into_iter()
+        .map(|first| {
+            let members = || pairs.iter().zip(&roots).filter(move |&(_, &r)| r == first).map(|(p, _)| *p);
+            let side = |k: usize| {
+                let mut side: Vec<usize> = members().map(|p| p.0[k]).collect();
+                side.sort_unstable();
+                side.dedup();
+                side
+            };
+            let least = members().map(|p| p.1).fold(f64::INFINITY, f64::min);
+            let near = (least + 0.3).max(0.9);
+            Overlap { sides: [side(0), side(1)], pairs: members().filter(|p| p.1 < near).collect() }
+        })
+        .collect()
+}
+
+impl Overlap {
+    /// The gaps that an order asks for.
+    fn gaps(&self, first_on_top: bool, into: &mut Vec<Gap>) {
+        let start = into.len();
+        let mut at = 0;
+        while at < self.pairs.len() {
+            let from = self.pairs[at].0[0];
+            let end = at + self.pairs[at..].iter().take_while(|p| p.0[0] < from + STRETCH).count();
+            let stretch = &self.pairs[at..end];
+            let needs = stretch.iter().map(|p| (TOUCHING * TOUCHING - p.1 * p.1).max(0.0).sqrt());
+            into.push(Gap {
+                pairs: stretch.iter().map(|p| if first_on_top { p.0 } else { [p.0[1], p.0[0]] }).collect(),
+                need: needs.sum::<f64>() / stretch.len() as f64,
+                share: 1.0,
+            });
+            at = end;
+        }
+        let share = 1.0 / (into.len() - start) as f64;
+        for gap in &mut into[start..] {
+            gap.share = share;
+        }
+    }
+}
+
+/// What is known of the samples' depths when no order is.
+pub struct Evidence<'a> {
+    pub profile: &'a Profile,
+    /// Weights of the depths, 0 where strands hide each other.
+    pub clear: &'a [f64],
+    /// Weights where it is known whose the depth is.
+    pub owned: &'a [f64],
+    pub sigma: f64,
+}
+
+impl Evidence<'_> {
+    /// Depths and cost if the overlaps are ordered so; those without an order have no depth and no gap.
+    pub fn solve(&self, overlaps: &[Overlap], order: &[Option<bool>], rounds: usize) -> (Vec<f64>, f64) {
+        let mut weights = self.clear.to_vec();
+        let mut gaps = Vec::new();
+        let decided = || overlaps.iter().zip(order).filter_map(|(o, &first)| Some((o, first?)));
+        for (overlap, first) in decided() {
+            for &i in &overlap.sides[usize::from(!first)] {
+                weights[i] = self.owned[i];
+            }
+            overlap.gaps(first, &mut gaps);
+        }
+        for (overlap, first) in decided() {
+            for &i in &overlap.sides[usize::from(first)] {
+                weights[i] = 0.0;
+            }
+        }
+        self.profile.solve(&weights, self.sigma, &gaps, rounds)
+    }
+
+    /// Which strand is on top at each overlap, and by how much: decided together, as one strand's depth at a crossing
+    /// bounds what it can have at the next.
+    pub fn decide(&self, overlaps: &[Overlap]) -> Vec<(bool, f64)> {
+        let cost = |order: &[Option<bool>], rounds| self.solve(overlaps, order, rounds).1;
+        let mut alone = vec![0.0; overlaps.len()];
+        let mut order: Vec<Option<bool>> = vec![None; overlaps.len()];
+        let mut start = order.clone();
+        for k in 0..overlaps.len() {
+            let costs = [true, false].map(|first| {
+                order[k] = Some(first);
+                cost(&order, 3)
+            });
+            order[k] = None;
+            start[k] = Some(costs[0] <= costs[1]);
+            alone[k] = (costs[0] - costs[1]).abs();
+        }
+        if overlaps.len() < 2 {
+            return start.iter().zip(alone).map(|(first, margin)| (first == &Some(true), margin)).collect();
+        }
+        let mut order = start;
+        let mut best = cost(&order, 4);
+        let mut margins = alone.clone();
+        for _ in 0..2 * overlaps.len() {
+            let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
+            let doubles = neighbours(overlaps).into_iter().take(MOST_DOUBLE);
+            let doubles = doubles.filter(|p| p.iter().all(|&k| alone[k] < CLEAR)).map(|p| p.to_vec());
+            let mut gain: Option<(f64, Vec<usize>)> = None;
+            for flips in singles.chain(doubles) {
+                let mut other = order.clone();
+                for &k in &flips {
+                    other[k] = other[k].map(|first| !first);
+                }
+                let more = cost(&other, 4) - best;
+                if let [k] = flips[..] {
+                    margins[k] = more;
+                }
+                if more < gain.as_ref().map_or(-1e-9, |g| g.0) {
+                    gain = Some((more, flips));
+                }
+            }
+            let Some((more, flips)) = gain else { break };
+            for k in flips {
+                order[k] = order[k].map(|first| !first);
+            }
+            best += more;
+        }
+        order.iter().zip(margins).map(|(first, margin)| (first == &Some(true), margin.max(0.0))).collect()
+    }
+}
+
+/// Overlaps that follow each other along a rope.
+fn neighbours(overlaps: &[Overlap]) -> Vec<[usize; 2]> {
+    let mut visits: Vec<(usize, usize)> = Vec::new();
+    for (k, overlap) in overlaps.iter().enumerate() {
+        visits.extend(overlap.sides.iter().map(|side| (side[side.len() / 2], k)));
+    }
+    visits.sort_unstable();
+    let mut pairs: Vec<[usize; 2]> = visits
+        .windows(2)
+        .filter(|w| w[0].1 != w[1].1)
+        .map(|w| [w[0].1.min(w[1].1), w[0].1.max(w[1].1)])
+        .collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Whether two samples are different places of the ropes.
+#[inline]
+pub fn apart(chain: [u32; 2], index: [usize; 2]) -> bool {
+    chain[0] != chain[1] || index[0].abs_diff(index[1]) as f64 * STEP > APART
+}
+
+/// Pairs of samples that hide each other in an image, sorted, with their distance, rr.
+pub fn hiding(
+    places: &[Place2],
+    chains: &[u32],
+    grid: &super::grid::Grid,
+    rr: f64,
+) -> Vec<([usize; 2], f64)> {
+    let mut found = Vec::new();
+    grid.pairs(places, HIDES * rr, |i, j, d| {
+        if apart([chains[i], chains[j]], [i, j]) {
+            found.push(([i, j], d.sqrt() / rr));
+        }
+    });
+    found.sort_unstable_by_key(|pair| pair.0);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_of_one_crossing_are_together() {
+        let pair = |i: usize, j: usize| ([i, j], 0.5);
+        let pairs = [pair(10, 50), pair(11, 51), pair(14, 53), pair(30, 80), pair(31, 79)];
+        let found = overlaps(&pairs);
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[0].sides, [vec![10, 11, 14], vec![50, 51, 53]]);
+        assert_eq!(neighbours(&found), [[0, 1]]);
+    }
+}

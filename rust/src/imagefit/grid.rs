@@ -1,0 +1,133 @@
+//! Places of an image in square cells: what is near.
+
+use super::Place2;
+
+/// Places sorted into square cells.
+#[derive(Debug, Default)]
+pub struct Grid {
+    origin: Place2,
+    inverse: f64,
+    size: [usize; 2],
+    /// Where each cell's places begin.
+    starts: Vec<u32>,
+    /// Numbers and places, cell by cell, in order of their numbers.
+    items: Vec<(u32, Place2)>,
+    cells: Vec<u32>,
+}
+
+impl Grid {
+    /// Sorts places into cells of a frame: its corner and sizes. What lies outside is in the cells of its border, so
+    /// places less than a cell apart are in neighbouring cells everywhere.
+    pub fn fill(&mut self, places: &[Place2], frame: (Place2, [usize; 2]), cell: f64) {
+        self.origin = frame.0;
+        self.inverse = 1.0 / cell;
+        self.size = frame.1.map(|n| (n as f64 / cell) as usize + 1);
+        self.starts.clear();
+        self.starts.resize(self.size[0] * self.size[1] + 1, 0);
+        self.cells.clear();
+        for &place in places {
+            let [x, y] = self.cell(place);
+            let cell = y * self.size[0] + x;
+            self.starts[cell + 1] += 1;
+            self.cells.push(cell as u32);
+        }
+        for i in 1..self.starts.len() {
+            self.starts[i] += self.starts[i - 1];
+        }
+        self.items.clear();
+        self.items.resize(places.len(), (0, [0.0; 2]));
+        for (i, &place) in places.iter().enumerate().rev() {
+            // counted down from the next cell's start
+            let end = &mut self.starts[self.cells[i] as usize + 1];
+            *end -= 1;
+            self.items[*end as usize] = (i as u32, place);
+        }
+        // what were ends are starts now
+        self.starts.remove(0);
+        self.starts.push(places.len() as u32);
+    }
+
+    #[inline(always)]
+    fn cell(&self, at: Place2) -> [usize; 2] {
+        std::array::from_fn(|k| {
+            (((at[k] - self.origin[k]) * self.inverse).max(0.0) as usize).min(self.size[k] - 1)
+        })
+    }
+
+    /// What lies in the cell of a place and around it, row by row of cells.
+    #[inline(always)]
+    pub fn around(&self, at: Place2) -> impl Iterator<Item = &[(u32, Place2)]> {
+        let [x, y] = self.cell(at);
+        let (low, high) = (x.saturating_sub(1), (x + 1).min(self.size[0] - 1));
+        (y.saturating_sub(1)..=(y + 1).min(self.size[1] - 1)).map(move |row| {
+            let start = self.starts[row * self.size[0] + low] as usize;
+            let end = self.starts[row * self.size[0] + high + 1] as usize;
+            &self.items[start..end]
+        })
+    }
+
+    /// The nearest place, if one is within `reach`, at most a cell.
+    #[inline]
+    pub fn nearest(&self, at: Place2, reach: f64) -> Option<usize> {
+        let mut best = reach * reach;
+        let mut found = None;
+        for run in self.around(at) {
+            for &(i, place) in run {
+                let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
+                if d < best {
+                    best = d;
+                    found = Some(i as usize);
+                }
+            }
+        }
+        found
+    }
+
+    /// Calls with all pairs i < j of places nearer than `reach`, at most a cell, and their squared distance.
+    pub fn pairs(&self, places: &[Place2], reach: f64, mut call: impl FnMut(usize, usize, f64)) {
+        for (i, &at) in places.iter().enumerate() {
+            for run in self.around(at) {
+                for &(j, place) in run {
+                    let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
+                    if j as usize > i && d < reach * reach {
+                        call(i, j as usize, d);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_and_pairs_are_those_of_a_full_search() {
+        let place = |i: usize| {
+            let t = i as f64;
+            [40.0 * (t * 0.37).sin() + 20.0, 30.0 * (t * 0.61).cos() + 10.0]
+        };
+        let places: Vec<Place2> = (0..300).map(place).collect();
+        let mut grid = Grid::default();
+        for _ in 0..2 {
+            grid.fill(&places, ([0.0, 0.0], [40, 30]), 4.0);
+        }
+        let square = |a: Place2, b: Place2| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+        for i in 0..50 {
+            let at = place(1000 + i);
+            let full = (0..300).min_by(|&a, &b| square(places[a], at).total_cmp(&square(places[b], at)));
+            let full = full.filter(|&k| square(places[k], at) < 16.0);
+            assert_eq!(grid.nearest(at, 4.0), full);
+        }
+        let mut found = Vec::new();
+        grid.pairs(&places, 3.5, |i, j, _| found.push([i, j]));
+        found.sort_unstable();
+        let full: Vec<[usize; 2]> = (0..300)
+            .flat_map(|i| (i + 1..300).map(move |j| [i, j]))
+            .filter(|&[i, j]| square(places[i], places[j]) < 3.5 * 3.5)
+            .collect();
+        assert!(full.len() > 100);
+        assert_eq!(found, full);
+    }
+}

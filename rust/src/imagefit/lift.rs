@@ -1,0 +1,140 @@
+//! The lift of polylines of one view's image into space.
+
+use std::ops::Range;
+
+use super::crossings::{Crossing, Evidence, apart, hiding, overlaps};
+use super::grid::Grid;
+use super::polyline::{arc, resampled};
+use super::smoothing::Profile;
+use super::{HIDES, MIXED, MIXES, OnChain, Place2, Plane, RopeView, STEP, Sensor};
+use crate::Point;
+use crate::geometry::advance;
+
+/// Fewest depths on their own, away from other strands, that noise is judged by.
+const FEWEST: usize = 10;
+/// Least and most noise, radii.
+const NOISE: (f64, f64) = (0.15, 2.0);
+
+/// Polylines in space, and how they lie over each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lifted {
+    /// For each polyline its nodes in the world frame, metres.
+    pub nodes: Vec<Vec<Point>>,
+    /// Noise of depth, radii.
+    pub sigma: f64,
+    /// Where they cross in the image.
+    pub crossings: Vec<Crossing>,
+}
+
+/// Gives polylines of a view's image their depth.
+///
+/// A smoothing spline of median depths, which leaves out where strands hide each other until it is known which is on
+/// top. None if no polyline has a depth.
+pub fn lift(
+    view: &RopeView,
+    chains: &[Vec<Place2>],
+    radius: f64,
+    plane: Option<Plane>,
+    sensor: &Sensor,
+) -> Option<Lifted> {
+    let rr = view.silhouette.radius_px;
+    let chains: Vec<Vec<Place2>> = chains.iter().map(|chain| resampled(chain, STEP * rr)).collect();
+    let places: Vec<Place2> = chains.concat();
+    let (mut ranges, mut numbers): (Vec<Range<usize>>, Vec<u32>) = (Vec::new(), Vec::new());
+    for (number, chain) in chains.iter().enumerate() {
+        ranges.push(numbers.len()..numbers.len() + chain.len());
+        numbers.resize(numbers.len() + chain.len(), number as u32);
+    }
+    let mut depths: Vec<f64> = places.iter().map(|&uv| view.medians.at(uv) / radius).collect();
+    let middle = median(depths.iter().copied().filter(|z| z.is_finite()).collect())?;
+
+    let reach = MIXES.0 * rr + MIXES.1;
+    let mut grid = Grid::default();
+    grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * rr));
+    let mut weights: Vec<f64> = depths.iter().map(|z| f64::from(u8::from(z.is_finite()))).collect();
+    let mut owned = weights.clone();
+    let mut mixed = vec![false; places.len()];
+    grid.pairs(&places, reach, |i, j, _| {
+        if apart([numbers[i], numbers[j]], [i, j]) {
+            mixed[i] = true;
+            mixed[j] = true;
+        }
+    });
+    for i in (0..places.len()).filter(|&i| mixed[i]) {
+        weights[i] *= MIXED;
+        owned[i] *= MIXED;
+    }
+    let everywhere = weights.clone();
+    let pairs = hiding(&places, &numbers, &grid, rr);
+    for &([i, j], _) in &pairs {
+        weights[i] = 0.0;
+        weights[j] = 0.0;
+    }
+    if weights.iter().filter(|&&w| w > 0.0).count() <= FEWEST {
+        weights = everywhere;
+    }
+    for z in &mut depths {
+        *z = if z.is_finite() { *z } else { middle };
+    }
+
+    let ceilings = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
+    let profile = Profile::new(depths, ceilings, ranges.clone(), sensor.correlation);
+    let mut sigma = 0.5;
+    for _ in 0..2 {
+        let (x, _) = profile.solve(&weights, sigma, &[], 4);
+        let seen = (0..x.len()).filter(|&i| weights[i] > 0.0);
+        let residuals = seen.map(|i| (x[i] - profile.observed[i]).abs()).collect();
+        sigma = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
+    }
+    let found = overlaps(&pairs);
+    let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma };
+    let decided = evidence.decide(&found);
+    let order: Vec<Option<bool>> = decided.iter().map(|d| Some(d.0)).collect();
+    let (x, _) = evidence.solve(&found, &order, 6);
+
+    let lifted = |i: usize| {
+        let z = (x[i] + sensor.surface) * radius;
+        let [u, v] = places[i];
+        view.pose.apply(view.pinhole.point(u, v, z))
+    };
+    let nodes: Vec<Vec<Point>> = ranges.iter().map(|r| r.clone().map(lifted).collect()).collect();
+    let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc(nodes)).collect();
+    let place = |i: usize| {
+        let chain = numbers[i] as usize;
+        let arc = &arcs[chain];
+        OnChain { chain, share: arc[i - ranges[chain].start] / arc[arc.len() - 1] }
+    };
+    let crossings = found
+        .iter()
+        .zip(decided)
+        .map(|(overlap, (first_on_top, margin))| Crossing {
+            pairs: overlap.pairs.iter().map(|p| p.0.map(place)).collect(),
+            first_on_top,
+            margin,
+        })
+        .collect();
+    Some(Lifted { nodes, sigma, crossings })
+}
+
+/// The depth of the surface, radii, at which the axis seen in a place is a radius above the plane.
+fn ceiling(view: &RopeView, uv: Place2, radius: f64, plane: Option<Plane>, sensor: &Sensor) -> f64 {
+    let Some(plane) = plane else { return f64::INFINITY };
+    let camera: Point = view.pose.translation.into();
+    let ray = view.turned(view.pinhole.point(uv[0], uv[1], 1.0));
+    let fall = plane.height(camera) - plane.height(advance(camera, 1.0, ray));
+    if fall <= 1e-3 {
+        return f64::INFINITY;
+    }
+    (plane.height(camera) - radius) / fall / radius - sensor.surface
+}
+
+/// The middle value, or the mean of the middle two.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let half = values.len() / 2;
+    let odd = values.len() % 2 == 1;
+    let (low, &mut middle, _) = values.select_nth_unstable_by(half, f64::total_cmp);
+    Some(if odd { middle } else { 0.5 * (middle + low.iter().copied().fold(f64::NEG_INFINITY, f64::max)) })
+}

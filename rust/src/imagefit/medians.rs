@@ -1,0 +1,83 @@
+//! The depth of a rope's middle: medians over small discs of the mask.
+
+use super::Place2;
+use crate::depth::has_return;
+use crate::silhouette::Silhouette;
+
+/// Radius of a disc, as part of the rope's.
+const DISC: f64 = 0.6;
+/// Fewest returns in a disc.
+const FEWEST: usize = 3;
+
+/// Median depths around the places of an image.
+///
+/// Worked out once for a view, as many hypotheses ask for the same places; on a grid that is fine beside the discs.
+#[derive(Debug, Clone)]
+pub struct Medians {
+    origin: Place2,
+    /// Pixels from one place to the next.
+    step: f64,
+    size: [usize; 2],
+    /// Row by row, metres; NaN where there are too few returns.
+    values: Vec<f32>,
+}
+
+impl Medians {
+    /// Of the pixels of a mask, row by row, `width` to a row.
+    pub fn new(depth: &[f64], mask: &[bool], width: usize, silhouette: &Silhouette) -> Self {
+        let height = depth.len() / width.max(1);
+        let reach = DISC * silhouette.radius_px;
+        let step = (0.5 * reach).floor().max(1.0);
+        let (origin, frame) = silhouette.frame();
+        let size = frame.map(|n| (n as f64 / step) as usize + 1);
+        let whole = reach.ceil() as i64;
+        let disc: Vec<[i64; 2]> = (-whole..=whole)
+            .flat_map(|b| (-whole..=whole).map(move |a| [a, b]))
+            .filter(|[a, b]| ((a * a + b * b) as f64) <= reach * reach)
+            .collect();
+        let mut values = vec![f32::NAN; size[0] * size[1]];
+        let mut seen = Vec::with_capacity(disc.len());
+        for (k, value) in values.iter_mut().enumerate() {
+            let at = [origin[0] + step * (k % size[0]) as f64, origin[1] + step * (k / size[0]) as f64];
+            if silhouette.distance(at) < -reach {
+                continue;
+            }
+            seen.clear();
+            for [a, b] in &disc {
+                let (u, v) = (at[0] as i64 + a, at[1] as i64 + b);
+                if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
+                    let i = v as usize * width + u as usize;
+                    if mask[i] && has_return(depth[i]) {
+                        seen.push(depth[i] as f32);
+                    }
+                }
+            }
+            if seen.len() >= FEWEST {
+                *value = median(&mut seen);
+            }
+        }
+        Self { origin, step, size, values }
+    }
+
+    /// The median around the nearest place; NaN if there is none.
+    #[inline]
+    pub fn at(&self, uv: Place2) -> f64 {
+        let cell: [f64; 2] = std::array::from_fn(|k| ((uv[k] - self.origin[k]) / self.step).round());
+        if !(cell[0] >= 0.0 && cell[1] >= 0.0) {
+            return f64::NAN;
+        }
+        let [x, y] = cell.map(|c| c as usize);
+        if x >= self.size[0] || y >= self.size[1] {
+            return f64::NAN;
+        }
+        f64::from(self.values[y * self.size[0] + x])
+    }
+}
+
+/// The middle value, or the mean of the middle two.
+fn median(values: &mut [f32]) -> f32 {
+    let half = values.len() / 2;
+    let odd = values.len() % 2 == 1;
+    let (low, &mut middle, _) = values.select_nth_unstable_by(half, f32::total_cmp);
+    if odd { middle } else { 0.5 * (middle + low.iter().copied().fold(f32::NEG_INFINITY, f32::max)) }
+}

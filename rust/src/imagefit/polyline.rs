@@ -1,0 +1,76 @@
+//! Ordered nodes in the image or in space.
+
+/// Arc length from the first node to each.
+pub fn arc<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
+    let mut total = 0.0;
+    let mut lengths = vec![0.0];
+    for pair in nodes.windows(2) {
+        total += (0..N).map(|k| (pair[1][k] - pair[0][k]).powi(2)).sum::<f64>().sqrt();
+        lengths.push(total);
+    }
+    lengths
+}
+
+/// Nodes about `step` apart, at least two, from end to end.
+pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
+    let arc = arc(nodes);
+    let length = arc[arc.len() - 1];
+    let count = ((length / step).round() as usize).max(1);
+    let mut i = 0;
+    (0..=count)
+        .map(|k| {
+            let s = length * k as f64 / count as f64;
+            while i + 2 < arc.len() && arc[i + 1] < s {
+                i += 1;
+            }
+            let Some(next) = nodes.get(i + 1) else { return nodes[i] };
+            let part = arc[i + 1] - arc[i];
+            let t = if part > 0.0 { ((s - arc[i]) / part).clamp(0.0, 1.0) } else { 0.0 };
+            std::array::from_fn(|k| nodes[i][k] + t * (next[k] - nodes[i][k]))
+        })
+        .collect()
+}
+
+/// Nodes smoothed by binomial weights so many times; the ends stay.
+pub fn smoothed<const N: usize>(nodes: &[[f64; N]], times: usize) -> Vec<[f64; N]> {
+    let mut nodes = nodes.to_vec();
+    for _ in 0..times {
+        let Some(&first) = nodes.first() else { break };
+        let mut before = first;
+        for i in 1..nodes.len().saturating_sub(1) {
+            let here = nodes[i];
+            nodes[i] = std::array::from_fn(|k| 0.25 * before[k] + 0.5 * here[k] + 0.25 * nodes[i + 1][k]);
+            before = here;
+        }
+    }
+    nodes
+}
+
+/// Unit directions by central differences, one-sided at the ends; 0 where nodes coincide.
+pub fn directions<const N: usize>(nodes: &[[f64; N]], into: &mut Vec<[f64; N]>) {
+    let last = nodes.len().saturating_sub(1);
+    into.extend((0..nodes.len()).map(|i| {
+        let (a, b) = (nodes[i.saturating_sub(1)], nodes[(i + 1).min(last)]);
+        let d: [f64; N] = std::array::from_fn(|k| b[k] - a[k]);
+        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
+        d.map(|x| x / length)
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_evenly_spaced_from_end_to_end() {
+        let bent = [[0.0, 0.0], [3.0, 0.0], [3.0, 0.0], [3.0, 1.0]];
+        let nodes = resampled(&bent, 0.9);
+        assert_eq!(nodes, [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [3.0, 1.0]]);
+        assert_eq!(resampled(&bent[1..3], 0.9).len(), 2);
+        assert_eq!(smoothed(&nodes, 2)[4], [3.0, 1.0]);
+        assert_eq!(smoothed(&nodes, 1)[3], [2.75, 0.25]);
+        let mut directed = Vec::new();
+        directions(&nodes, &mut directed);
+        assert_eq!(directed[4], [0.0, 1.0]);
+    }
+}

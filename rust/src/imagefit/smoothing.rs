@@ -1,0 +1,162 @@
+//! Depth along chains: a smoothing spline of noisy depths that keeps strands apart where they cross, and above the table.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::STEP;
+use super::band::Band;
+
+/// What bending along the viewing rays costs, beside depths of unit noise: of ∫ z″² ds, in radii.
+const STIFFNESS: f64 = 40.0;
+/// What a missing gap between strands costs, beside the same: of its square, radii.
+const GAP: f64 = 20.0;
+/// What a radius below the table costs, beside the same, for each radius of length.
+const BELOW: f64 = 4.0;
+/// Residuals beyond this many standard deviations count as their size, not their square.
+const HUBER: f64 = 1.5;
+/// Least noise that residuals are measured by, radii.
+const LEAST_NOISE: f64 = 0.2;
+
+/// Two stretches of rope, one before the other: the mean distance along the rays between samples of both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gap {
+    /// Samples in front and behind.
+    pub pairs: Vec<[usize; 2]>,
+    /// How far apart they have to be, radii.
+    pub need: f64,
+    /// Part of the cost of a whole crossing.
+    pub share: f64,
+}
+
+impl Gap {
+    fn of(&self, x: &[f64]) -> f64 {
+        let sum: f64 = self.pairs.iter().map(|&[front, back]| x[back] - x[front]).sum();
+        sum / self.pairs.len() as f64
+    }
+}
+
+/// Depths of samples along chains, radii.
+#[derive(Debug, Clone)]
+pub struct Profile {
+    /// What was observed; any finite number where nothing was.
+    pub observed: Vec<f64>,
+    /// The most that the table leaves; infinite without a table.
+    pub ceilings: Vec<f64>,
+    chains: Vec<Range<usize>>,
+    stiffness: Band<3>,
+    /// Independent observations for each sample.
+    density: f64,
+}
+
+impl Profile {
+    /// Samples of chains, `correlation` radii of which count as one observation.
+    pub fn new(observed: Vec<f64>, ceilings: Vec<f64>, chains: Vec<Range<usize>>, correlation: f64) -> Self {
+        let mut stiffness = Band::zeros(observed.len());
+        for chain in &chains {
+            for i in chain.start..chain.end.saturating_sub(2) {
+                stiffness.add_square(i, &[1.0, -2.0, 1.0], STIFFNESS / STEP.powi(3));
+            }
+        }
+        Self { observed, ceilings, chains, stiffness, density: STEP / correlation }
+    }
+
+    /// The depths of least cost, and that cost. Observations have weights of at most 1 and noise of `sigma` radii.
+    pub fn solve(&self, weights: &[f64], sigma: f64, gaps: &[Gap], rounds: usize) -> (Vec<f64>, f64) {
+        let n = self.observed.len();
+        let unit = self.density / (sigma * sigma);
+        let noise = sigma.max(LEAST_NOISE);
+        let (mut x, mut diagonal): (Vec<f64>, _) = (Vec::new(), vec![0.0; n]);
+        for round in 0..rounds {
+            let mut right = vec![0.0; n];
+            for i in 0..n {
+                let mut weight = unit * weights[i];
+                if round > 0 {
+                    weight /= ((x[i] - self.observed[i]).abs() / noise / HUBER).max(1.0);
+                }
+                diagonal[i] = weight + 1e-9;
+                right[i] = weight * self.observed[i];
+                if round > 0 && x[i] > self.ceilings[i] {
+                    diagonal[i] += BELOW * STEP;
+                    right[i] += BELOW * STEP * self.ceilings[i];
+                }
+            }
+            let factor = self.stiffness.factored(&diagonal);
+            factor.solve(&mut right);
+            let active: Vec<&Gap> = gaps.iter().filter(|gap| round > 0 && gap.of(&x) < gap.need).collect();
+            x = right;
+            if active.is_empty() {
+                continue;
+            }
+            // Woodbury: each gap that is too small is a row of its own
+            let columns: Vec<Vec<f64>> = active
+                .iter()
+                .map(|gap| {
+                    let mut column = vec![0.0; n];
+                    for &[front, back] in &gap.pairs {
+                        column[back] += 1.0 / gap.pairs.len() as f64;
+                        column[front] -= 1.0 / gap.pairs.len() as f64;
+                    }
+                    factor.solve(&mut column);
+                    column
+                })
+                .collect();
+            let m = active.len();
+            let mut small = DMatrix::from_fn(m, m, |a, b| active[a].of(&columns[b]));
+            for a in 0..m {
+                small[(a, a)] += 1.0 / (GAP * active[a].share);
+            }
+            let missing = DVector::from_fn(m, |a, _| active[a].need - active[a].of(&x));
+            let Some(push) = small.cholesky().map(|c| c.solve(&missing)) else { continue };
+            for (column, &push) in columns.iter().zip(push.iter()) {
+                for (x, c) in x.iter_mut().zip(column) {
+                    *x += push * c;
+                }
+            }
+        }
+        let cost = self.cost(&x, weights, unit, noise, gaps);
+        (x, cost)
+    }
+
+    fn cost(&self, x: &[f64], weights: &[f64], unit: f64, noise: f64, gaps: &[Gap]) -> f64 {
+        let mut cost = 0.0;
+        for i in 0..x.len() {
+            let residual = (x[i] - self.observed[i]).abs() / noise;
+            let loss =
+                if residual < HUBER { residual * residual } else { 2.0 * HUBER * residual - HUBER * HUBER };
+            cost += unit * weights[i] * loss * noise * noise;
+            cost += BELOW * STEP * (x[i] - self.ceilings[i]).max(0.0).powi(2);
+        }
+        for chain in &self.chains {
+            let bends = x[chain.clone()].windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2));
+            cost += STIFFNESS / STEP.powi(3) * bends.sum::<f64>();
+        }
+        let missing = gaps.iter().map(|gap| gap.share * (gap.need - gap.of(x)).max(0.0).powi(2));
+        cost + GAP * missing.sum::<f64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_strands_part_and_stay_above_the_table() {
+        // both at depth 0 but for a gap of two radii in their middles
+        let n = 101;
+        let open = Profile::new(vec![0.0; 2 * n], vec![f64::INFINITY; 2 * n], vec![0..n, n..2 * n], 3.0);
+        let gap = Gap { pairs: vec![[50, n + 50]], need: 1.8, share: 1.0 };
+        let (x, cost) = open.solve(&vec![1.0; 2 * n], 0.5, std::slice::from_ref(&gap), 4);
+        assert!((x[n + 50] + x[50]).abs() < 1e-9 && x[n + 50] > 0.3, "{}", x[n + 50]);
+        // the cost is least
+        for (i, step) in [(50, 1e-3), (50, -1e-3), (n + 20, 1e-3)] {
+            let mut other = x.clone();
+            other[i] += step;
+            let unit = STEP / 3.0 / 0.25;
+            assert!(open.cost(&other, &vec![1.0; 2 * n], unit, 0.5, std::slice::from_ref(&gap)) > cost);
+        }
+        let table = Profile { ceilings: vec![0.1; 2 * n], ..open };
+        let (y, more) = table.solve(&vec![1.0; 2 * n], 0.5, &[gap], 8);
+        assert!(more > cost && y[n + 50] < x[n + 50] && y[50] < x[50]);
+    }
+}

@@ -1,0 +1,192 @@
+//! One view's mask, prepared: the signed distance from its edge, and the edge with its normals.
+//!
+//! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
+
+use crate::image::{Image, blobs, distances};
+use crate::readings::shown_radius;
+
+/// A place on a mask's edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Column and row, pixels.
+    pub at: [f64; 2],
+    /// Unit normal, away from the mask.
+    pub normal: [f64; 2],
+    /// The length of edge that it stands for, pixels.
+    pub weight: f64,
+}
+
+/// A mask with the distances from its edge. Columns and rows are those of the original image, pixels.
+#[derive(Debug, Clone)]
+pub struct Silhouette {
+    /// The rope's radius in the image, pixels.
+    pub radius_px: f64,
+    /// The edge, about a place a pixel.
+    pub boundary: Vec<Edge>,
+    /// The mask, magnified.
+    pub(crate) inside: Image<bool>,
+    /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
+    pub(crate) depth: Image<f32>,
+    /// Signed distance, positive inside, original pixels.
+    signed: Image<f32>,
+    /// The same, a little smoothed, for gradients.
+    smooth: Image<f32>,
+    /// How much it is magnified.
+    pub(crate) scale: usize,
+    /// Original column and row of the magnified image's corner.
+    origin: [f64; 2],
+}
+
+/// Pixels around the mask that are kept.
+const PAD: usize = 6;
+
+impl Silhouette {
+    /// Prepares the mask of an image of `width` columns; none if nothing is left of it.
+    ///
+    /// Holes smaller than a quarter of a radius squared are filled, and specks below three radii squared left out.
+    pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
+        let height = mask.len() / width.max(1);
+        let mut low = [usize::MAX; 2];
+        let mut high = [0; 2];
+        for (y, row) in mask.chunks_exact(width.max(1)).enumerate() {
+            let Some(first) = row.iter().position(|&m| m) else { continue };
+            let last = row.iter().rposition(|&m| m)?;
+            low = [low[0].min(first), low[1].min(y)];
+            high = [high[0].max(last), y];
+        }
+        if low[0] == usize::MAX || height == 0 {
+            return None;
+        }
+        let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
+        let mut small = Image::filled(w, h, 0.0f32);
+        for y in low[1]..=high[1] {
+            for x in low[0]..=high[0] {
+                if mask[y * width + x] {
+                    small.set(x - low[0] + PAD, y - low[1] + PAD, 1.0);
+                }
+            }
+        }
+        let small = small.smoothed(0.6);
+        let (bw, bh) = (w * scale, h * scale);
+        let mut inside = Image::filled(bw, bh, false);
+        let place = |i: usize| (i as f64 + 0.5) / scale as f64 - 0.5;
+        for y in 0..bh {
+            for x in 0..bw {
+                inside.values[y * bw + x] = small.between(place(x), place(y)) > 0.5;
+            }
+        }
+        let area = radius_px * radius_px * (scale * scale) as f64;
+        let holes = blobs(&inside, false, false);
+        for (value, &hole) in inside.values.iter_mut().zip(&holes.numbers.values) {
+            *value |= hole != 0 && (holes.sizes[hole as usize] as f64) < 0.25 * area;
+        }
+        let specks = blobs(&inside, true, true);
+        for (value, &speck) in inside.values.iter_mut().zip(&specks.numbers.values) {
+            *value &= speck != 0 && specks.sizes[speck as usize] as f64 >= 3.0 * area;
+        }
+        if !inside.values.contains(&true) {
+            return None;
+        }
+        let reach = ((8.0 * radius_px + 4.0) * scale as f64).ceil() as usize;
+        let mut depth = distances(&inside, true, bh);
+        let outside = distances(&inside, false, reach);
+        let step = scale as f32;
+        let mut signed = Image::filled(bw, bh, 0.0f32);
+        for ((value, inner), outer) in signed.values.iter_mut().zip(&mut depth.values).zip(&outside.values) {
+            // the edge runs between the pixels
+            *value = if *inner > 0.0 { *inner - 0.5 } else { 0.5 - *outer } / step;
+            *inner = (*inner - 0.5).max(0.0) / step;
+        }
+        let smooth = signed.smoothed(1.0);
+        let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
+        let mut made = Self { radius_px, boundary: Vec::new(), inside, depth, signed, smooth, scale, origin };
+        made.find_boundary(w, h);
+        Some(made)
+    }
+
+    /// Prepares the mask of a rope whose radius in the image is known roughly; none if nothing is left of it.
+    ///
+    /// The radius is corrected by what the mask shows, which is a little eaten or grown.
+    pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
+        let scale = if radius_px < 6.0 {
+            3
+        } else if radius_px < 10.0 {
+            2
+        } else {
+            1
+        };
+        let mut made = Self::new(mask, width, radius_px, scale)?;
+        let shown = shown_radius(&made)?;
+        if (shown - radius_px).abs() < 1.5 {
+            made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
+        }
+        Some(made)
+    }
+
+    /// Projects the pixels within half a pixel of the edge onto it: one for each pixel of its length.
+    fn find_boundary(&mut self, w: usize, h: usize) {
+        for y in 0..h {
+            for x in 0..w {
+                let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
+                let away = self.distance(at);
+                if away.abs() > 0.5 {
+                    continue;
+                }
+                let gradient = self.gradient(at);
+                let norm = gradient[0].hypot(gradient[1]);
+                if norm < 0.2 {
+                    continue;
+                }
+                let normal = [-gradient[0] / norm, -gradient[1] / norm];
+                let edge = [at[0] + away * normal[0], at[1] + away * normal[1]];
+                self.boundary.push(Edge { at: edge, normal, weight: 1.0 });
+            }
+        }
+    }
+
+    /// Signed distance of a place from the mask's edge, pixels, positive inside.
+    #[inline]
+    pub fn distance(&self, uv: [f64; 2]) -> f64 {
+        let [x, y] = self.magnified(uv);
+        self.signed.between(x, y)
+    }
+
+    /// How the distance grows along columns and rows.
+    #[inline]
+    pub fn gradient(&self, uv: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.magnified(uv);
+        let step = 0.5 * self.scale as f64;
+        [
+            self.smooth.between(x + step, y) - self.smooth.between(x - step, y),
+            self.smooth.between(x, y + step) - self.smooth.between(x, y - step),
+        ]
+    }
+
+    /// Original pixels inside.
+    pub fn pixels(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let (w, h) = (self.inside.width / self.scale, self.inside.height / self.scale);
+        (0..w * h).filter_map(move |k| {
+            let at = [(k % w) as f64 + self.origin[0], (k / w) as f64 + self.origin[1]];
+            (self.distance(at) > 0.0).then_some(at)
+        })
+    }
+
+    /// Original column and row of the first pixel that is kept, and how many of each are.
+    pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
+        (self.origin, [self.inside.width / self.scale, self.inside.height / self.scale])
+    }
+
+    /// Where a place lies in the magnified image.
+    #[inline(always)]
+    pub(crate) fn magnified(&self, uv: [f64; 2]) -> [f64; 2] {
+        let scale = self.scale as f64;
+        [(uv[0] - self.origin[0] + 0.5) * scale - 0.5, (uv[1] - self.origin[1] + 0.5) * scale - 0.5]
+    }
+
+    /// The original column and row of a pixel of the magnified image.
+    #[inline(always)]
+    pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
+        let scale = self.scale as f64;
+        [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
+    }
+}
