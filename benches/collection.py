@@ -57,6 +57,7 @@ def stored(path: Path) -> SyntheticScene:
             radius=float(arrays["radius"]),
             truth=tuple(arrays[f"truth_{i}"].astype(np.float64) for i in range(ropes)),
             noise=round(float(arrays["noise"]), 9),  # some files have it in single precision
+            mask=arrays.get("mask"),
         )
 
 

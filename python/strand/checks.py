@@ -258,6 +258,31 @@ def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     return colors
 
 
+def mask_array(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Return a mask as an int32 array of an image's shape, its own: labels, 0 for no rope.
+
+    Raises
+    ------
+    TypeError
+        If the elements are neither bools nor whole numbers.
+    ValueError
+        If the shape differs, or a label is negative or beyond int32.
+    """
+    array = as_array(name, value)
+    if array.dtype.kind not in "biu":
+        raise TypeError(
+            f"{name}: expected bools, or whole numbers as labels (0: no rope), got dtype {array.dtype}"
+        )
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected the depth image's shape {shape}, got {array.shape}")
+    least, most = 0, int(np.iinfo(np.int32).max)
+    if array.dtype.kind != "b" and array.size and not (array.min() >= least and array.max() <= most):
+        raise ValueError(
+            f"{name}: expected labels from {least} to {most}, got {array.min()} to {array.max()}"
+        )
+    return np.array(array, dtype=np.int32, order="C")
+
+
 def rigid_motion(name: str, value: ArrayLike) -> Array:
     """Return `value` as a (4, 4) rigid motion.
 

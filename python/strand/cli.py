@@ -137,6 +137,14 @@ def _parser() -> argparse.ArgumentParser:
         help="extraction range in the world frame, low and high corner, metres (default: the scene's)",
     )
     reconstruct.add_argument(
+        "--mask",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
+        "numbers are ropes or pieces of them (default: the scene's)",
+    )
+    reconstruct.add_argument(
         "--config", type=Path, metavar="FILE", help="a TOML file with the method's numbers"
     )
     reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
@@ -177,8 +185,8 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    recorded = load_scene(options.scene)
-    _keep_input(options.scene, options.out)
+    recorded = load_scene(options.scene, options.mask)
+    _keep_input(options.scene, options.mask or (), options.out)
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
@@ -211,8 +219,8 @@ def _reconstruct(options: argparse.Namespace) -> None:
             print(path)
 
 
-def _keep_input(recorded: Path, out: Path) -> None:
-    """Refuse to write the model over the scene or a file of its folder.
+def _keep_input(recorded: Path, masks: Sequence[Path], out: Path) -> None:
+    """Refuse to write the model over the scene, a file of its folder or a mask.
 
     Raises
     ------
@@ -222,7 +230,8 @@ def _keep_input(recorded: Path, out: Path) -> None:
     recorded, out = recorded.resolve(), out.resolve()
     folder = recorded if recorded.is_dir() else recorded.parent if recorded.suffix == ".toml" else None
     ours = out.suffix == ".json" or not out.exists()
-    if out == recorded or (folder is not None and folder in out.parents and not ours):
+    is_mask = any(mask.resolve() == out for mask in masks)
+    if is_mask or out == recorded or (folder is not None and folder in out.parents and not ours):
         raise ValueError(f"--out: {out} is part of the scene; choose another file")
 
 

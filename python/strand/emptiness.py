@@ -31,6 +31,9 @@ def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
         The extraction range, metres.
     """
     clouds = [view.points[:: max(len(view.points) // _ENOUGH, 1)] for view in views]
+    masked = [f"view {i} has {why}" for i, view in enumerate(views) if (why := mask_without_points(view))]
+    if masked and not any(map(len, clouds)):
+        return f"no view has a point: {', '.join(masked)}; 0 in a mask is no rope, every other number is rope"
     if bounds is None or not any(map(len, clouds)):
         return "no view has a point; are all depths 0 or not finite?"
     placed = np.concatenate([view.world_points for view in views])
@@ -46,6 +49,14 @@ def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
         f"the points lie between {_corner(placed.min(axis=0))} and {_corner(placed.max(axis=0))} m, "
         f"the range is {_corner(bounds[0])} to {_corner(bounds[1])} m; {hint}"
     )
+
+
+def mask_without_points(view: View) -> str | None:
+    """Say what is wrong with a mask in which no point lies; None if one does, or there is no mask."""
+    mask = view.mask
+    if mask is None or len(view.points):
+        return None
+    return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
 def _count_inside(clouds: Sequence[Array], bounds: Bounds) -> int:
@@ -96,8 +107,17 @@ def _centred(_: Array, view: View) -> Array:
     height, width = image.depth.shape
     across, down = width / (2.0 * image.centre[0]), height / (2.0 * image.centre[1])
     focal = image.focal[0] * across, image.focal[1] * down
-    points = _core.unproject(image.depth, focal, (0.5 * (width - 1), 0.5 * (height - 1)))
+    points = _core.unproject(image.rope_depth, focal, (0.5 * (width - 1), 0.5 * (height - 1)))
     return moved(points[:: max(len(points) // _ENOUGH, 1)], view.pose)
+
+
+def _outside_mask(cloud: Array, view: View) -> Array:
+    """As many points of the whole image as lie in its mask."""
+    image = view.image
+    if image is None or image.mask is None or not len(cloud):
+        return np.empty((0, 3))
+    points = _core.unproject(image.depth, image.focal, image.centre)
+    return moved(points[:: max(len(points) // len(cloud), 1)], view.pose)
 
 
 _CAUSES: dict[str, Callable[[Array, View], Array]] = {
@@ -111,5 +131,6 @@ _CAUSES: dict[str, Callable[[Array, View], Array]] = {
         for name, turn in _AXES.items()
     },
     "intrinsics look like those of an image of another size: scale fx, fy, cx, cy with it": _centred,
+    "points outside of the masks do lie there: are the masks those of these frames?": _outside_mask,
 }
 """What may be wrong, and the points in the world frame if it is."""

@@ -28,19 +28,21 @@ from strand.next_view import best_camera
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
 
-DOUBTS = ("join", "rival", "end", "left out", "noise", "prior", "points", "count", "length", "ring")
+DOUBTS = ("join", "rival", "end", "left out", "noise", "prior", "points", "mask", "count", "length", "ring")
 """Kinds of doubt.
 
 "join": the segments there may belong together otherwise; "rival": another way to join all of them costs
 hardly more; "end": the rope may end elsewhere; "left out": a segment became part of no rope; "noise": it is
 wide against the rope; "prior": the answer explains the points worse than one without what was known
-beforehand; "points": too few of them lie on the ropes found; "count", "length", "ring": the ropes are not as
+beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
+from what is around it; "count", "length", "ring": the ropes are not as
 they are known to be.
 """
 
 WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "radius", "unused view")
 """Kinds of warning: those of doubts, and
 
+"mask": beside the doubt, a mask has labels for more ropes than there are;
 "branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
 the data leave a direction of a view's pose open; "radius": the points contradict the radius that was given,
 or hardly fix one that was not; "unused view": a view saw nothing; "kept pose": a view could not be registered
@@ -133,8 +135,9 @@ class ModelWarning:
         Where, world frame, metres.
     amount : float or None
         How much: of a doubt its amount, of "branch" the distance between the end and the other chain's axis,
-        metres, of "radius" by how much the points want a larger one, metres, of "noise" how many times what
-        was given it is, of "open pose" the pose's standard deviation over that of the reported one.
+        metres, of "mask" beside the doubt how many labels there are, of "radius" by how much the points want
+        a larger one, metres, of "noise" how many times what was given it is, of "open pose" the pose's
+        standard deviation over that of the reported one.
     chains : tuple of int
         Numbers of the chains that it is about; of "branch" the chain that ends and the one that it ends on.
     view : int or None

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from strand._core import NotEnoughDataError
 from strand.checks import extraction_range, flag
 from strand.config import Config
-from strand.emptiness import why_empty
+from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions
 from strand.evidence.prior import Prior
+from strand.masks import misplaced_masks, surplus_labels
 from strand.model import Model, ModelWarning
 from strand.orientation import oriented
 from strand.outliers import without_outliers
@@ -126,7 +127,12 @@ def reconstruct(
             radii = Radii(*estimate_radius(raw), free=True)
     with run.stage("filter"):
         filtered = without_outliers(raw, float(radii.values[0]), config.filter, method.widen)
-    used = _used(raw, filtered, run)
+        used = _used(views, raw, filtered, run)
+        misplaced = misplaced_masks(views, used, box, radii.values)
+    run.warnings.extend(
+        ModelWarning(doubt.kind, doubt.reason, None, doubt.amount, view=number) for doubt, number in misplaced
+    )
+    run.warnings.extend(surplus_labels(views, prior.ropes))
     if radii.free and len(used) == 1:
         radii = replace(radii, free=False, held=True)
         message = "radius: one view alone fixes it by how wide the rope looks; give it if it is known"
@@ -140,7 +146,8 @@ def reconstruct(
         ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount, about) for doubt, about in against
     )
     doubts = sorted(
-        [*(found.doubts or ()), *(doubt for doubt, _ in against)], key=lambda doubt: -doubt.amount
+        [*(found.doubts or ()), *(doubt for doubt, _ in against), *(doubt for doubt, _ in misplaced)],
+        key=lambda doubt: -doubt.amount,
     )
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
@@ -189,13 +196,16 @@ def _checked(
     return views, radii, method
 
 
-def _used(raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
+def _used(views: Sequence[View], raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
     """Numbers of the views that see something; the others are named in a warning."""
     used = [number for number, view in enumerate(filtered) if len(view.points)]
     if not used:
         raise NotEnoughDataError("views: all points are outliers; is the radius right, in metres?")
     for number in sorted(set(range(len(raw))) - set(used)):
-        reason = "only outliers" if len(raw[number].points) else "no points"
-        message = f"view {number} has {reason} in the extraction range and was not used"
+        reason = mask_without_points(views[number])
+        if reason is None:
+            what = "only outliers" if len(raw[number].points) else "no points"
+            reason = f"{what} in the extraction range"
+        message = f"view {number} has {reason} and was not used"
         run.warnings.append(ModelWarning("unused view", message, view=number))
     return used

@@ -17,6 +17,7 @@ from strand.checks import (
     extraction_range,
     finite_array,
     float_array,
+    mask_array,
     pinhole,
     positive,
     rigid_motion,
@@ -37,11 +38,19 @@ class DepthImage:
         Depth along the camera's z axis, metres; NaN or 0 where there is no return.
     focal, centre : (float, float)
         Focal lengths and principal point of the pinhole, pixels.
+    mask : (H, W) ndarray of int32, or None
+        Where the ropes are: 0 is no rope, every other number a rope or a piece of one. None: anywhere.
     """
 
     depth: Array
     focal: tuple[float, float]
     centre: tuple[float, float]
+    mask: NDArray[np.int32] | None = None
+
+    @property
+    def rope_depth(self) -> Array:
+        """(H, W) The depths inside the mask, metres; 0 outside."""
+        return self.depth if self.mask is None else np.where(self.mask != 0, self.depth, 0.0)
 
 
 class View:
@@ -97,6 +106,7 @@ class View:
         colors: ArrayLike | None = None,
         *,
         depth_scale: float | None = None,
+        mask: ArrayLike | None = None,
     ) -> View:
         """Un-project a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
@@ -117,6 +127,10 @@ class View:
             The colour image that belongs to it pixel by pixel: red, green and blue from 0 to 1, or uint8.
         depth_scale : float, optional
             Metres for each unit of `depth`, 0.001 for millimetres; needed if `depth` holds whole numbers.
+        mask : (H, W) array_like of bool or int, optional
+            The ropes' pixels: True, or labels, where 0 is no rope and every other number a rope or a piece of
+            one. The view's points are those inside. What is outside is no rope, but was seen: it says which
+            space is free. Pixels inside need no depth.
 
         Returns
         -------
@@ -130,7 +144,8 @@ class View:
             `depth_scale`.
         ValueError
             If a shape is wrong, a depth is negative or so great that its point is not finite, the intrinsics
-            are not a pinhole's, `depth_scale` is not positive, or a colour is not from 0 to 1.
+            are not a pinhole's, `depth_scale` is not positive, a colour is not from 0 to 1, or a label is
+            negative.
         """
         image = _in_metres(depth, depth_scale)
         camera = pinhole("intrinsics", intrinsics)
@@ -140,10 +155,13 @@ class View:
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
+        labels = None if mask is None else mask_array("mask", mask, (height, width))
+        taken = DepthImage(copied, (fx, fy), (cx, cy), labels)
         seen = None
         if colors is not None:
-            seen = color_array("colors", colors, (*image.shape, 3))[np.isfinite(image) & (image > 0)]
-        return cls._of(None, DepthImage(copied, (fx, fy), (cx, cy)), _own_pose(pose), dropped, seen)
+            depths = taken.rope_depth
+            seen = color_array("colors", colors, (height, width, 3))[np.isfinite(depths) & (depths > 0)]
+        return cls._of(None, taken, _own_pose(pose), dropped, seen)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
@@ -187,10 +205,10 @@ class View:
 
     @property
     def points(self) -> Array:
-        """(N, 3) Points in the camera frame, metres."""
+        """(N, 3) Points in the camera frame, metres: those inside the mask, if there is one."""
         if self._points is None:
             assert self._image is not None
-            self._points = _core.unproject(self._image.depth, self._image.focal, self._image.centre)
+            self._points = _core.unproject(self._image.rope_depth, self._image.focal, self._image.centre)
         return self._points
 
     @property
@@ -214,9 +232,20 @@ class View:
         return self._image
 
     @property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """(H, W) Which pixels of the depth image are rope; None if that is not known."""
+        return None if self._image is None or self._image.mask is None else self._image.mask != 0
+
+    @property
     def measured(self) -> Array | DepthImage:
-        """The points, or the depth image as long as nobody has asked for its points."""
-        return self._image if self._points is None and self._image is not None else self.points
+        """All that was seen, outside of the mask too: points, or the depth image.
+
+        The image, if there is a mask or as long as nobody has asked for its points; else the points.
+        """
+        image = self._image
+        if image is not None and (self._points is None or image.mask is not None):
+            return image
+        return self.points
 
     @property
     def viewpoint(self) -> Array:
@@ -232,7 +261,8 @@ class View:
         where = np.round(self.viewpoint, 3).tolist()
         if isinstance(self.measured, DepthImage):
             height, width = self.measured.depth.shape
-            return f"View(depth image of {width} x {height} pixels, camera at {where} m)"
+            masked = "" if self.measured.mask is None else ", masked"
+            return f"View(depth image of {width} x {height} pixels{masked}, camera at {where} m)"
         return f"View({len(self.points)} points, camera at {where} m)"
 
     def only(self, chosen: NDArray[np.bool_]) -> View:
@@ -266,7 +296,7 @@ class View:
         return self._of(self._points, self._image, pose, self._dropped, self._colors)
 
     def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
-        """Keep the points inside the extraction range.
+        """Keep the points inside the extraction range, and inside the mask if there is one.
 
         Parameters
         ----------
@@ -327,7 +357,7 @@ def cropped(views: Sequence[View], bounds: Bounds) -> list[View]:
         if isinstance(view.measured, DepthImage) and view.colors is None
     }
     found = _core.crop_images(
-        [image.depth for image in images.values()],
+        [image.rope_depth for image in images.values()],
         [(image.focal, image.centre) for image in images.values()],
         [views[i].pose for i in images],
         *bounds,

@@ -23,11 +23,13 @@ mod medians;
 mod polyline;
 mod search;
 mod smoothing;
+mod support;
 
 pub use crossings::Crossing;
 pub use lift::{Lifted, lift};
 pub use medians::Medians;
 pub use search::fit;
+pub use support::seen_nodes;
 
 /// Distance between samples along the rope, radii.
 const STEP: f64 = 0.5;

@@ -53,6 +53,7 @@ mod overlap;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+mod readings;
 mod silhouette;
 mod simd;
 mod spline;

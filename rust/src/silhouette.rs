@@ -3,6 +3,7 @@
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
 use crate::image::{Image, blobs, distances};
+use crate::readings::shown_radius;
 
 /// A place on a mask's edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,6 +101,25 @@ impl Silhouette {
         let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
         let mut made = Self { radius_px, boundary: Vec::new(), inside, depth, signed, smooth, scale, origin };
         made.find_boundary(w, h);
+        Some(made)
+    }
+
+    /// Prepares the mask of a rope whose radius in the image is known roughly; none if nothing is left of it.
+    ///
+    /// The radius is corrected by what the mask shows, which is a little eaten or grown.
+    pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
+        let scale = if radius_px < 6.0 {
+            3
+        } else if radius_px < 10.0 {
+            2
+        } else {
+            1
+        };
+        let mut made = Self::new(mask, width, radius_px, scale)?;
+        let shown = shown_radius(&made)?;
+        if (shown - radius_px).abs() < 1.5 {
+            made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
+        }
         Some(made)
     }
 

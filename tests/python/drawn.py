@@ -25,6 +25,16 @@ def line(start, stop):
     return start + np.linspace(0.0, 1.0, count)[:, None] * (stop - start)
 
 
+def rope_pixels(scene):
+    """(V, H, W) The pixels of a scene's images that see its ropes."""
+    size = scene.depth.shape[:0:-1]
+    images = [
+        render_depth(scene.truth, scene.radius, scene.intrinsics, pose, size, table=0.0)
+        for pose in scene.poses_true
+    ]
+    return np.stack(images) > 0
+
+
 def tube_seen(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
     """Points evenly over that half of a tube's surface which faces a camera."""
     rng = np.random.default_rng(seed)

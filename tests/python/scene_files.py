@@ -10,6 +10,7 @@ from strand import pose_from_angles
 POINTS = np.random.default_rng(0).normal(size=(40, 3)) + np.array([0.0, 0.0, 5.0])
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)
 K = np.array([[10.0, 0, 3.5], [0, 11.0, 2.5], [0, 0, 1]])
+LABELS = np.random.default_rng(2).integers(0, 3, size=DEPTH.shape).astype(np.uint8)
 CAMERA = "[camera]\nfx = 10\nfy = 11.0\ncx = 3.5\ncy = 2.5\ndepth_scale = 0.001\n"
 IDENTITY = "pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import re
 import subprocess
 import sys
@@ -61,6 +62,10 @@ def test_a_folder_of_scenes_is_taken_instead_of_the_collection(tmp_path):
     np.testing.assert_array_equal(scene.poses_true, made.poses_true)
     np.testing.assert_array_equal(scene.bounds, made.bounds)
     assert (scene.radius, scene.noise, scene.depth_scale) == (made.radius, made.noise, made.depth_scale)
+    assert scene.mask is None
+    masked = dataclasses.replace(made, mask=made.depth % 2 == 0)
+    masked.save(tmp_path / "masked.npz")
+    np.testing.assert_array_equal(collection.stored(tmp_path / "masked.npz").mask, masked.mask)
     with pytest.raises(SystemExit, match="no scene whose name holds 'yours'"):
         list(collection.chosen(argparse.Namespace(folder=tmp_path, only="yours")))
     with np.load(tmp_path / "mine.npz") as arrays:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn import rope_pixels
 from PIL import Image
 
 import strand
@@ -187,6 +188,24 @@ def test_options_reach_the_reconstruction(scene_npz, tmp_path, monkeypatch):
     assert given["length"] == [0.4, 0.3]
 
 
+def test_masks_are_read_for_each_view(scene_npz, tmp_path, monkeypatch):
+    given = []
+    made = strand.reconstruct(SCENE.views, radius=SCENE.radius, bounds=SCENE.bounds)
+
+    def reconstruct(views, **_):
+        given.extend(views)
+        return made
+
+    monkeypatch.setattr(strand, "reconstruct", reconstruct)
+    masks, paths = rope_pixels(SCENE), [tmp_path / f"mask{i}.png" for i in range(3)]
+    for path, mask in zip(paths, masks, strict=True):
+        Image.fromarray(mask.astype(np.uint8) * 255).save(path)
+    command = ["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json"), "--mask", *map(str, paths)]
+    assert main(command) == 0
+    for view, mask in zip(given, masks, strict=True):
+        np.testing.assert_array_equal(view.mask, mask)
+
+
 def test_radius_none_is_passed_on(tmp_path, monkeypatch, capsys):
     write_folder(tmp_path, radius="")
 
@@ -237,6 +256,18 @@ def test_warnings_go_to_stderr(scene_npz, tmp_path, capsys):
         (["arc.npz", "-o", "a.json", "--config", "bad.toml"], 1, "bad.toml: "),
         (["arc.npz", "-o", "a.json", "--radius", "0"], 2, "radius: "),
         (["arc.npz", "-o", "a.json", "--ropes", "0"], 2, "ropes: "),
+        (
+            ["arc.npz", "-o", "a.json", "--mask", "none.npy"],
+            2,
+            "masks: expected one file for each of 3 views",
+        ),
+        (
+            ["arc.npz", "-o", "a.json", "--mask", *["none.npy"] * 3],
+            1,
+            "views: no view has a point: view 0 has an",
+        ),
+        (["arc.npz", "-o", "a.json", "--mask", *["small.npy"] * 3], 1, "small.npy: mask: expected the depth"),
+        (["arc.npz", "-o", "a.json", "--mask", *["no.png"] * 3], 3, "no.png: No such file or directory"),
         (["arc.npz", "-o", "a.json", "--ropes", "1", "--length", "1", "2"], 2, "length: "),
         (["arc.npz", "-o", "a.json", "--bounds", "0", "0", "0", "-1", "1", "1"], 2, "bounds: "),
         (["arc.npz", "-o", "a.json", "--bounds", "7", "7", "7", "8", "8", "8"], 1, ""),
@@ -247,6 +278,8 @@ def test_expected_errors_are_one_line(scene_npz, tmp_path, monkeypatch, capsys, 
     Path("empty.npz").touch()
     Path("half.npz").write_bytes(scene_npz.read_bytes()[:5000])
     Path("bad.toml").write_text("[tracing]\nneer = 1\n")
+    np.save("none.npy", np.zeros(SCENE.depth[0].shape, dtype=bool))
+    np.save("small.npy", np.ones((3, 4), dtype=bool))
     assert main(["reconstruct", *options]) == code
     assert capsys.readouterr().err.splitlines()[-1].startswith(f"strand: error: {message}")
     assert not Path("a.json").exists()
@@ -298,7 +331,7 @@ def test_version_and_help(capsys):
     ],
 )
 def test_exit_codes(monkeypatch, capsys, error, code, line):
-    def fail(_):
+    def fail(*_):
         raise error
 
     monkeypatch.setattr(cli, "load_scene", fail)
@@ -307,7 +340,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
 
 
 def test_errors_of_ours_are_not_hidden(monkeypatch):
-    def fail(_):
+    def fail(*_):
         raise ZeroDivisionError
 
     monkeypatch.setattr(cli, "load_scene", fail)
@@ -371,6 +404,12 @@ def test_the_scene_is_never_overwritten(tmp_path, capsys):
     before = path.read_bytes()
     assert main(["reconstruct", str(path), "-o", str(path)]) == 2
     assert path.read_bytes() == before
+    assert "part of the scene" in capsys.readouterr().err
+    mask = tmp_path / "mask.npy"
+    np.save(mask, np.ones((240, 320), dtype=bool))
+    before = mask.read_bytes()
+    assert main(["reconstruct", str(path), "-o", str(mask), "--mask", *[str(mask)] * 7]) == 2
+    assert mask.read_bytes() == before
     assert "part of the scene" in capsys.readouterr().err
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,24 @@ def test_intrinsics_of_an_image_of_another_size():
 def test_no_points_at_all():
     assert "no view has a point; are all depths 0 or not finite?" in message(images(0.0 * DEPTH))
     assert "no view has a point" in message([strand.View(np.empty((0, 3)))], None)
+
+
+def test_masks_without_a_point_are_named():
+    empty = np.zeros(DEPTH.shape, dtype=bool)
+    views = dataclasses.replace(SCENE, mask=empty).views
+    said = message(views)
+    assert said.startswith(
+        "views: no view has a point: view 0 has an empty mask, view 1 has an empty mask; 0 in"
+    )
+    assert message(views, None) == said
+    blind = np.where(np.arange(DEPTH.shape[2]) < 9, 0.0, DEPTH)
+    masks = empty | (np.arange(DEPTH.shape[2]) < 9)
+    views = [strand.View.from_depth(d, K, p, mask=m) for d, p, m in zip(blind, POSES, masks, strict=True)]
+    assert "view 0 has no depth inside its mask, view 1 has no depth inside its mask;" in message(views)
+
+
+def test_masks_of_other_frames_hold_nothing_of_the_range():
+    beside = np.zeros(DEPTH.shape, dtype=bool)
+    beside[:, -9:] = True
+    said = message(dataclasses.replace(SCENE, mask=beside).views)
+    assert said.endswith("points outside of the masks do lie there: are the masks those of these frames?")

@@ -51,6 +51,7 @@ def test_what_is_known_beforehand_is_told_as_it_stands(monkeypatch):
     image = np.zeros((*depth.shape, 3), dtype=np.uint8)
     views = [view.crop(scene.bounds) for view in scene.views]
     names = {"views": views, "depth": depth, "K": scene.intrinsics, "pose": scene.poses[0], "image": image}
+    names["mask"] = depth > 0
     models = []
     reconstruct = strand.reconstruct
     monkeypatch.setattr(strand, "reconstruct", lambda *a, **known: models.append(reconstruct(*a, **known)))

@@ -122,7 +122,7 @@ def test_vectors_and_matrices_may_be_whole_numbers(written):
 
 def test_what_a_view_holds_cannot_be_assigned():
     view = View(np.ones((4, 3)))
-    names = ("points", "pose", "dropped", "colors", "image", "measured", "viewpoint", "world_points")
+    names = ("points", "pose", "dropped", "colors", "image", "mask", "measured", "viewpoint", "world_points")
     for name in (*names, "colours"):
         with pytest.raises(AttributeError, match=name):
             setattr(view, name, None)
@@ -303,3 +303,105 @@ def test_only_a_rigid_motion_moves_a_view():
 def test_depths_that_overflow_in_metres_are_refused():
     with pytest.raises(ValueError, match="depth: expected depths that are finite in metres"):
         View.from_depth(np.full((3, 3), 1e308), np.eye(3), depth_scale=1e10)
+
+
+def masked_image():
+    """A depth image with holes, its colours, and a mask with holes inside and returns outside."""
+    rng = np.random.default_rng(11)
+    depth, colors = rng.uniform(0.2, 0.8, (48, 64)), rng.uniform(size=(48, 64, 3))
+    mask = rng.random((48, 64)) < 0.3
+    depth[rng.random((48, 64)) < 0.1] = 0.0
+    depth[0, 0], mask[0, 0] = np.nan, True
+    return depth, colors, mask
+
+
+def test_the_points_of_a_masked_view_are_those_inside_and_all_else_was_seen():
+    depth, _, mask = masked_image()
+    pose = random_pose(12)
+    view = View.from_depth(depth, INTRINSICS, pose, mask=mask)
+    inside = View.from_depth(np.where(mask, depth, 0.0), INTRINSICS, pose)
+    np.testing.assert_array_equal(view.points, inside.points)
+    assert 0 < len(view.points) < mask.sum()  # rope pixels without depth stay in the mask
+    # also after somebody has asked for the points
+    assert view.measured is view.image
+    np.testing.assert_array_equal(view.image.depth, depth)
+    np.testing.assert_array_equal(view.mask, mask)
+    np.testing.assert_array_equal(view.image.mask, mask.astype(np.int32))
+    assert repr(view).startswith("View(depth image of 64 x 48 pixels, masked, camera at")
+    centre = view.world_points.mean(axis=0)
+    bounds = (centre - 0.1, centre + 0.1)
+    fresh = View.from_depth(depth, INTRINSICS, pose, mask=mask)
+    want = View(inside.points, pose).crop(bounds).points
+    assert 0 < len(want) < len(view.points)
+    for whole in (view, fresh, pickle.loads(pickle.dumps(fresh))):
+        part = whole.crop(bounds)
+        np.testing.assert_array_equal(part.points, want)
+        assert part.mask is None
+        assert whole.mask is not None
+    moved = fresh.moved(random_pose(13))
+    np.testing.assert_array_equal(moved.mask, mask)
+    np.testing.assert_array_equal(moved.points, inside.points)
+    some = fresh.only(np.arange(len(fresh.points)) % 2 == 0)
+    np.testing.assert_array_equal(some.points, inside.points[::2])
+
+
+def test_a_masked_view_has_the_colours_of_its_points():
+    depth, colors, mask = masked_image()
+    view = View.from_depth(depth, INTRINSICS, colors=colors, mask=mask)
+    np.testing.assert_array_equal(view.colors, colors[mask & (depth > 0)])
+    assert len(view.colors) == len(view.points)
+    centre = view.points.mean(axis=0)
+    part = view.crop((centre - 0.1, centre + 0.1))
+    inside = (np.abs(view.points - centre) <= 0.1).all(axis=1)
+    assert 0 < inside.sum() < len(inside)
+    np.testing.assert_array_equal(part.colors, view.colors[inside])
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int64, ">i4", list])
+def test_labels_are_kept_as_they_are_given(kind):
+    depth, _, mask = masked_image()
+    labels = np.where(mask, 1 + np.arange(64) % 200, 0)
+    given = labels.tolist() if kind is list else np.asfortranarray(labels.astype(kind))
+    view = View.from_depth(depth, INTRINSICS, mask=given)
+    np.testing.assert_array_equal(view.image.mask, labels)
+    assert view.image.mask.dtype == np.int32
+    assert view.image.mask.flags.c_contiguous
+    np.testing.assert_array_equal(view.mask, mask)
+
+
+def test_what_the_caller_does_with_its_mask_later_changes_no_view():
+    for mask in (np.ones((3, 4), dtype=bool), np.ones((3, 4), dtype=np.int32)):
+        view = View.from_depth(np.ones((3, 4)), INTRINSICS, mask=mask)
+        mask[:] = 0
+        assert view.mask.all()
+        assert len(view.points) == 12
+
+
+@pytest.mark.parametrize(
+    ("mask", "error", "message"),
+    [
+        (
+            np.ones((4, 3), dtype=bool),
+            ValueError,
+            r"mask: expected the depth image's shape \(3, 4\), got \(4, 3\)",
+        ),
+        (np.ones((3, 4, 3), dtype=np.uint8), ValueError, r"mask: .*got \(3, 4, 3\)"),
+        (np.ones(12, dtype=bool), ValueError, "mask: expected the depth image's shape"),
+        (np.ones((3, 4)), TypeError, "mask: expected bools, or whole numbers .* got dtype float64"),
+        (np.full((3, 4), None), TypeError, "mask: .*got dtype object"),
+        ("mask.png", TypeError, "mask: expected bools"),
+        ([[True], [True, False]], ValueError, "mask: "),
+        (np.full((3, 4), -1), ValueError, "mask: expected labels from 0 to 2147483647, got -1 to -1"),
+        (np.full((3, 4), 2**31), ValueError, "mask: expected labels from 0"),
+    ],
+)
+def test_a_mask_of_another_shape_or_kind_is_refused(mask, error, message):
+    with pytest.raises(error, match=message):
+        View.from_depth(np.ones((3, 4)), INTRINSICS, mask=mask)
+
+
+def test_a_view_without_a_mask_has_none():
+    view = View.from_depth(np.ones((3, 4)), INTRINSICS)
+    assert view.mask is None
+    assert view.image.mask is None
+    assert View(np.ones((4, 3))).mask is None

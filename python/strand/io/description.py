@@ -15,7 +15,28 @@ from strand.checks import Array, Bounds, extraction_range, rigid_motion
 from strand.pose import pose_from_angles, turntable_pose
 
 POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}
+_FILES = ("file", "color", "mask")
 LENGTH = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(mm|cm|m)?\s*")
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedView:
+    """What a `scene.toml` says of a view; files are relative to it.
+
+    Attributes
+    ----------
+    file : str
+        The depth image or the points.
+    pose : (4, 4) ndarray
+        Camera to world.
+    color, mask : str or None
+        The colour image and the mask that belong to a depth image.
+    """
+
+    file: str
+    pose: Array
+    color: str | None = None
+    mask: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +55,7 @@ class Description:
         The extraction range, metres.
     radius : float or None
         The ropes' radius, metres.
-    views : tuple of (str, (4, 4) ndarray, str or None)
-        Each view's file, relative to the description, its camera-to-world pose, and its colour image's file.
+    views : tuple of RecordedView
     """
 
     name: str | None
@@ -43,7 +63,7 @@ class Description:
     depth_scale: float | None
     bounds: Bounds | None
     radius: float | None
-    views: tuple[tuple[str, Array, str | None], ...]
+    views: tuple[RecordedView, ...]
 
 
 def parse_length(value: str | float) -> float:
@@ -130,16 +150,16 @@ def _radius(value: Any) -> float:
     return radius
 
 
-def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array, str | None]:
-    accepted = ("file", "color", "pose", "angles_deg", "origin", "turntable_deg")
+def _view(name: str, table: Any, turntable: Any) -> RecordedView:
+    accepted = (*_FILES, "pose", "angles_deg", "origin", "turntable_deg")
     _check_keys(name, table, accepted, required=("file",))
-    for key in ("file", "color"):
+    for key in _FILES:
         if key in table and not (isinstance(table[key], str) and table[key]):
             raise TypeError(f"{name}.{key}: expected a file's name, got {table[key]!r}")
-    color = table.get("color")
+    files = {key: table.get(key) for key in _FILES}
     if "turntable_deg" not in table:
-        return table["file"], _pose(name, table), color
-    if set(table) - {"color"} != {"file", "turntable_deg"}:
+        return RecordedView(pose=_pose(name, table), **files)
+    if set(table) - set(_FILES) != {"turntable_deg"}:
         raise ValueError(f"{name}: expected one pose, got turntable_deg and another one")
     if turntable is None:
         raise ValueError(f"{name}: turntable_deg needs a [turntable] table with the camera's pose at angle 0")
@@ -150,7 +170,7 @@ def _view(name: str, table: Any, turntable: Any) -> tuple[str, Array, str | None
         _numbers("turntable.centre", turntable.get("centre", [0.0, 0.0, 0.0])),
         _numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
     )
-    return table["file"], pose, color
+    return RecordedView(pose=pose, **files)
 
 
 def _pose(name: str, table: Mapping[str, Any]) -> Array:

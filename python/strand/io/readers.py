@@ -26,19 +26,31 @@ def content(path: Path) -> bytes:
 
 def read_png(path: Path, data: bytes) -> NDArray[Any]:
     """(H, W) uint16 of a single-channel 16-bit PNG."""
+    return _single_channel_png(path, data, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
+
+
+def read_mask(path: Path, data: bytes) -> NDArray[Any]:
+    """(H, W) Labels, 0 for no rope, of a single-channel PNG of 1, 8 or 16 bits, or of an NPY file."""
+    if path.suffix.lower() == ".npy":
+        return _npy(path, data)
+    return _single_channel_png(path, data, (1, 8, 16), "single-channel mask PNG of 1, 8 or 16 bits")
+
+
+def _single_channel_png(path: Path, data: bytes, depths: tuple[int, ...], expected: str) -> NDArray[Any]:
+    """(H, W) of a grey PNG with one of some numbers of bits for each pixel."""
     pillow = extra("PIL.Image")
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR" or len(data) < 26:
         raise FileFormatError(f"{path}: truncated, or not a PNG file")
     # Pillow shortens some 16-bit images to 8 bits without saying so, hence the look at the header
     bits, colour = data[24], data[25]
-    if (bits, colour) != (16, 0):
+    if bits not in depths or colour != 0:
         kind = PNG_COLOURS.get(colour, "unknown")
-        raise FileFormatError(f"{path}: expected a 16-bit single-channel depth PNG, got {bits}-bit {kind}")
+        raise FileFormatError(f"{path}: expected a {expected}, got {bits}-bit {kind}")
     try:
         with pillow.open(BytesIO(data), formats=["PNG"]) as image:
             image.verify()
         with pillow.open(BytesIO(data), formats=["PNG"]) as image:
-            return np.asarray(image).astype(np.uint16)
+            return np.asarray(image)
     except Exception as error:  # Pillow has an error of its own kind for every way to be damaged
         raise FileFormatError(f"{path}: truncated or damaged PNG ({error})") from error
 
@@ -55,16 +67,20 @@ def read_color(path: Path, data: bytes) -> NDArray[np.uint8]:
 
 def read_npy(path: Path, data: bytes) -> NDArray[Any]:
     """(H, W) uint16, or (H, W) or (N, 3) of floats."""
-    try:
-        array = np.lib.format.read_array(BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError, MemoryError) as error:
-        raise FileFormatError(f"{path}: truncated, or not an .npy file ({error})") from error
+    array = _npy(path, data)
     if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
         raise FileFormatError(
             f"{path}: expected a depth image (H, W) of floats or uint16, or points (N, 3) of floats, "
             f"got {array.shape} {array.dtype}"
         )
     return array
+
+
+def _npy(path: Path, data: bytes) -> NDArray[Any]:
+    try:
+        return np.lib.format.read_array(BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError, OSError, MemoryError) as error:
+        raise FileFormatError(f"{path}: truncated, or not an .npy file ({error})") from error
 
 
 def read_ply(path: Path, data: bytes) -> NDArray[Any]:

@@ -6,7 +6,8 @@ import os
 import re
 import zipfile
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array, Bounds, extraction_range, finite_array
+from strand.checks import Array, Bounds, extraction_range, finite_array, mask_array, several
 from strand.files import FileFormatError, read_toml
-from strand.io.description import Description, parse_description
-from strand.io.readers import content, read_color, read_npy, read_ply, read_png
+from strand.io.description import Description, RecordedView, parse_description
+from strand.io.readers import content, read_color, read_mask, read_npy, read_ply, read_png
 from strand.view import View
 
 
@@ -46,13 +47,14 @@ class Scene:
     truth: tuple[Array, ...] = ()
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
+def load_scene(path: str | os.PathLike[str], masks: Sequence[str | os.PathLike[str]] | None = None) -> Scene:
     """Read a scene: an `.npz` file, or a folder with a `scene.toml`.
 
     The `.npz` holds `depth` (V, H, W) uint16 in units of `depth_scale` metres, 0 where there is no
     return, the pinhole matrix `K` (3, 3) and the camera-to-world `poses` (V, 4, 4); optionally the
-    extraction range `box` (2, 3), `radius`, `name`, the colour images `color` (V, H, W, 3) uint8 that belong
-    to the depths pixel by pixel, and the true centrelines `truth_0`, `truth_1`, ...
+    extraction range `box` (2, 3), `radius`, `name`, the true centrelines `truth_0`, `truth_1`, ..., and, for
+    each pixel of the depths, the colour images `color` (V, H, W, 3) uint8 and the masks `mask` (V, H, W),
+    bools or labels.
 
     The `scene.toml` names one file a view and says how it was taken:
 
@@ -81,6 +83,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         [[view]]
         file = "view0.png"
         color = "view0_color.png"      # optional: a colour image of the depth image's size
+        mask = "view0_mask.png"        # optional: where the ropes are in it; 0 is no rope
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]    # camera to world
 
         [[view]]
@@ -96,12 +99,15 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     the camera frame; or an NPY file with either a depth image, (H, W) of floats in metres or uint16
     in units of `depth_scale`, or points (N, 3) of floats in the camera frame. An array of floats
     three columns wide is points. Pixels and points that are not finite are dropped and counted in
-    `View.dropped`.
+    `View.dropped`. A mask is a single-channel PNG of 1, 8 or 16 bits or an NPY file: 0 is no rope, every
+    other number a rope or a piece of one.
 
     Parameters
     ----------
     path : str or path-like
         The `.npz` file, the folder, or its `scene.toml`.
+    masks : sequence of str or path-like, optional
+        Mask files, one for each view, in place of the scene's own.
 
     Returns
     -------
@@ -113,20 +119,39 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         If the file, the folder or a view's file does not exist.
     strand.FileFormatError
         If a file is empty, truncated or not what it should be; the message names the file.
+    TypeError
+        If `masks` is not a sequence of paths.
+    ValueError
+        If it does not hold one for each view.
     ImportError
         If reading a PNG or PLY file (or, on Python 3.10, TOML) needs a package that is not installed.
     """
     path = Path(path)
+    given = None if masks is None else [Path(one) for one in several("masks", masks, "paths")]
     if path.is_dir():
-        return _load_description(path / "scene.toml")
+        return _load_description(path / "scene.toml", given)
     if path.suffix.lower() == ".toml":
-        return _load_description(path)
+        return _load_description(path, given)
     if path.suffix.lower() == ".npz" or not path.exists():
-        return _load_archive(path)
+        return _load_archive(path, given)
     raise FileFormatError(f"{path}: expected a folder with a scene.toml, a .toml or an .npz file")
 
 
-def _load_archive(path: Path) -> Scene:
+def _require_one_each(masks: Sequence[Path], views: int) -> None:
+    if len(masks) != views:
+        raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
+
+
+def _read_mask(path: Path, shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Return the mask of an image of a shape."""
+    labels = read_mask(path, content(path))
+    try:
+        return mask_array("mask", labels, shape)
+    except (TypeError, ValueError) as error:
+        raise FileFormatError(f"{path}: {error}") from error
+
+
+def _load_archive(path: Path, masks: Sequence[Path] | None) -> Scene:
     data = content(path)
     if not zipfile.is_zipfile(BytesIO(data)):
         raise FileFormatError(f"{path}: truncated, or not an .npz file")
@@ -135,6 +160,11 @@ def _load_archive(path: Path) -> Scene:
             arrays = {key: archive[key] for key in archive.files}
     except (ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
         raise FileFormatError(f"{path}: truncated, or not an .npz file ({error})") from error
+    depth = arrays.get("depth", np.empty(0))
+    if masks is not None and depth.ndim == 3:
+        _require_one_each(masks, len(depth))
+        labels = [_read_mask(one, image.shape) for one, image in zip(masks, depth, strict=True)]
+        arrays["mask"] = np.array(labels, dtype=np.int32).reshape(depth.shape)
     try:
         return _archived_scene(path.stem, arrays)
     except (TypeError, ValueError) as error:
@@ -157,9 +187,17 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
         if images.shape != (*depth.shape, 3) or images.dtype != np.uint8:
             raise ValueError(f"color: expected {(*depth.shape, 3)} uint8, got {images.shape} {images.dtype}")
         colors = list(images)
+    masks = [None] * len(depth)
+    if "mask" in arrays:
+        labels = arrays["mask"]
+        if labels.shape != depth.shape or labels.dtype.kind not in "biu":
+            raise ValueError(
+                f"mask: expected {depth.shape} of bools or whole numbers, got {labels.shape} {labels.dtype}"
+            )
+        masks = list(labels)
     views = tuple(
-        View.from_depth(image, arrays["K"], pose, color, depth_scale=scale)
-        for image, pose, color in zip(depth, poses, colors, strict=True)
+        View.from_depth(image, arrays["K"], pose, color, depth_scale=scale, mask=mask)
+        for image, pose, color, mask in zip(depth, poses, colors, masks, strict=True)
     )
     bounds = None
     if "box" in arrays:
@@ -176,27 +214,35 @@ def _scalar(name: str, array: NDArray[Any]) -> float:
     return float(array)
 
 
-def _load_description(path: Path) -> Scene:
+def _load_description(path: Path, masks: Sequence[Path] | None) -> Scene:
     table = read_toml(path)
     try:
         description = parse_description(table)
     except (TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: {error}") from error
-    views = tuple(
-        _load_view(path.parent / file, pose, description, None if color is None else path.parent / color)
-        for file, pose, color in description.views
-    )
+    recorded = description.views
+    if masks is not None:
+        _require_one_each(masks, len(recorded))
+        # absolute, as the scene's own are relative to it
+        recorded = tuple(
+            replace(view, mask=str(mask.absolute())) for view, mask in zip(recorded, masks, strict=True)
+        )
+    views = tuple(_load_view(view, path.parent, description) for view in recorded)
     name = description.name or path.resolve().parent.name
     return Scene(name, views, description.bounds, description.radius)
 
 
-def _load_view(path: Path, pose: Array, description: Description, color: Path | None) -> View:
+def _load_view(recorded: RecordedView, folder: Path, description: Description) -> View:
+    path, pose = folder / recorded.file, recorded.pose
     readers = {".png": read_png, ".npy": read_npy, ".ply": read_ply}
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise FileFormatError(f"{path}: expected a .png, .ply or .npy file")
     array = reader(path, content(path))
-    colors = None if color is None else read_color(color, content(color))
+    colors = None
+    if recorded.color is not None:
+        color = folder / recorded.color
+        colors = read_color(color, content(color))
     try:
         if array.dtype == np.uint16:
             if description.depth_scale is None:
@@ -205,10 +251,15 @@ def _load_view(path: Path, pose: Array, description: Description, color: Path | 
         elif array.shape[1] == 3:
             if colors is not None:
                 raise ValueError("color: only depth images have colour images")
+            if recorded.mask is not None:
+                raise ValueError("mask: only depth images have masks")
             finite = np.isfinite(array).all(axis=1)
             return View(array[finite], pose, int((~finite).sum()))
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        return View.from_depth(array, description.intrinsics, pose, colors)
+        mask = None if recorded.mask is None else _read_mask(folder / recorded.mask, array.shape)
+        return View.from_depth(array, description.intrinsics, pose, colors, mask=mask)
+    except FileFormatError:  # the mask's, which names it
+        raise
     except (TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: {error}") from error

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from PIL import Image
-from scene_files import CAMERA, DEPTH, POINTS, K, ply, save_npz, save_png, scene_of
+from scene_files import CAMERA, DEPTH, IDENTITY, LABELS, POINTS, K, ply, save_npz, save_png, scene_of
 
 import strand
 from strand import FileFormatError, View, load_scene
@@ -68,6 +68,9 @@ def test_npz_damaged(tmp_path):
         ({"box": np.array([[1.0, 1, 1], [0, 0, 0]])}, "bounds: expected low < high"),
         ({"truth_0": np.zeros((4, 2))}, "truth_0: expected shape"),
         ({"K": np.array([None])}, "pickle"),
+        ({"mask": LABELS}, r"mask: expected \(2, 6, 8\) of bools or whole numbers, got \(6, 8\) uint8"),
+        ({"mask": np.ones((2, 6, 8))}, r"mask: expected .* got \(2, 6, 8\) float64"),
+        ({"mask": np.full((2, 6, 8), -1)}, "mask: expected labels from 0"),
     ],
 )
 def test_npz_with_wrong_content(tmp_path, changes, message):
@@ -187,3 +190,113 @@ def test_missing_package_is_named(tmp_path, monkeypatch, package, file):
         ImportError, match=re.escape(f'{name} is needed here: pip install ".[cli]" installs it')
     ):
         load_scene(folder)
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64])
+def test_npz_scene_with_masks(tmp_path, kind):
+    masks = np.stack([LABELS, LABELS[::-1]]).astype(kind)
+    save_npz(tmp_path / "a.npz", mask=masks)
+    for view, mask in zip(load_scene(tmp_path / "a.npz").views, masks, strict=True):
+        np.testing.assert_array_equal(view.image.mask, mask)
+        assert 0 < len(view.points) == np.count_nonzero(mask) < mask.size
+
+
+def write_masks(folder):
+    """Four mask files with the same labels."""
+    Image.fromarray(LABELS).save(folder / "m8.png")
+    Image.fromarray(LABELS.astype(np.uint16)).save(folder / "m16.png")
+    Image.fromarray(LABELS > 0).save(folder / "m1.png")
+    np.save(folder / "m.npy", LABELS.astype(np.int64))
+    return ["m8.png", "m16.png", "m1.png", "m.npy"]
+
+
+def test_some_views_of_a_description_may_have_masks(tmp_path):
+    save_png(tmp_path / "a.png")
+    np.save(tmp_path / "a.npy", DEPTH * 0.001)
+    names = [*write_masks(tmp_path), None, "m8.png"]
+    text = CAMERA
+    for i, name in enumerate(names):
+        text += f'\n[[view]]\nfile = "{("a.png", "a.npy")[i % 2]}"\n{IDENTITY}'
+        text += "" if name is None else f'mask = "{name}"\n'
+    (tmp_path / "scene.toml").write_text(text)
+    views = load_scene(tmp_path).views
+    want = View.from_depth(DEPTH * 0.001, K, mask=LABELS)
+    for name, view in zip(names, views, strict=True):
+        if name is None:
+            assert view.mask is None
+            assert len(view.points) == DEPTH.size
+        else:
+            np.testing.assert_array_equal(view.image.mask, LABELS > 0 if name == "m1.png" else LABELS)
+            np.testing.assert_array_equal(view.points, want.points)
+
+
+@pytest.mark.parametrize("kind", ["folder", "toml", "npz"])
+def test_mask_files_take_the_place_of_the_scenes_own(tmp_path, monkeypatch, kind):
+    names = write_masks(tmp_path)
+    (tmp_path / "scene").mkdir()
+    if kind == "npz":
+        path = tmp_path / "scene" / "a.npz"
+        save_npz(path, mask=np.ones((2, 6, 8), dtype=bool))
+        given = names[1:3]
+    else:
+        save_png(tmp_path / "scene" / "a.png")
+        save_png(tmp_path / "scene" / "own.png", np.ones_like(LABELS))
+        path = scene_of(tmp_path / "scene", "a.png", pose=IDENTITY + 'mask = "own.png"\n')
+        path = path / "scene.toml" if kind == "toml" else path
+        given = names[1:2]
+    # like other paths, from where one is and not from where the scene is
+    monkeypatch.chdir(tmp_path)
+    views = load_scene(path, masks=given).views
+    for view, name in zip(views, given, strict=True):
+        np.testing.assert_array_equal(view.image.mask, LABELS > 0 if name == "m1.png" else LABELS)
+    assert load_scene(path).views[0].mask.all()
+    for wrong in ([], [*given, names[0]]):
+        expected = rf"masks: expected one file for each of {len(views)} views, got {len(wrong)}"
+        with pytest.raises(ValueError, match=expected):
+            load_scene(path, wrong)
+    with pytest.raises(TypeError, match="masks: expected a sequence of paths, got str"):
+        load_scene(path, "m8.png")
+
+
+@pytest.mark.parametrize("kind", ["folder", "npz"])
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        (np.ones((3, 4), dtype=np.uint8), r"mask: expected the depth image's shape \(6, 8\), got \(3, 4\)"),
+        (
+            np.ones((6, 8, 3), dtype=np.uint8),
+            "expected a single-channel mask PNG of 1, 8 or 16 bits, got 8-bit RGB",
+        ),
+    ],
+)
+def test_a_mask_file_of_another_shape_is_named_once(tmp_path, kind, mask, message):
+    Image.fromarray(mask).save(tmp_path / "m.png")
+    if kind == "npz":
+        path, given = tmp_path / "a.npz", [tmp_path / "m.png"] * 2
+        save_npz(path)
+    else:
+        save_png(tmp_path / "a.png")
+        path, given = scene_of(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.png"\n'), None
+    with pytest.raises(FileFormatError, match=rf"^\S*m\.png: {message}"):
+        load_scene(path, given)
+
+
+def test_mask_files_missing_damaged_or_of_points(tmp_path):
+    save_png(tmp_path / "a.png")
+    folder = scene_of(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.npy"\n')
+    with pytest.raises(FileNotFoundError) as caught:
+        load_scene(folder)
+    assert caught.value.filename == str(tmp_path / "m.npy")
+    for content, message in (
+        (b"", "the file is empty"),
+        (b"\x93NUMPY\x01", "truncated, or not an .npy file"),
+    ):
+        (tmp_path / "m.npy").write_bytes(content)
+        with pytest.raises(FileFormatError, match=rf"m\.npy: {message}"):
+            load_scene(folder)
+    np.save(tmp_path / "m.npy", LABELS * 0.5)
+    with pytest.raises(FileFormatError, match=r"^\S*m\.npy: mask: expected bools, or whole numbers"):
+        load_scene(folder)
+    (tmp_path / "a.ply").write_bytes(ply())
+    with pytest.raises(FileFormatError, match=r"a\.ply: mask: only depth images have masks"):
+        load_scene(scene_of(tmp_path, "a.ply", pose=IDENTITY + 'mask = "m.npy"\n'))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -187,3 +188,17 @@ def test_wrong_values(arguments, message):
 def test_wrong_types(arguments, message):
     with pytest.raises(TypeError, match=message):
         scene(**{"views": 1, "size": (32, 24), **arguments})
+
+
+def test_a_scene_keeps_its_masks(tmp_path):
+    made = scene("arc", views=2, size=(64, 48))
+    made.save(tmp_path / "without.npz")
+    assert made.mask is None
+    with np.load(tmp_path / "without.npz") as arrays:
+        assert "mask" not in arrays
+    labels = np.random.default_rng(5).integers(0, 3, made.depth.shape).astype(np.uint8)
+    masked = dataclasses.replace(made, mask=labels)
+    masked.save(tmp_path / "with.npz")
+    for views in (masked.views, load_scene(tmp_path / "with.npz").views):
+        for view, mask in zip(views, labels, strict=True):
+            np.testing.assert_array_equal(view.image.mask, mask)

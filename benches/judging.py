@@ -1,0 +1,195 @@
+"""Reconstructions beside the truth, scene by scene, and tables of them by group."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pictures
+from measure import Crossings, measured
+from tables import head, row
+
+import strand
+from strand.synthetic import SyntheticScene, scene
+
+SURE = 0.9  # a confidence from which on an answer is said to be sure
+FAIR = 0.8  # one from which on it is good for use
+NEAR = 3.0  # radii: the greatest Fréchet distance of a chain that follows its rope nearly
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A reconstruction beside the truth.
+
+    Attributes
+    ----------
+    scene : str
+        The scene's name.
+    views, ropes : int
+        How many images, and how many ropes there are.
+    found : int
+        How many chains.
+    right, near : bool
+        As many chains as ropes, and each within 1.5 radii of its rope (3 radii) from end to end, in order.
+    frechet, rms : float
+        As in `measure.Measure`: radii and metres.
+    crossings : Crossings
+    confidence : float
+        0 where there is no answer.
+    radius_error : float
+        The greatest error of a chain's radius over the true one; infinite without chains.
+    seconds : float
+        From depth images to the model.
+    error : str
+        Why there is no answer; empty if there is one.
+    """
+
+    scene: str
+    views: int
+    ropes: int
+    found: int
+    right: bool
+    near: bool
+    frechet: float
+    rms: float
+    crossings: Crossings
+    confidence: float
+    radius_error: float
+    seconds: float
+    error: str = ""
+
+    @property
+    def sure_and_wrong(self) -> bool:
+        """Whether the confidence is high and the topology wrong."""
+        return self.confidence >= SURE and not self.right
+
+
+def judged(
+    synthetic: SyntheticScene, *, tell_radius: bool, tell_ropes: bool
+) -> tuple[Judgement, list[np.ndarray]]:
+    """Reconstruct a scene, compare with the truth, and return the chains' nodes too."""
+    start = time.perf_counter()
+    chains: list[np.ndarray] = []
+    confidence, radius_error, error = 0.0, math.inf, ""
+    try:
+        model = strand.reconstruct(
+            synthetic.views,
+            synthetic.radius if tell_radius else None,
+            synthetic.bounds,
+            ropes=len(synthetic.truth) if tell_ropes else None,
+        )
+    except strand.StrandError as raised:
+        error = str(raised)
+    else:
+        chains, confidence = [chain.points for chain in model.chains], model.confidence
+        if chains:
+            radius_error = max(abs(chain.radius / synthetic.radius - 1.0) for chain in model.chains)
+    seconds = time.perf_counter() - start
+    found = measured(chains, synthetic.truth, synthetic.radius)
+    # a scene without chains has crossings too
+    crossings = found.crossings if chains else measured(synthetic.truth, synthetic.truth, 1.0).crossings
+    return (
+        Judgement(
+            scene=synthetic.name,
+            views=len(synthetic.depth),
+            ropes=found.ropes,
+            found=found.chains,
+            right=found.right,
+            near=found.chains == found.ropes and found.frechet <= NEAR,
+            frechet=found.frechet,
+            rms=found.rms,
+            crossings=crossings if chains else Crossings(0, crossings.true, 0),
+            confidence=confidence,
+            radius_error=radius_error,
+            seconds=seconds,
+            error=error,
+        ),
+        chains,
+    )
+
+
+def all_judged(
+    scenes: Iterable[SyntheticScene],
+    folder: Path | None,
+    *,
+    tell_radius: bool = True,
+    tell_ropes: bool = True,
+) -> list[Judgement]:
+    """Judge scenes, print a row for each, and draw those that are not right into a folder."""
+    # what is loaded and started once belongs to no scene
+    warm = scene("straight", views=1)
+    strand.reconstruct(warm.views, warm.radius, warm.bounds)
+    print(head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms"))
+    results = []
+    for synthetic in scenes:
+        found, chains = judged(synthetic, tell_radius=tell_radius, tell_ropes=tell_ropes)
+        results.append(found)
+        print(
+            row(
+                found.scene,
+                "right" if found.right else "near" if found.near else "wrong",
+                f"{found.found} of {found.ropes}",
+                f"{found.frechet:.2f}",
+                f"{found.rms * 1e3:.2f}",
+                f"{found.crossings.right} of {found.crossings.true}",
+                f"{found.confidence:.2f}",
+                f"{found.seconds * 1e3:.0f}",
+            ),
+            flush=True,
+        )
+        if folder is not None and not found.right:
+            pictures.draw(synthetic, chains, folder / f"{found.scene}.png")
+    return results
+
+
+def summary(
+    results: Sequence[Judgement], what: str, groups: Sequence[tuple[str, Callable[[Judgement], bool]]]
+) -> str:
+    """Return a table with a row for each group of scenes that has any, and one for all."""
+    lines = [
+        head(
+            what,
+            "scenes",
+            "right",
+            "within 3 r",
+            "crossings",
+            f"confidence ≥ {SURE} and wrong",
+            f"right with confidence ≥ {FAIR}",
+            "RMS mm, median of the right",
+            "radius error %, median",
+            "ms, median",
+            "max",
+        )
+    ]
+    for name, belongs in [*groups, ("all", lambda _: True)]:
+        group = [found for found in results if belongs(found)]
+        if not group:
+            continue
+        milliseconds = [found.seconds * 1e3 for found in group]
+        lines.append(
+            row(
+                name,
+                len(group),
+                sum(found.right for found in group),
+                sum(found.near for found in group),
+                "{} of {}".format(
+                    *(sum(getattr(found.crossings, key) for found in group) for key in ("right", "true"))
+                ),
+                sum(found.sure_and_wrong for found in group),
+                sum(found.right and found.confidence >= FAIR for found in group),
+                _median([found.rms * 1e3 for found in group if found.right], 2),
+                _median([found.radius_error * 100 for found in group], 1),
+                _median(milliseconds, 0),
+                f"{max(milliseconds):.0f}",
+            )
+        )
+    return "\n".join(lines)
+
+
+def _median(values: Sequence[float], digits: int) -> str:
+    return f"{statistics.median(values):.{digits}f}" if values else "–"

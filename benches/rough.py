@@ -1,0 +1,38 @@
+"""Reconstruct scenes that are hard to see for one reason each, and say how often the answer is right.
+
+python benches/rough.py [--scenes N] [--first SEED] [--only KIND] [--pictures DIR]
+
+The kinds are those of `strand.synthetic.rough`, with seeds from 0 on; cameras, and one view and three, take
+turns. The radius and the number of ropes are told. A picture is drawn of each scene that is not right.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from judging import all_judged, summary
+
+from strand.synthetic import ROUGH, rough
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=int, default=10, metavar="N", help="of each kind (default: 10)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--only", choices=ROUGH, metavar="KIND", help=f"one of {', '.join(ROUGH)}")
+    parser.add_argument("--pictures", type=Path, metavar="DIR", help="draw the scenes that are not right")
+    arguments = parser.parse_args()
+    if arguments.scenes < 1:
+        parser.error("--scenes: expected at least 1")
+    kinds = ROUGH if arguments.only is None else (arguments.only,)
+    seeds = range(arguments.first, arguments.first + arguments.scenes)
+    results = all_judged((rough(kind, seed) for kind in kinds for seed in seeds), arguments.pictures)
+    groups = [(kind, lambda found, kind=kind: found.scene.startswith(kind)) for kind in kinds]
+    print(f"\n{summary(results, 'kind', groups)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

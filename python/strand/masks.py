@@ -1,0 +1,168 @@
+"""Whether masks can be right: ropes stand out from what is around them, and there are so many of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.checks import Array, Bounds
+from strand.model import Doubt, ModelWarning
+from strand.pose import moved
+from strand.view import DepthImage, View
+
+_Indices = NDArray[np.intp]
+
+# so many pixels of a mask are compared with what lies this many radii, and a pixel, to either side of them
+_PIXELS, _REACH = 1000, 3.0
+# steps to one side, in columns and rows; the other side is opposite
+_SIDES = ((1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7))
+# what is inside must stand so many radii before what is around: on a table 0.6 at a depth error of 1.4 radii,
+# 1 to 2 else; masks of other frames have 0.2 at most
+_LEAST_HEIGHT = 0.35
+# fewer comparisons say nothing; a mask with less than this share of them is wide, and one that is wide and
+# covers more than this share of the image holds the background
+_FEWEST, _WIDE, _MOST = 30, 0.03, 0.6
+# confidence of an answer from a mask that is likely wrong: a factor of about one in seven
+_DOUBT = 2.0
+
+
+def misplaced_masks(
+    views: Sequence[View], numbers: Sequence[int], bounds: Bounds | None, radii: Array
+) -> list[tuple[Doubt, int]]:
+    """Name masks that seem to be of another frame, or of the background.
+
+    Parameters
+    ----------
+    views : sequence of View
+        As they were given; those without a mask have none that is wrong.
+    numbers : sequence of int
+        The numbers of the views to look at.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres; what of a mask lies outside is no rope.
+    radii : (K,) ndarray
+        The ropes' radii, ascending, metres.
+
+    Returns
+    -------
+    list of (Doubt, int)
+        Each with the number of its view.
+    """
+    found: list[tuple[Doubt, int]] = []
+    for number in numbers:
+        view = views[number]
+        mask = view.mask
+        # within an extraction range a mask of everything is as good as none
+        if view.image is None or mask is None or (bounds is not None and mask.all()):
+            continue
+        rope = _Rope(view.image, mask, view.pose, bounds)
+        reason = _why_misplaced(rope, radii)
+        if reason is not None:
+            said = f"view {number}: {reason}"
+            found.append((Doubt("mask", _DOUBT, "whether its mask is right", said), number))
+    return found
+
+
+def surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
+    """Name views whose mask has labels for more ropes than there are: some may be pieces of one."""
+    for number, view in enumerate(views):
+        if ropes is None or view.image is None or view.image.mask is None:
+            continue
+        mask = view.image.mask
+        labels = len(np.unique(mask[mask > 0]))
+        if labels > ropes:
+            message = f"view {number}: its mask has {labels} labels, more than ropes = {ropes}"
+            yield ModelWarning("mask", message, amount=float(labels), view=number)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rope:
+    """Which pixels of an image are rope.
+
+    Attributes
+    ----------
+    image : DepthImage
+    mask : (H, W) ndarray of bool
+    pose : (4, 4) ndarray
+        Camera to world.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    """
+
+    image: DepthImage
+    mask: NDArray[np.bool_]
+    pose: Array
+    bounds: Bounds | None
+
+    def holds(self, rows: _Indices, columns: _Indices) -> NDArray[np.bool_]:
+        """Whether pixels are in the mask, have depth, and lie in the extraction range."""
+        z = self.image.depth[rows, columns]
+        inside = np.isfinite(z) & (z > 0) & self.mask[rows, columns]
+        if self.bounds is None:
+            return inside
+        x = (columns - self.image.centre[0]) / self.image.focal[0]
+        y = (rows - self.image.centre[1]) / self.image.focal[1]
+        with np.errstate(invalid="ignore"):
+            world = moved(np.stack([x * z, y * z, z], axis=1), self.pose)
+        return inside & ((world >= self.bounds[0]) & (world <= self.bounds[1])).all(axis=1)
+
+
+def _why_misplaced(rope: _Rope, radii: Array) -> str | None:
+    """Say why a mask is likely not that of its image; None if it may be."""
+    flat = np.flatnonzero(rope.mask)
+    rows, columns = np.divmod(flat[:: max(len(flat) // _PIXELS, 1)], rope.mask.shape[1])
+    inside = rope.holds(rows, columns)
+    if not inside.any():
+        return None
+    share = float(inside.mean()) * len(flat) / rope.mask.size
+    heights = _heights(rope, rows[inside], columns[inside], _REACH * radii[-1])
+    if len(heights) < _WIDE * len(_SIDES) * inside.sum() and share > _MOST:
+        return f"its mask holds {share:.0%} of the image, and the background with it"
+    if len(heights) < _FEWEST:
+        return None
+    height = float(np.median(heights)) / radii[0]
+    if height >= _LEAST_HEIGHT:
+        return None
+    return (
+        f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
+        "is it the mask of this frame?"
+    )
+
+
+def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Array:
+    """How far pixels lie before the mean of what is to either side of them, if no rope is there.
+
+    The mean of both sides leaves out how far a table is tilted.
+
+    Parameters
+    ----------
+    rope : _Rope
+    rows, columns : (N,) ndarray of int
+        Pixels of the rope.
+    reach : float
+        How far to either side, metres.
+
+    Returns
+    -------
+    (M,) ndarray
+        Metres, for each pixel and each pair of sides that could be compared.
+    """
+    depth = rope.image.depth
+    height, width = depth.shape
+    own = depth[rows, columns]
+    step = 1.0 + reach * max(rope.image.focal) / float(np.median(own))
+    heights = []
+    for across, down in _SIDES:
+        du, dv = round(step * across), round(step * down)
+        in_image = (columns >= abs(du)) & (columns < width - abs(du)) & (rows >= dv) & (rows < height - dv)
+        v, u, sides = rows[in_image], columns[in_image], np.zeros(in_image.sum())
+        seen = np.ones(len(v), dtype=bool)
+        for sign in (-1, 1):
+            beside = depth[v + sign * dv, u + sign * du]
+            returned = np.isfinite(beside) & (beside > 0)
+            seen &= returned & ~rope.holds(v + sign * dv, u + sign * du)
+            sides += beside
+        heights.append((0.5 * sides - own[in_image])[seen])
+    return np.concatenate(heights)

@@ -1,0 +1,19 @@
+//! Readings of a mask: which way ropes may run through it, before any depth is asked.
+//!
+//! A mask's skeleton falls into segments, where one strand is seen, and zones, where strands merge. Curves through a zone
+//! join the segments' ports in pairs; a reading is a choice of pairs for all zones, and costs what it takes: bending, tube
+//! outside the mask, mask that nothing covers.
+
+mod ends;
+mod links;
+mod network;
+mod pairings;
+mod planar;
+mod refine;
+mod search;
+mod skeleton;
+
+pub use ends::extended;
+pub use network::shown_radius;
+pub use planar::Place;
+pub use search::{Reading, readings};

@@ -1,0 +1,424 @@
+//! Whole readings of a mask: every way to join all its zones' ports, the likely ones first.
+
+use std::collections::{BTreeMap, BinaryHeap, HashSet};
+use std::rc::Rc;
+
+use super::ends::led_on;
+use super::links::{TAIL, curve_cost};
+use super::network::{Network, SPURS, Skeleton};
+use super::pairings::{Pairings, UNCOVERED, pairings};
+use super::planar::{Place, apart, cleaned, length, resampled, unit};
+use super::refine::refined;
+use crate::image::{Image, blobs};
+use crate::silhouette::Silhouette;
+
+/// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
+const RING: f64 = 6.0;
+const TOO_FEW: f64 = 8.0;
+const HIDDEN: f64 = 1.0;
+/// Stretches of mask without a chain that are larger than this may hold a rope's end, squared radii.
+const BARE: f64 = 0.4;
+/// What a reading costs that keeps short branches of the skeleton.
+const TIPS: f64 = 1.0;
+/// A gap in the mask costs this many times its own cost.
+const GAP: f64 = 3.0;
+/// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
+const STACK: f64 = 25.0;
+const STACKS: usize = 4;
+/// Most whole ways that are put together in one reading of the skeleton.
+const MOST: usize = 600;
+
+/// A whole reading of one view.
+#[derive(Debug, Clone)]
+pub struct Reading {
+    pub cost: f64,
+    /// What of it is for what chains do not show: ends inside zones, kisses, gaps.
+    fixed: f64,
+    /// Nodes half a radius apart of each rope.
+    pub chains: Vec<Vec<Place>>,
+    /// How many of them were rings and have been opened.
+    pub rings: usize,
+}
+
+/// Where a port leads.
+#[derive(Clone)]
+struct Lead {
+    to: Option<usize>,
+    pairings: Rc<Pairings>,
+    joint: usize,
+    turned: bool,
+}
+
+/// Pairings by zone and ports, so that a zone that looks the same in two readings is worked out once.
+type Known = BTreeMap<(Vec<u32>, Vec<(u32, u32, usize)>), Rc<Pairings>>;
+
+/// The likely readings of a mask, the best first, no two alike.
+pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+    let rr = silhouette.radius_px;
+    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most);
+    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most).into_iter().map(|r| Reading {
+        cost: r.cost + TIPS,
+        fixed: r.fixed + TIPS,
+        ..r
+    }));
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Reading> = Vec::new();
+    for reading in found {
+        if kept.len() >= most {
+            break;
+        }
+        if !kept.iter().any(|k| alike(&k.chains, &reading.chains, rr)) {
+            kept.push(reading);
+        }
+    }
+    for reading in &mut kept {
+        let mut chains = reading.chains.clone();
+        for _ in 0..2 {
+            let (_, bare) = uncovered(silhouette, &chains);
+            chains = refined(silhouette, &led_on(silhouette, &chains, &bare));
+        }
+        let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
+        reading.cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains).0;
+        reading.chains = chains;
+    }
+    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    kept
+}
+
+/// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
+fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
+    let rr = silhouette.radius_px;
+    let ([left, top], [width, height]) = silhouette.frame();
+    let mut bare = Image::filled(width, height, false);
+    for [u, v] in silhouette.pixels() {
+        bare.set((u - left) as usize, (v - top) as usize, true);
+    }
+    for chain in chains {
+        for x in chain {
+            let reach = 1.2 * rr + 0.3;
+            let range = |c: usize, low: f64, count: usize| {
+                let first = (x[c] - reach - low).ceil().max(0.0) as usize;
+                (first, ((x[c] + reach - low).floor().max(-1.0) + 1.0).min(count as f64) as usize)
+            };
+            let ((u0, u1), (v0, v1)) = (range(0, left, width), range(1, top, height));
+            for v in v0..v1 {
+                for u in u0..u1 {
+                    let d = [u as f64 + left - x[0], v as f64 + top - x[1]];
+                    if d[0] * d[0] + d[1] * d[1] <= reach * reach {
+                        bare.set(u, v, false);
+                    }
+                }
+            }
+        }
+    }
+    let found = blobs(&bare, true, true);
+    let mut sums = vec![[0.0; 2]; found.sizes.len()];
+    for (k, &number) in found.numbers.values.iter().enumerate() {
+        sums[number as usize][0] += (k % width) as f64 + left;
+        sums[number as usize][1] += (k / width) as f64 + top;
+    }
+    let mut stretches = Vec::new();
+    let mut total = 0.0;
+    for (number, &size) in found.sizes.iter().enumerate().skip(1) {
+        let area = size as f64 / (rr * rr);
+        total += area;
+        if area > BARE {
+            stretches.push((sums[number].map(|s| s / size as f64), area));
+        }
+    }
+    (total, stretches)
+}
+
+/// Readings of one skeleton: as it is, and with stretches taken for two strands.
+fn of_skeleton(silhouette: &Silhouette, spur: f64, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+    let skeleton = Skeleton::new(silhouette, spur);
+    let rr = silhouette.radius_px;
+    let plain = skeleton.read(rr, false, &[]);
+    let mut stretches: Vec<(f64, Vec<u32>)> = plain
+        .segments
+        .iter()
+        .filter(|s| s.zones[0] != 0 && s.zones[1] != 0 && s.zones[0] != s.zones[1])
+        .map(|s| (length(&s.points), s.path.clone()))
+        .filter(|(long, _)| *long < STACK * rr)
+        .collect();
+    stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut known = Known::new();
+    let mut seen = HashSet::from([plain.zones.clone()]);
+    let mut found = search(silhouette, &skeleton, &plain, ropes, most, &mut known);
+    let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
+    for path in hidden {
+        let network = skeleton.read(rr, true, &path);
+        if seen.insert(network.zones.clone()) {
+            let more = if path.is_empty() { 0.0 } else { HIDDEN };
+            found.extend(
+                search(silhouette, &skeleton, &network, ropes, most, &mut known)
+                    .into_iter()
+                    .map(|r| Reading { cost: r.cost + more, fixed: r.fixed + more, ..r }),
+            );
+        }
+    }
+    found
+}
+
+/// Whether two readings run through the same places in the same order, to a radius.
+fn alike(a: &[Vec<Place>], b: &[Vec<Place>], rr: f64) -> bool {
+    let sorted = |chains: &[Vec<Place>]| {
+        let mut chains: Vec<(f64, Vec<Place>)> = chains
+            .iter()
+            .map(|c| (length(c), c))
+            .map(|(long, c)| (long, resampled(c, (long / 80.0).max(1e-6))))
+            .collect();
+        chains.sort_by(|x, y| x.0.total_cmp(&y.0));
+        chains
+    };
+    a.len() == b.len()
+        && sorted(a).iter().zip(&sorted(b)).all(|((_, p), (_, q))| {
+            let n = p.len().min(q.len());
+            let away = |turned: bool| {
+                (0..n)
+                    .map(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }))
+                    .fold(0.0, f64::max)
+            };
+            away(false).min(away(true)) <= rr
+        })
+}
+
+/// Ways through all zones of one reading of the skeleton, the cheapest first.
+fn search(
+    silhouette: &Silhouette,
+    skeleton: &Skeleton,
+    network: &Network,
+    ropes: Option<usize>,
+    most: usize,
+    known: &mut Known,
+) -> Vec<Reading> {
+    let rr = silhouette.radius_px;
+    let mut zones: Vec<(Vec<usize>, Rc<Pairings>)> = Vec::new();
+    for (zone, pixels) in network.zones.iter().enumerate() {
+        let key = |p: usize| {
+            let port = network.ports[p];
+            let path = &network.segments[port.segment].path;
+            (path[if port.end == 0 { 0 } else { path.len() - 1 }], path[path.len() / 2], path.len())
+        };
+        let mut ports: Vec<usize> =
+            (0..network.ports.len()).filter(|&p| network.ports[p].zone as usize == zone + 1).collect();
+        ports.sort_by_key(|&p| (key(p), p));
+        let name = (pixels.clone(), ports.iter().map(|&p| key(p)).collect::<Vec<_>>());
+        let found = known.entry(name).or_insert_with(|| {
+            let own: Vec<_> = ports.iter().map(|&p| network.ports[p]).collect();
+            Rc::new(pairings(silhouette, skeleton, network, zone, &own))
+        });
+        zones.push((ports, Rc::clone(found)));
+    }
+    let price = |choice: &[usize]| -> f64 {
+        choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
+    };
+    let mut found = Vec::new();
+    let mut heap = BinaryHeap::new();
+    let first = vec![0; zones.len()];
+    let mut seen = HashSet::from([first.clone()]);
+    heap.push((std::cmp::Reverse(Ordered(price(&first))), first));
+    let mut tried = 0;
+    while let Some((std::cmp::Reverse(Ordered(cost)), choice)) = heap.pop() {
+        tried += 1;
+        if tried > MOST || found.len() >= 4 * most {
+            break;
+        }
+        let (mut chains, rings) = assembled(network, &zones, &choice, rr);
+        if chains.iter().any(|c| length(c) > 2.0 * rr) {
+            chains.retain(|c| length(c) > 2.0 * rr);
+        }
+        let mut more = RING * rings as f64;
+        if let Some(ropes) = ropes {
+            if chains.len() > ropes {
+                let (joined, gaps) = joined(chains, ropes, rr);
+                chains = joined;
+                more += GAP * gaps;
+            }
+            more += TOO_FEW * ropes.saturating_sub(chains.len()) as f64;
+        }
+        let fixed: f64 =
+            choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
+        found.push(Reading { cost: cost + more, fixed: fixed + more, chains, rings });
+        for (k, (_, pairings)) in zones.iter().enumerate() {
+            if choice[k] + 1 < pairings.ways.len() {
+                let mut next = choice.clone();
+                next[k] += 1;
+                if seen.insert(next.clone()) {
+                    heap.push((std::cmp::Reverse(Ordered(price(&next))), next));
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    found.truncate(most);
+    found
+}
+
+/// A number with a total order.
+#[derive(PartialEq)]
+struct Ordered(f64);
+
+impl Eq for Ordered {}
+
+impl PartialOrd for Ordered {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Ordered {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+/// The chains of one choice of ways, and how many were rings.
+fn assembled(
+    network: &Network,
+    zones: &[(Vec<usize>, Rc<Pairings>)],
+    choice: &[usize],
+    rr: f64,
+) -> (Vec<Vec<Place>>, usize) {
+    let mut next: Vec<Option<Lead>> = vec![None; network.ports.len()];
+    let mut used = vec![false; network.segments.len()];
+    let mut hidden_ends = Vec::new();
+    for ((ports, pairings), &way) in zones.iter().zip(choice) {
+        let Some(way) = pairings.ways.get(way) else { continue };
+        for &joint in &way.joints {
+            let (a, b) = pairings.joints[joint].ports;
+            let lead =
+                |to: Option<usize>, turned: bool| Lead { to, pairings: Rc::clone(pairings), joint, turned };
+            next[ports[a]] = Some(lead(b.map(|b| ports[b]), false));
+            match b {
+                Some(b) => next[ports[b]] = Some(lead(Some(ports[a]), true)),
+                None if pairings.joints[joint].link.dropped => used[network.ports[ports[a]].segment] = true,
+                None => hidden_ends.push(ports[a]),
+            }
+        }
+    }
+    let mut port_of = vec![[None; 2]; network.segments.len()];
+    for (i, port) in network.ports.iter().enumerate() {
+        port_of[port.segment][port.end] = Some(i);
+    }
+    let mut chains = Vec::new();
+    // from free ends of segments, then from ends inside zones
+    let free: Vec<(usize, usize, Option<usize>)> = (0..network.segments.len())
+        .flat_map(|k| [(k, 0), (k, 1)])
+        .filter(|&(k, end)| port_of[k][end].is_none_or(|p| next[p].is_none()))
+        .map(|(k, end)| (k, 1 - end, None))
+        .collect();
+    let inside = hidden_ends.iter().map(|&p| (network.ports[p].segment, 1 - network.ports[p].end, Some(p)));
+    for (segment, leave, port) in free.into_iter().chain(inside) {
+        if used[segment] {
+            continue;
+        }
+        let mut points = Vec::new();
+        if let Some(way) = port.and_then(|p| next[p].as_ref()) {
+            points.extend(way.pairings.joints[way.joint].link.middle[1..].iter().rev());
+        }
+        points.extend(walked(network, &port_of, &next, &mut used, segment, leave));
+        chains.push(points);
+    }
+    let mut rings = 0;
+    for segment in 0..network.segments.len() {
+        if !used[segment] {
+            rings += 1;
+            chains.push(walked(network, &port_of, &next, &mut used, segment, 1));
+        }
+    }
+    let chains = chains.iter().filter(|c| c.len() > 1).map(|c| cleaned(c, 0.5 * rr)).collect();
+    (chains, rings)
+}
+
+/// Walks from a segment on, leaving it at its end `leave`, till a rope's end or where it began.
+fn walked(
+    network: &Network,
+    port_of: &[[Option<usize>; 2]],
+    next: &[Option<Lead>],
+    used: &mut [bool],
+    mut segment: usize,
+    mut leave: usize,
+) -> Vec<Place> {
+    let mut points: Vec<Place> = Vec::new();
+    while !used[segment] {
+        used[segment] = true;
+        let own = &network.segments[segment].points;
+        if leave == 1 {
+            points.extend(own);
+        } else {
+            points.extend(own.iter().rev());
+        }
+        let Some(way) = port_of[segment][leave].and_then(|p| next[p].as_ref()) else { break };
+        let link = &way.pairings.joints[way.joint].link;
+        let Some(to) = way.to else {
+            points.extend(&link.middle[1..]);
+            break;
+        };
+        // the fitted tail takes the place of the segment's own
+        points.truncate(points.len() - TAIL.min(own.len()));
+        let far = link.tails[if way.turned { 0 } else { 1 }];
+        let keep = if far < link.full.len() { link.full.len() - far } else { link.full.len() };
+        if way.turned {
+            points.extend(link.full.iter().rev().take(keep));
+        } else {
+            points.extend(&link.full[..keep]);
+        }
+        let port = network.ports[to];
+        segment = port.segment;
+        leave = 1 - port.end;
+    }
+    points
+}
+
+/// Joins facing ends over gaps in the mask until no more than `ropes` chains are left; and what that costs.
+fn joined(mut chains: Vec<Vec<Place>>, ropes: usize, rr: f64) -> (Vec<Vec<Place>>, f64) {
+    let mut cost = 0.0;
+    while chains.len() > ropes.max(1) {
+        let mut best: Option<(f64, usize, usize, bool, bool)> = None;
+        for i in 0..chains.len() {
+            for j in i + 1..chains.len() {
+                for (turn_first, turn_second) in [(false, false), (false, true), (true, false), (true, true)]
+                {
+                    let more = gap_cost(&chains[i], turn_first, &chains[j], turn_second, rr);
+                    if best.is_none_or(|b| more < b.0) {
+                        best = Some((more, i, j, turn_first, turn_second));
+                    }
+                }
+            }
+        }
+        let Some((more, i, j, turn_first, turn_second)) = best else { break };
+        let second = chains.remove(j);
+        let mut first = chains.remove(i);
+        if turn_first {
+            first.reverse();
+        }
+        if turn_second {
+            first.extend(second.iter().rev());
+        } else {
+            first.extend(&second);
+        }
+        chains.push(cleaned(&first, 0.5 * rr));
+        cost += 1.0 + more;
+    }
+    (chains, cost)
+}
+
+/// What it costs to go on from the last node of one chain to the first of another: turning and length, radii.
+fn gap_cost(first: &[Place], turn_first: bool, second: &[Place], turn_second: bool, rr: f64) -> f64 {
+    let from = |i: usize| {
+        let i = i.min(first.len() - 1);
+        first[if turn_first { i } else { first.len() - 1 - i }]
+    };
+    let to = |i: usize| {
+        let i = i.min(second.len() - 1);
+        second[if turn_second { second.len() - 1 - i } else { i }]
+    };
+    let (a, b) = (from(0), to(0));
+    let (ta, tb) = (unit([a[0] - from(7)[0], a[1] - from(7)[1]]), unit([to(7)[0] - b[0], to(7)[1] - b[1]]));
+    let gap = apart(a, b) / rr;
+    let d = unit([b[0] - a[0], b[1] - a[1]]);
+    let angle = |x: Place, y: Place| (x[0] * y[0] + x[1] * y[1]).clamp(-1.0, 1.0).acos();
+    let (out, into) = if gap > 0.5 { (angle(ta, d), angle(tb, d)) } else { (0.0, angle(ta, tb)) };
+    2.0 * (out * out + into * into) + 0.25 * gap
+}

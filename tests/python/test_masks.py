@@ -1,0 +1,158 @@
+"""Masks: what a reconstruction makes of them, and how it names those that cannot be right."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from drawn import of_kind, rope_pixels
+
+import strand
+from strand.masks import misplaced_masks, surplus_labels
+
+SCENES = {
+    name: strand.synthetic.scene(name, views=3, seed=seed, noise=noise, size=(480, 360))
+    for seed, (name, noise) in enumerate([("arc", 0.7e-3), ("paper", 3e-3), ("straight", 1.5e-3)])
+}
+MASKS = {name: rope_pixels(scene) for name, scene in SCENES.items()}
+
+
+def masked(name, masks):
+    """A scene's views, with other masks."""
+    return dataclasses.replace(SCENES[name], mask=masks).views
+
+
+def misplaced(name, masks, bounds=None):
+    """The numbers of the views whose masks are named."""
+    views = masked(name, masks)
+    found = misplaced_masks(views, range(len(views)), bounds, np.array([SCENES[name].radius]))
+    assert all(doubt.kind == "mask" and f"view {number}: " in doubt.reason for doubt, number in found)
+    return [number for _, number in found]
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("bounded", [False, True])
+def test_masks_of_other_frames_are_named_and_right_ones_are_not(name, bounded):
+    bounds = SCENES[name].bounds if bounded else None
+    mask = MASKS[name]
+    assert misplaced(name, mask, bounds) == []
+    # a pixel too wide, or too narrow
+    wide = mask | np.roll(mask, 1, 1) | np.roll(mask, -1, 1) | np.roll(mask, 1, 2) | np.roll(mask, -1, 2)
+    narrow = mask & np.roll(mask, 1, 1) & np.roll(mask, -1, 2)
+    assert misplaced(name, wide, bounds) == misplaced(name, narrow, bounds) == []
+    if not bounded:  # off the rope, a mask holds nothing of the extraction range
+        assert misplaced(name, np.roll(mask, 40, 1)) == [0, 1, 2]
+        assert misplaced(name, ~mask) == [0, 1, 2]
+    other = MASKS["arc" if name == "paper" else "paper"]
+    assert len(misplaced(name, other)) == 3
+    only_one = np.stack([mask[0], other[1], mask[2]])
+    assert misplaced(name, only_one) == [1]
+
+
+def test_a_mask_of_everything_is_as_none_within_bounds_and_holds_the_background_without():
+    everything = np.ones_like(MASKS["arc"])
+    assert misplaced("arc", everything, SCENES["arc"].bounds) == []
+    assert misplaced("arc", everything) == [0, 1, 2]
+
+
+def test_a_mask_is_not_judged_where_nothing_around_it_was_seen():
+    scene, mask = SCENES["arc"], MASKS["arc"]
+    alone = dataclasses.replace(scene, depth=np.where(mask, scene.depth, 0).astype(np.uint16))
+    for masks in (mask, np.ones_like(mask)):
+        views = dataclasses.replace(alone, mask=masks).views
+        assert misplaced_masks(views, [0, 1, 2], None, np.array([scene.radius])) == []
+
+
+def test_the_answer_from_a_mask_of_another_frame_is_unsure():
+    scene = SCENES["arc"]
+    masks = MASKS["arc"].copy()
+    masks[0] = np.roll(masks[0], 40, 0)
+    model = strand.reconstruct(masked("arc", masks), scene.radius, ropes=1)
+    (warning,) = of_kind(model, "mask")
+    (doubt,) = (doubt for doubt in model.doubts if doubt.kind == "mask")
+    assert warning.view == 0
+    assert warning.amount == doubt.amount
+    assert "is it the mask of this frame?" in str(warning)
+    assert model.confidence < 0.2
+
+
+def test_masks_stand_in_for_the_extraction_range():
+    scene = SCENES["arc"]
+    model = strand.reconstruct(masked("arc", MASKS["arc"]), scene.radius)
+    inside = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    (chain,), (other,) = model.chains, inside.chains
+    assert chain.length == pytest.approx(other.length, rel=0.02)
+    ways = [other.nearest(point)[1] for point in chain.points]
+    assert max(ways) < 0.5 * scene.radius
+    assert of_kind(model, "mask") == []
+    assert model.confidence > 0.8
+
+
+@pytest.mark.parametrize("method", ["tubes", "published"])
+def test_only_some_views_may_have_masks(method):
+    scene = SCENES["arc"]
+    views = [masked("arc", MASKS["arc"])[0], *scene.views[1:]]
+    config = strand.Config(method=method)
+    model = strand.reconstruct(views, scene.radius, scene.bounds, ropes=1, config=config)
+    want = strand.Chain(scene.truth[0], 0.001).length
+    assert model.chains[0].length == pytest.approx(want, rel=0.03)
+    assert of_kind(model, "mask") == []
+
+
+def test_masks_of_everything_change_no_bit():
+    scene = SCENES["arc"]
+    answers = [
+        strand.reconstruct(views, scene.radius, scene.bounds).chains[0].points
+        for views in (scene.views, masked("arc", np.ones_like(MASKS["arc"])))
+    ]
+    np.testing.assert_array_equal(*answers)
+
+
+def test_what_lies_outside_of_a_mask_says_what_space_is_free():
+    # two ropes in line; between their ends the cameras see the table
+    nodes = [
+        np.stack([np.linspace(a, b, 61), np.zeros(61), np.full(61, 0.0042)], axis=1)
+        for a, b in ((-0.08, -0.02), (0.02, 0.08))
+    ]
+    scene = strand.synthetic.scene(chains=nodes, views=3)
+    mask = rope_pixels(scene)
+    seen = dataclasses.replace(scene, mask=mask)
+    assert len(strand.reconstruct(seen.views, scene.radius).chains) == 2
+    hidden = dataclasses.replace(scene, depth=np.where(mask, scene.depth, 0).astype(np.uint16))
+    bridged = strand.reconstruct(hidden.views, scene.radius, ropes=1)
+    apart = strand.reconstruct(seen.views, scene.radius, ropes=1)
+    assert bridged.chains[0].length == pytest.approx(0.16, abs=0.01)
+    assert apart.chains[0].length == pytest.approx(0.06, abs=0.01)
+
+
+def test_labels_for_more_ropes_than_there_are_are_named():
+    scene = SCENES["arc"]
+    labels = MASKS["arc"] * (1 + (np.arange(480) > 240) + (np.arange(480) > 300)).astype(np.uint8)
+    labels[1] = MASKS["arc"][1]
+    views = masked("arc", labels)
+    assert [len(np.unique(view.image.mask)) - 1 for view in views] == [3, 1, 3]
+    found = list(surplus_labels(views, 2))
+    assert [(one.kind, one.view, one.amount) for one in found] == [("mask", 0, 3.0), ("mask", 2, 3.0)]
+    assert str(found[0]) == "view 0: its mask has 3 labels, more than ropes = 2"
+    assert list(surplus_labels(views, None)) == list(surplus_labels(views, 3)) == []
+    model = strand.reconstruct(views, scene.radius, ropes=1)
+    assert [one.view for one in of_kind(model, "mask")] == [0, 2]
+    # labels may be pieces of one rope
+    assert [doubt for doubt in model.doubts if doubt.kind == "mask"] == []
+    assert model.confidence > 0.8
+
+
+def test_a_view_whose_mask_holds_no_rope_is_not_used():
+    scene = SCENES["arc"]
+    masks = MASKS["arc"].copy()
+    masks[0] = False
+    views = list(masked("arc", masks))
+    blind = np.where(masks[2], 0.0, scene.depth[2] * scene.depth_scale)
+    views[2] = strand.View.from_depth(blind, scene.intrinsics, scene.poses[2], mask=masks[2])
+    model = strand.reconstruct(views, scene.radius, ropes=1)
+    assert [(one.view, str(one)) for one in of_kind(model, "unused view")] == [
+        (0, "view 0 has an empty mask and was not used"),
+        (2, "view 2 has no depth inside its mask and was not used"),
+    ]
+    assert len(model.chains) == 1
