@@ -362,9 +362,11 @@ kernel! {
             let (outward, settled, grown) = match eye.counts {
                 None => (foot.outward, settled, simd.splat8(-1.0)),
                 Some([along, across]) => {
+                    // the ray as the curve's plane across it sees it: nothing moves a curve along itself
+                    let ray = (to_camera - tangent * to_camera.dot(tangent)).unit(simd);
                     let counted = |normal: Three<S::Eight>| {
-                        let ray = to_camera * normal.dot(to_camera);
-                        ray * simd.splat8(along) + (normal - ray) * simd.splat8(across)
+                        let part = ray * normal.dot(ray);
+                        part * simd.splat8(along) + (normal - part) * simd.splat8(across)
                     };
                     (counted(foot.outward), counted(settled), simd.splat8(-along))
                 }
