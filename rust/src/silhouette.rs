@@ -114,23 +114,25 @@ impl Silhouette {
         Some(made)
     }
 
-    /// Projects the pixels within half a pixel of the edge onto it: one for each pixel of its length.
+    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
+    /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {
-        for y in 0..h {
-            for x in 0..w {
+        let step = ((self.radius_px / 4.0).round() as usize).max(1);
+        for y in (0..h).step_by(step) {
+            for x in (0..w).step_by(step) {
                 let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
                 let away = self.distance(at);
-                if away.abs() > 0.5 {
+                if away.abs() > 0.5 * step as f64 {
                     continue;
                 }
                 let gradient = self.gradient(at);
-                let norm = gradient[0].hypot(gradient[1]);
+                let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
                 if norm < 0.2 {
                     continue;
                 }
                 let normal = [-gradient[0] / norm, -gradient[1] / norm];
                 let edge = [at[0] + away * normal[0], at[1] + away * normal[1]];
-                self.boundary.push(Edge { at: edge, normal, weight: 1.0 });
+                self.boundary.push(Edge { at: edge, normal, weight: step as f64 });
             }
         }
     }
