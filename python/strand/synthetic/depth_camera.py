@@ -147,12 +147,18 @@ class DepthCamera:
         Returns
         -------
         DepthCamera
+
+        Raises
+        ------
+        TypeError
+            If an argument is not a number.
+        ValueError
+            If `noise` is negative, or another one not positive.
         """
         noise = not_negative("noise", noise)
-        if self.baseline is None:
-            return replace(self, sd=noise)
+        to_disparity = positive("focal_length", focal_length) / positive("distance", distance) ** 2
         # disparity is f b / z
-        return replace(self, sd=noise * focal_length * self.baseline / distance**2)
+        return replace(self, sd=noise if self.baseline is None else noise * to_disparity * self.baseline)
 
     def sense(
         self, depth: ArrayLike, intrinsics: ArrayLike, *, depth_scale: float, rng: np.random.Generator
