@@ -155,8 +155,7 @@ def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
         monkeypatch.setattr("sys.argv", ["fresh.py", "--scenes", count, "--out", str(tmp_path), *options])
         assert fresh.main() == 0
         assert f"| all |  | {count} | 100.0 |" in capsys.readouterr().out
-    small = [(seed, "small", 0.05, 1.0) for seed in range(3)]
-    assert judged == [*small, (0, "plain", 0.4, 1.0)]
+    assert judged == [*((seed, "small", 0.05, 1.0) for seed in range(3)), (0, "plain", 0.4, 1.0)]
     assert len((tmp_path / "fresh.jsonl").read_text().splitlines()) == 4
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -45,8 +46,10 @@ def test_a_camera_sees_ropes_and_table_and_gives_a_mask():
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_noise_is_asked_for_or_the_cameras_own(name):
+    # but for the steps, which are coarse in small images
+    smooth = dataclasses.replace(CAMERAS[name], amplitude=0.0, step=0.0)
     quiet, loud = (
-        scene("s", camera=name, views=1, noise=part * RADIUS, size=(160, 120)) for part in (0.2, 0.8)
+        scene("s", camera=smooth, views=1, noise=part * RADIUS, size=(160, 120)) for part in (0.2, 0.8)
     )
     for made, part in ((quiet, 0.2), (loud, 0.8)):
         error = (made.depth[0] * made.depth_scale - exact(made, 0))[~made.mask[0] & (made.depth[0] > 0)]
