@@ -23,11 +23,13 @@ mod medians;
 mod polyline;
 mod search;
 mod smoothing;
+mod support;
 
 pub use crossings::Crossing;
 pub use lift::{Lifted, lift};
 pub use medians::Medians;
 pub use search::fit;
+pub use support::seen_nodes;
 
 /// Distance between samples along the rope, radii.
 const STEP: f64 = 0.5;
@@ -97,7 +99,7 @@ pub struct Sensor {
 
 impl Sensor {
     /// A stereo camera near its best distance.
-    pub const DEFAULT: Self = Self { correlation: 3.0, surface: 0.85, bias: 0.15 };
+    pub const DEFAULT: Self = Self { correlation: 3.0, surface: 0.85, bias: 0.3 };
 }
 
 /// A plane that nothing goes below: its unit normal n, towards the cameras, and n·x on it.

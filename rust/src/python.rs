@@ -7,9 +7,8 @@ mod density;
 mod filter;
 mod fit;
 mod icp;
-mod imagefit;
+mod images;
 mod normals;
-mod silhouettes;
 mod tubes;
 mod views;
 mod visibility;
@@ -73,7 +72,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fit::EndObservation>()?;
     module.add_class::<fit::TubeFit>()?;
     module.add_class::<icp::IcpResult>()?;
-    module.add_class::<silhouettes::Silhouette>()?;
+    module.add_class::<images::ImageFit>()?;
+    module.add_class::<images::RopeImages>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
@@ -95,7 +95,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tubes::trace_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::fit_tubes, module)?)?;
     module.add_function(wrap_pyfunction!(fit::rope_extents, module)?)?;
-    module.add_function(wrap_pyfunction!(imagefit::fit_image, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_through, module)?)?;
     module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
     module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;

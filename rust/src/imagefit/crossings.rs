@@ -5,6 +5,8 @@ use super::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
 
 /// Pairs this near in both their places along the rope are of one crossing, samples.
 const TOGETHER: usize = 5;
+/// Places where strands cross nearer than this along either are one, samples: what is left of it is jitter.
+const WINDING: usize = 4;
 /// Samples of a stretch over which a long overlap is held apart.
 const STRETCH: usize = 8;
 /// Flips of both of two neighbours are tried for this many crossings at most.
@@ -39,8 +41,9 @@ pub struct Overlap {
     pub pairs: Vec<([usize; 2], f64)>,
 }
 
-/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, rr.
-pub fn overlaps(pairs: &[([usize; 2], f64)]) -> Vec<Overlap> {
+/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, rr. Where strands wind around each other,
+/// each place where they cross is an overlap of its own.
+pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) -> Vec<Overlap> {
     let mut group: Vec<usize> = (0..pairs.len()).collect();
     let root = |group: &mut Vec<usize>, mut i: usize| {
         while group[i] != i {
@@ -66,24 +69,59 @@ pub fn overlaps(pairs: &[([usize; 2], f64)]) -> Vec<Overlap> {
     let mut firsts: Vec<usize> = roots.clone();
     firsts.sort_unstable();
     firsts.dedup();
-    firsts
-        .into_iter()
-        .map(|first| {
-            let members = || pairs.iter().zip(&roots).filter(move |&(_, &r)| r == first).map(|(p, _)| *p);
-            let side = |k: usize| {
-                let mut side: Vec<usize> = members().map(|p| p.0[k]).collect();
-                side.sort_unstable();
-                side.dedup();
-                side
-            };
-            let least = members().map(|p| p.1).fold(f64::INFINITY, f64::min);
-            let near = (least + 0.3).max(0.9);
-            Overlap { sides: [side(0), side(1)], pairs: members().filter(|p| p.1 < near).collect() }
-        })
-        .collect()
+    let mut found = Vec::new();
+    for first in firsts {
+        let members: Vec<([usize; 2], f64)> =
+            pairs.iter().zip(&roots).filter(|&(_, &r)| r == first).map(|(p, _)| *p).collect();
+        let mut centers: Vec<[usize; 2]> = Vec::new();
+        for &(pair, _) in &members {
+            if cross(pair, places, chains) && centers.iter().all(|&c| between(c, pair) > WINDING) {
+                centers.push(pair);
+            }
+        }
+        if centers.len() < 2 {
+            found.push(Overlap::of(members));
+            continue;
+        }
+        let nearest = |pair| (0..centers.len()).min_by_key(|&c| between(centers[c], pair));
+        for c in 0..centers.len() {
+            found.push(Overlap::of(members.iter().filter(|p| nearest(p.0) == Some(c)).copied().collect()));
+        }
+    }
+    found
+}
+
+/// How far pairs of samples are apart along the rope, samples.
+fn between(a: [usize; 2], b: [usize; 2]) -> usize {
+    a[0].abs_diff(b[0]).max(a[1].abs_diff(b[1]))
+}
+
+/// Whether the pieces of the two strands that begin with a pair of samples cross.
+fn cross(pair: [usize; 2], places: &[Place2], chains: &[u32]) -> bool {
+    if pair.iter().any(|&i| i + 1 >= places.len() || chains[i] != chains[i + 1]) {
+        return false;
+    }
+    let [a, b] = pair.map(|i| [places[i], places[i + 1]]);
+    let side = |s: [Place2; 2], p: Place2| {
+        (s[1][0] - s[0][0]) * (p[1] - s[0][1]) - (s[1][1] - s[0][1]) * (p[0] - s[0][0])
+    };
+    side(a, b[0]) * side(a, b[1]) <= 0.0 && side(b, a[0]) * side(b, a[1]) < 0.0
 }
 
 impl Overlap {
+    /// Of pairs of samples.
+    fn of(members: Vec<([usize; 2], f64)>) -> Self {
+        let side = |k: usize| {
+            let mut side: Vec<usize> = members.iter().map(|p| p.0[k]).collect();
+            side.sort_unstable();
+            side.dedup();
+            side
+        };
+        let least = members.iter().map(|p| p.1).fold(f64::INFINITY, f64::min);
+        let near = (least + 0.3).max(0.9);
+        Self { sides: [side(0), side(1)], pairs: members.iter().filter(|p| p.1 < near).copied().collect() }
+    }
+
     /// The gaps that an order asks for.
     fn gaps(&self, first_on_top: bool, into: &mut Vec<Gap>) {
         let start = into.len();
@@ -235,7 +273,8 @@ mod tests {
     fn pairs_of_one_crossing_are_together() {
         let pair = |i: usize, j: usize| ([i, j], 0.5);
         let pairs = [pair(10, 50), pair(11, 51), pair(14, 53), pair(30, 80), pair(31, 79)];
-        let found = overlaps(&pairs);
+        let places: Vec<Place2> = (0..100).map(|i| [i as f64, 0.0]).collect();
+        let found = overlaps(&pairs, &places, &[0; 100]);
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].sides, [vec![10, 11, 14], vec![50, 51, 53]]);
         assert_eq!(neighbours(&found), [[0, 1]]);

@@ -77,8 +77,9 @@ pub fn lift(
         *z = if z.is_finite() { *z } else { middle };
     }
 
-    let ceilings = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
-    let profile = Profile::new(depths, ceilings, ranges.clone(), sensor.correlation);
+    let ceilings: Vec<f64> = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
+    let none = vec![f64::INFINITY; places.len()];
+    let mut profile = Profile::new(depths, none, ranges.clone(), sensor.correlation);
     let mut sigma = 0.5;
     for _ in 0..2 {
         let (x, _) = profile.solve(&weights, sigma, &[], 4);
@@ -86,7 +87,15 @@ pub fn lift(
         let residuals = seen.map(|i| (x[i] - profile.observed[i]).abs()).collect();
         sigma = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
     }
-    let found = overlaps(&pairs);
+    // what the table forbids to most of the rope is the view's bias
+    let seen = (0..places.len()).filter(|&i| weights[i] > 0.0);
+    let below = seen.map(|i| (profile.observed[i] - ceilings[i]).max(0.0)).collect();
+    let bias = median(below)?;
+    for z in &mut profile.observed {
+        *z -= bias;
+    }
+    profile.ceilings = ceilings;
+    let found = overlaps(&pairs, &places, &numbers);
     let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma };
     let decided = evidence.decide(&found);
     let order: Vec<Option<bool>> = decided.iter().map(|d| Some(d.0)).collect();

@@ -19,6 +19,9 @@ const FAR: f64 = 0.4;
 /// Weights of the table and of order at crossings, for each radius of length.
 const TABLE: f64 = 4.0;
 const ORDER: f64 = 6.0;
+/// Weight with which a rope rests on the table, for each radius of length, and how far above it loses its hold, radii.
+const REST: f64 = 2.0;
+const NEAR: f64 = 0.5;
 /// How many pairs of a crossing count in full.
 const PAIRS: f64 = 6.0;
 /// The longest step of a control point, radii, and one after which nothing changes.
@@ -203,16 +206,16 @@ impl State<'_> {
         (matrix, band, border)
     }
 
-    /// Nothing lies below the table.
+    /// Nothing lies below the table, and what is near it rests on it.
     fn add_table(&mut self) {
         let Some(plane) = self.plane else { return };
         for (i, &x) in self.positions.iter().enumerate() {
             let e = plane.height(x) / self.radius - 1.0;
-            if e < 0.0 {
-                let by = plane.normal.map(|n| n / self.radius);
-                let t = self.tangents[i];
-                self.sums.add_place(i, advance(by, -dot(by, t), t), e, TABLE * STEP);
-            }
+            let rests = REST / (1.0 + (e / NEAR).powi(2)).powi(2);
+            let weight = if e < 0.0 { TABLE } else { rests };
+            let by = plane.normal.map(|n| n / self.radius);
+            let t = self.tangents[i];
+            self.sums.add_place(i, advance(by, -dot(by, t), t), e, weight * STEP);
         }
     }
 

@@ -1,0 +1,110 @@
+"""Hypotheses about how ropes run, fitted to images and compared by what they leave unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from strand._core import ImageFit, RopeImages
+from strand.checks import Array
+from strand.config import Config
+
+Table = tuple[Array, float] | None
+"""A plane's unit normal n towards the cameras, and n.x on it, metres."""
+
+# what a hypothesis costs: mask that nothing covers, tube outside masks, squares of depth's residuals, bending
+# and its change, and what its reading of the image costs
+_UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
+# readings of each view, and how much more than the best a reading may cost to be fitted; two always are
+READINGS, _MORE = 6, 12.0
+# steps of the first fit
+_STEPS = 8
+# how far along a rope errors of depth are alike, in radii
+CORRELATION = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way of ropes through one view's mask.
+
+    Attributes
+    ----------
+    cost : float
+        What it takes: bending, mask that it leaves uncovered, ends and gaps.
+    view : int
+    chains : list of (M, 2) ndarray
+        Columns and rows of each rope's nodes, pixels.
+    rings : int
+        How many of them were rings.
+    """
+
+    cost: float
+    view: int
+    chains: list[Array]
+    rings: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A reading that was fitted to all views.
+
+    Attributes
+    ----------
+    reading : Reading
+    fit : ImageFit
+    cost : float
+        What it leaves unexplained in image and depth, and what it takes to explain the rest.
+    """
+
+    reading: Reading
+    fit: ImageFit
+    cost: float
+
+
+def likely_readings(images: RopeImages, ropes: int | None) -> list[Reading]:
+    """Return the readings of all views that are worth a fit, the best first."""
+    found = [Reading(*each) for each in images.readings(ropes, READINGS)]
+    found.sort(key=lambda reading: reading.cost)
+    return [
+        reading
+        for place, reading in enumerate(found[: 2 * READINGS])
+        if place < 2 or reading.cost < found[0].cost + _MORE
+    ]
+
+
+def explained(
+    images: RopeImages, readings: Sequence[Reading], table: Table, held: int, config: Config
+) -> list[Explanation]:
+    """Fit readings to all views and compare them.
+
+    Depth counts less where even the best hypothesis fits it worse than its noise allows: then something
+    about it is not understood, and what the image says counts more.
+
+    Returns
+    -------
+    list of Explanation
+        The best first.
+    """
+    poses = (config.poses.rotation_sd, config.poses.translation_sd)
+    hypotheses = [(reading.view, reading.chains) for reading in readings]
+    fits = images.fit(hypotheses, table, held, poses, CORRELATION, _STEPS, False)
+    pairs = [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
+    if not pairs:
+        return []
+    misfits = np.array([fit.misfit for _, fit in pairs])
+    uncovered, outside, depth, depths, bend, change = misfits.T
+    trust = min(1.0, float((depths / np.maximum(depth, 1e-9)).min()))
+    costs = _UNCOVERED * uncovered + _OUTSIDE * outside
+    costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
+    costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
+    order = np.argsort(costs, kind="stable")
+    return [Explanation(*pairs[k], float(costs[k])) for k in order]
+
+
+def refitted(images: RopeImages, fit: ImageFit, table: Table, held: int, config: Config) -> ImageFit:
+    """Fit the best hypothesis once more, with covariances."""
+    poses = (config.poses.rotation_sd, config.poses.translation_sd)
+    again = images.refit(fit, table, held, poses, CORRELATION, _STEPS)
+    return fit if again is None else again

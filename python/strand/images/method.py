@@ -1,0 +1,85 @@
+"""Ropes read from images, composed: read the masks, lift and fit, compare, say what is unsure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strand._core import NotEnoughDataError, RopeImages
+from strand.chain import Chain
+from strand.checks import Array
+from strand.config import Config
+from strand.images.comparison import Explanation, Reading, Table, explained, likely_readings, refitted
+from strand.images.doubts import doubts
+from strand.images.nodes import as_chains, corrected_poses
+from strand.images.seen import prepared, rope_images
+from strand.images.table import table_plane
+from strand.model import Alternative
+from strand.stages import Found, Observed, Run
+from strand.tubes.warnings import about_answer
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What the images say.
+
+    Attributes
+    ----------
+    images : RopeImages
+    table : ((3,) ndarray, float) or None
+    held : int
+        The view whose pose is held.
+    explanations : list of Explanation
+        The best first.
+    """
+
+    images: RopeImages
+    table: Table
+    held: int
+    explanations: list[Explanation]
+
+
+def read(observed: Observed, config: Config, run: Run, others: list[list[Array]] | None = None) -> Read:
+    """Read the images and compare the readings."""
+    radius = float(observed.radii.values[0])
+    held = len(observed.views) // 2
+    with run.stage("images"):
+        taken = rope_images(observed.views, observed.whole, observed.bounds)
+        try:
+            images = prepared(taken, radius)
+        except ValueError as error:
+            raise NotEnoughDataError(f"views: {error}") from error
+        table = table_plane(taken, held, radius)
+    with run.stage("readings"):
+        readings = [r for r in likely_readings(images, observed.prior.ropes) if r.chains]
+    with run.stage("explain"):
+        found = explained(images, readings, table, held, config)
+    if not found:
+        raise NotEnoughDataError("views: the masks show no rope with depth; is the radius right, in metres?")
+    return Read(images, table, held, found)
+
+
+def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
+    """Make chains of the best explanation, and say what is unsure."""
+    best = what.explanations[0]
+    radius, radius_sd = float(observed.radii.values[0]), float(observed.radii.sd[0])
+    with run.stage("fit images"):
+        fit = refitted(what.images, best.fit, what.table, what.held, config)
+        chains = as_chains(what.images, fit, radius, radius_sd, config)
+    uncertain = doubts(what.explanations, fit, radius)
+    return Found(
+        sorted(chains, key=lambda chain: -chain.length),
+        poses=corrected_poses([view.pose for view in observed.views], fit.corrections),
+        pose_sd=[np.full(6, np.nan) for _ in observed.views],
+        stages={},
+        doubts=uncertain,
+        alternatives=tuple(
+            Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in what.explanations[1:4]
+        ),
+    )
+
+
+def find_chains(observed: Observed, config: Config, run: Run) -> Found:
+    """Read the images and answer by them alone."""
+    return answer(read(observed, config, run), observed, config, run)

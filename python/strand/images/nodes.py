@@ -1,0 +1,102 @@
+"""Chains made of curves that were fitted to images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand._core import ImageFit, RopeImages
+from strand.chain import Chain
+from strand.checks import Array
+from strand.config import Config
+from strand.curve import Curve
+
+# the standard deviation of where a mask shows an end, in radii
+_END_SD = 0.5
+
+
+def as_chains(images: RopeImages, fit: ImageFit, radius: float, radius_sd: float, config: Config) -> list[Chain]:
+    """Make chains of fitted curves.
+
+    Parameters
+    ----------
+    images : RopeImages
+    fit : ImageFit
+        With covariances.
+    radius, radius_sd : float
+        Metres.
+    config : Config
+
+    Returns
+    -------
+    list of Chain
+        In the curves' order.
+    """
+    chains = []
+    support = images.support(fit)
+    for control, covariances, (counts, views) in zip(fit.controls, fit.covariances, support, strict=True):
+        curve = Curve.whole(control)
+        s = curve.nodes(config.tubes.node_spacing * radius)
+        places, tangents, _ = curve.at(s)
+        share = s / curve.length
+        known = np.linspace(0.0, 1.0, len(covariances))
+        covariance = _between(share, known, covariances)
+        # nodes divide the way from end to end: they go along with the ends
+        along = (_END_SD * radius) ** 2 * ((1.0 - share) ** 2 + share**2)
+        covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
+        nearest = np.rint(share * (len(counts) - 1)).astype(np.int64)
+        each = np.bincount(nearest, minlength=len(counts))
+        chains.append(
+            Chain(
+                places,
+                radius,
+                False,
+                curve,
+                covariance,
+                -(-counts[nearest] // each[nearest]),
+                views[nearest],
+                radius_sd,
+            )
+        )
+    return chains
+
+
+def _between(x: Array, known: Array, values: Array) -> Array:
+    """(M, 3, 3) Values between (K, 3, 3) known ones, linear."""
+    k = np.clip(np.searchsorted(known, x, side="right") - 1, 0, len(known) - 2)
+    part = ((x - known[k]) / (known[k + 1] - known[k]))[:, None, None]
+    return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
+
+
+def corrected_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
+    """Return poses after corrections of the cameras' frames: y' = y + w x y + t, Y' = T' y'.
+
+    Parameters
+    ----------
+    poses : sequence of (4, 4) ndarray
+        As reported, camera to world.
+    corrections : (V, 6) ndarray
+        Rotation vector w, radians, and translation t, metres.
+
+    Returns
+    -------
+    list of (4, 4) ndarray
+    """
+    found = []
+    for pose, (*turn, x, y, z) in zip(poses, corrections, strict=True):
+        motion = np.eye(4)
+        motion[:3, :3] = _rotation(np.array(turn))
+        motion[:3, 3] = x, y, z
+        found.append(pose @ np.linalg.inv(motion))
+    return found
+
+
+def _rotation(vector: Array) -> Array:
+    """(3, 3) Rotation of a rotation vector, by Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))

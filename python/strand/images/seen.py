@@ -1,0 +1,143 @@
+"""What each view's image shows of the ropes: depth and mask, made anew from points where there is no image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.checks import Array, Bounds
+from strand.view import DepthImage, View
+
+# pixels around the points of an image that is made of points
+_MARGIN = 8
+# points should share their pixel with so few others that this part of them has one of its own
+_APART = 0.75
+# an image that is made of points has at most so many pixels a side
+_LARGEST = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class RopeImage:
+    """One view as an image of ropes.
+
+    Attributes
+    ----------
+    depth : (H, W) ndarray
+        Metres; 0 or NaN where there is no return.
+    mask : (H, W) ndarray of bool
+        The ropes' pixels.
+    focal, centre : (float, float)
+        Pixels.
+    pose : (4, 4) ndarray
+        Camera to world.
+    """
+
+    depth: Array
+    mask: NDArray[np.bool_]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    pose: Array
+
+
+def rope_images(views: Sequence[View], whole: Sequence[View], bounds: Bounds | None) -> list[RopeImage]:
+    """Return each view's image of the ropes.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Cropped and without outliers.
+    whole : sequence of View
+        The same views with all that they saw.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+
+    Returns
+    -------
+    list of RopeImage
+        Where there is a mask, the rope's pixels are those inside it, but for those whose depth is out of the
+        extraction range; elsewhere those of the points.
+    """
+    return [
+        _of_points(view) if all_seen.image is None else _of_image(view, all_seen, all_seen.image, bounds)
+        for view, all_seen in zip(views, whole, strict=True)
+    ]
+
+
+def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None) -> RopeImage:
+    depth = image.depth
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    if image.mask is None:
+        x, y, z = view.points.T
+        columns = np.rint(x / z * fx + cx).astype(np.int64)
+        rows = np.rint(y / z * fy + cy).astype(np.int64)
+        mask = np.zeros(depth.shape, dtype=bool)
+        mask[rows, columns] = True
+    else:
+        mask = image.mask != 0
+        if bounds is not None:
+            rows, columns = np.nonzero(mask & (depth > 0))
+            z = depth[rows, columns]
+            points = np.column_stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z])
+            world = points @ whole.pose[:3, :3].T + whole.pose[:3, 3]
+            out = ((world < bounds[0]) | (world > bounds[1])).any(axis=1)
+            mask[rows[out], columns[out]] = False
+    return RopeImage(depth, mask, image.focal, image.centre, whole.pose)
+
+
+def _of_points(view: View) -> RopeImage:
+    """Project points to an image whose pixels are as far apart as they are."""
+    points = view.points
+    towards = points.mean(axis=0)
+    forward = towards / np.linalg.norm(towards)
+    aside = np.cross(np.eye(3)[np.abs(forward).argmin()], forward)
+    aside /= np.linalg.norm(aside)
+    frame = np.column_stack([aside, np.cross(forward, aside), forward])
+    x, y, z = (points @ frame).T
+    ahead = z > 0
+    slopes = np.column_stack([x[ahead] / z[ahead], y[ahead] / z[ahead]])
+    low, high = slopes.min(axis=0), slopes.max(axis=0)
+    focal = _focal(slopes - low, float((high - low).max()))
+    columns, rows = np.rint((slopes - low) * focal).astype(np.int64).T + _MARGIN
+    depth = np.zeros((rows.max() + _MARGIN + 1, columns.max() + _MARGIN + 1))
+    # the nearest point is what a camera would see
+    order = np.argsort(-z[ahead], kind="stable")
+    depth[rows[order], columns[order]] = z[ahead][order]
+    pose = view.pose.copy()
+    pose[:3, :3] = view.pose[:3, :3] @ frame
+    centre = (float(_MARGIN - low[0] * focal), float(_MARGIN - low[1] * focal))
+    return RopeImage(depth, depth > 0, (focal, focal), centre, pose)
+
+
+def _focal(slopes: Array, extent: float) -> float:
+    """The focal length at which most points have a pixel of their own, pixels."""
+    low, high = 1.0 / max(extent, 1e-9), _LARGEST / max(extent, 1e-9)
+    for _ in range(12):
+        middle = float(np.sqrt(low * high))
+        columns, rows = np.rint(slopes * middle).astype(np.int64).T
+        pixels = len(np.unique(columns + rows * (2 * _LARGEST)))
+        if pixels < _APART * len(slopes):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def prepared(images: Sequence[RopeImage], radius: float) -> _core.RopeImages:
+    """Prepare images for readings and fits of ropes of one radius, metres.
+
+    Raises
+    ------
+    ValueError
+        If a mask shows no rope with depth.
+    """
+    return _core.RopeImages(
+        [image.depth for image in images],
+        [image.mask for image in images],
+        [(image.focal, image.centre) for image in images],
+        [image.pose for image in images],
+        radius,
+    )

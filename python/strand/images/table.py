@@ -1,0 +1,91 @@
+"""The plane that ropes lie on, as the cameras saw it around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.checks import Array
+from strand.images.seen import RopeImage
+
+# points, planes through three of them that are tried, and the share of points that a table needs
+_POINTS, _TRIES, _SHARE = 1500, 150, 0.5
+# pixels around the ropes that are left out, and how far the table is looked for, in radii
+_EDGE, _AROUND = 4, 40.0
+# points of the table scatter by this much, in radii
+_SCATTER = 1.0
+
+
+def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> tuple[Array, float] | None:
+    """Find the plane that most points beside the ropes lie on.
+
+    Parameters
+    ----------
+    images : sequence of RopeImage
+    reference : int
+        The view that is asked first: its pose is right by definition.
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    ((3,) ndarray, float) or None
+        Its unit normal n towards the camera and n.x, metres; None if there is none or the view saw nothing
+        beside the ropes.
+    """
+    image = images[reference]
+    points = _beside(image, radius)
+    if len(points) < 100:
+        return None
+    random = np.random.default_rng(0)
+    corners = points[random.integers(0, len(points), (_TRIES, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    kept = lengths > 1e-12
+    normals, corners = normals[kept] / lengths[kept, None], corners[kept, 0]
+    if not len(normals):
+        return None
+    offsets = (normals * corners).sum(axis=1)
+    near = np.abs(points @ normals.T - offsets) < _SCATTER * radius
+    best = int(near.sum(axis=0).argmax())
+    on = near[:, best]
+    if np.count_nonzero(on) < _SHARE * len(points):
+        return None
+    for _ in range(3):
+        middle = points[on].mean(axis=0)
+        normal = np.linalg.svd(points[on] - middle, full_matrices=False)[2][2]
+        on = np.abs((points - middle) @ normal) < _SCATTER * radius
+        if np.count_nonzero(on) < 100:
+            return None
+    if normal @ (image.pose[:3, 3] - middle) < 0:
+        normal = -normal
+    return normal, float(normal @ middle)
+
+
+def _beside(image: RopeImage, radius: float) -> Array:
+    """Points, world frame, of pixels around the ropes but not next to them."""
+    rows, columns = np.nonzero(image.mask)
+    far = float(np.median(image.depth[rows, columns]))
+    reach = int(_AROUND * radius * image.focal[0] / max(far, 1e-9)) if far > 0 else _EDGE
+    height, width = image.mask.shape
+    top, bottom = max(rows.min() - reach, 0), min(rows.max() + reach + 1, height)
+    left, right = max(columns.min() - reach, 0), min(columns.max() + reach + 1, width)
+    step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)
+    v, u = (part.ravel() for part in np.mgrid[top:bottom:step, left:right:step])
+    z = image.depth[v, u]
+    # the mask, grown
+    ropes = np.zeros(image.mask.shape, dtype=bool)
+    for dv in (-_EDGE, 0, _EDGE):
+        for du in (-_EDGE, 0, _EDGE):
+            inside = image.mask[
+                max(dv, 0) : height + min(dv, 0) or None, max(du, 0) : width + min(du, 0) or None
+            ]
+            ropes[
+                max(-dv, 0) : height + min(-dv, 0) or None, max(-du, 0) : width + min(-du, 0) or None
+            ] |= inside
+    kept = ~ropes[v, u] & (z > 0) & np.isfinite(z)
+    u, v, z = u[kept], v[kept], z[kept]
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    points = np.column_stack([(u - cx) * z / fx, (v - cy) * z / fy, z])
+    return np.asarray(points @ image.pose[:3, :3].T + image.pose[:3, 3])

@@ -1,0 +1,409 @@
+//! Bindings of what images say of ropes: readings of masks, and fits to masks and depth.
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::arguments::{
+    FloatArray, PointsArray, motions, number, points_array, require_same_length, wrong_shape,
+};
+use super::views::image_shape;
+use crate::geometry::RigidMotion;
+use crate::imagefit::{self, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
+use crate::silhouette::Silhouette;
+use crate::{Pinhole, Point, parallel, readings};
+
+/// A polyline in an image, (M, 2).
+type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
+/// The view that a reading is of, and the columns and rows of its ropes' nodes.
+type Hypothesis<'py> = (usize, Vec<PyReadonlyArray2<'py, f64>>);
+
+/// One view, prepared.
+struct Prepared {
+    silhouette: Silhouette,
+    medians: Medians,
+    pinhole: Pinhole,
+    pose: RigidMotion,
+    size: [usize; 2],
+    /// Columns and rows of the mask's pixels with depth.
+    covered: Vec<[f64; 2]>,
+}
+
+/// What views with masks show of ropes of one radius.
+///
+/// Parameters
+/// ----------
+/// depths : sequence of (H, W) ndarray
+///     Depth along each camera's z axis, metres; 0 or NaN where there is no return.
+/// masks : sequence of (H, W) ndarray of bool
+///     The ropes' pixels.
+/// cameras : sequence of (2, 2) sequence of float
+///     Focal lengths and principal point of each, pixels.
+/// poses : sequence of (4, 4) ndarray
+///     Camera to world.
+/// radius : float
+///     The ropes' radius, metres.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If the sequences differ in length, a shape is wrong, or a mask shows no rope with depth.
+#[pyclass(frozen, module = "strand._core")]
+pub(super) struct RopeImages {
+    views: Vec<Prepared>,
+    radius: f64,
+}
+
+#[pymethods]
+impl RopeImages {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        depths: Vec<Bound<'_, PyAny>>,
+        masks: Vec<PyReadonlyArray2<'_, bool>>,
+        cameras: Vec<[[f64; 2]; 2]>,
+        poses: Vec<Bound<'_, PyAny>>,
+        radius: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        for (name, got) in [("masks", masks.len()), ("cameras", cameras.len()), ("poses", poses.len())] {
+            require_same_length(name, got, depths.len())?;
+        }
+        let radius = number("radius", radius)?;
+        let depths = FloatArray::all("depths", &depths)?;
+        let mut inputs = Vec::new();
+        for (((depth, mask), camera), pose) in
+            depths.iter().zip(&masks).zip(cameras).zip(motions("poses", &poses)?)
+        {
+            let [height, width] = image_shape("depths", depth)?;
+            if mask.shape() != [height, width] {
+                return Err(wrong_shape("masks", &format!("({height}, {width})"), mask.shape()));
+            }
+            let mask = mask.as_slice().map_err(|_| PyValueError::new_err("masks: expected C order"))?;
+            let [focal, center] = camera;
+            inputs.push((depth.slice()?, mask, [width, height], Pinhole { focal, center }, pose));
+        }
+        let views = py.detach(|| {
+            parallel::each(&inputs, |&(depth, mask, size, pinhole, pose)| {
+                Ok(prepared(depth, mask, size, pinhole, pose, radius))
+            })
+        })?;
+        let views: Option<Vec<Prepared>> = views.into_iter().collect();
+        let views =
+            views.ok_or_else(|| PyValueError::new_err("masks: expected pixels of a rope with depth"))?;
+        Ok(Self { views, radius })
+    }
+
+    /// (V,) The rope's radius in each image as the mask shows it, pixels.
+    #[getter]
+    fn radii<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.views.iter().map(|v| v.silhouette.radius_px))
+    }
+
+    /// Likely ways of ropes through each mask.
+    ///
+    /// Parameters
+    /// ----------
+    /// ropes : int, optional
+    ///     How many ropes there are.
+    /// most : int
+    ///     How many readings of each view to return at most.
+    ///
+    /// Returns
+    /// -------
+    /// list of (float, int, list of (M, 2) ndarray, int)
+    ///     What each costs, its view, the columns and rows of its ropes' nodes, pixels, and how many ropes were rings; of
+    ///     each view the best first.
+    #[allow(clippy::type_complexity)]
+    fn readings<'py>(
+        &self,
+        py: Python<'py>,
+        ropes: Option<usize>,
+        most: usize,
+    ) -> PyResult<Vec<(f64, usize, Vec<PlacesArray<'py>>, usize)>> {
+        let found = py.detach(|| {
+            parallel::each(&self.views, |view| {
+                let found = readings::readings(&view.silhouette, ropes, most).into_iter();
+                Ok(found
+                    .map(|r| (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings))
+                    .collect::<Vec<_>>())
+            })
+        })?;
+        let mut answer = Vec::new();
+        for (view, found) in found.into_iter().enumerate() {
+            for (cost, chains, rings) in found {
+                let chains = chains
+                    .into_iter()
+                    .map(|c| PyArray1::from_vec(py, c.concat()).reshape([c.len(), 2]))
+                    .collect::<PyResult<Vec<_>>>()?;
+                answer.push((cost, view, chains, rings));
+            }
+        }
+        Ok(answer)
+    }
+
+    /// Fit ropes to masks and depth of all views, each beginning with polylines in one view's image.
+    ///
+    /// Parameters
+    /// ----------
+    /// hypotheses : sequence of (int, sequence of (M, 2) ndarray)
+    ///     The view and its polylines, pixels.
+    /// plane : ((3,), float) or None
+    ///     The table: n and n.x.
+    /// held : int
+    ///     The view whose pose is held.
+    /// pose_sd : (float, float)
+    ///     Standard deviations of the other poses: radians, metres.
+    /// correlation : float
+    ///     How far along the rope errors of depth are alike, radii.
+    /// iterations : int
+    /// uncertainty : bool
+    ///     Whether to work out covariances.
+    ///
+    /// Returns
+    /// -------
+    /// list of (ImageFit or None)
+    ///     None where nothing has depth.
+    #[allow(clippy::too_many_arguments)]
+    fn fit(
+        &self,
+        py: Python<'_>,
+        hypotheses: Vec<Hypothesis<'_>>,
+        plane: Option<(Point, f64)>,
+        held: usize,
+        pose_sd: [f64; 2],
+        correlation: f64,
+        iterations: usize,
+        uncertainty: bool,
+    ) -> PyResult<Vec<Option<ImageFit>>> {
+        let hypotheses = hypotheses
+            .iter()
+            .map(|(view, chains)| {
+                if *view >= self.views.len() {
+                    return Err(PyValueError::new_err(format!("hypotheses: there is no view {view}")));
+                }
+                let chains = chains.iter().map(places).collect::<PyResult<Vec<_>>>()?;
+                Ok((*view, chains))
+            })
+            .collect::<PyResult<Vec<_>>>()?;
+        let plane = plane.map(|(normal, offset)| Plane { normal, offset });
+        let sensor = Sensor { correlation, ..Sensor::DEFAULT };
+        let views = self.rope_views();
+        py.detach(|| {
+            parallel::each(&hypotheses, |(reference, chains)| {
+                let Some(lifted) = imagefit::lift(&views[*reference], chains, self.radius, plane, &sensor)
+                else {
+                    return Ok(None);
+                };
+                let options = ImageFitOptions {
+                    iterations,
+                    reference: *reference,
+                    held: Some(held),
+                    pose_sd,
+                    noise: lifted.sigma,
+                    uncertainty,
+                };
+                let pairs: Vec<Vec<[OnChain; 2]>> =
+                    lifted.crossings.iter().map(|c| c.ordered().collect()).collect();
+                let margins = lifted.crossings.iter().map(|c| c.margin).collect();
+                let fitted =
+                    imagefit::fit(&views, &lifted.nodes, self.radius, plane, &pairs, &sensor, &options);
+                Ok(fitted.map(|fit| ImageFit {
+                    fit,
+                    reference: *reference,
+                    noise: lifted.sigma,
+                    pairs,
+                    margins,
+                }))
+            })
+        })
+        .map_err(PyErr::from)
+    }
+
+    /// Fit once more from where a fit ended, with covariances; arguments as those of `fit`. None if that fails.
+    fn refit(
+        &self,
+        py: Python<'_>,
+        before: &ImageFit,
+        plane: Option<(Point, f64)>,
+        held: usize,
+        pose_sd: [f64; 2],
+        correlation: f64,
+        iterations: usize,
+    ) -> Option<ImageFit> {
+        let plane = plane.map(|(normal, offset)| Plane { normal, offset });
+        let sensor = Sensor { correlation, ..Sensor::DEFAULT };
+        let options = ImageFitOptions {
+            iterations,
+            reference: before.reference,
+            held: Some(held),
+            pose_sd,
+            noise: before.noise,
+            uncertainty: true,
+        };
+        let fitted = py.detach(|| {
+            let views = self.rope_views();
+            imagefit::fit(&views, &before.fit.nodes, self.radius, plane, &before.pairs, &sensor, &options)
+        });
+        fitted.map(|fit| ImageFit {
+            fit,
+            reference: before.reference,
+            noise: before.noise,
+            pairs: before.pairs.clone(),
+            margins: before.margins.clone(),
+        })
+    }
+
+    /// How many pixels with depth support each rope's nodes, and from how many views.
+    ///
+    /// Returns
+    /// -------
+    /// list of ((M,) ndarray of int, (M,) ndarray of int)
+    #[allow(clippy::type_complexity)]
+    fn support<'py>(
+        &self,
+        py: Python<'py>,
+        fit: &ImageFit,
+    ) -> Vec<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>)> {
+        let counted = py.detach(|| self.counted(&fit.fit));
+        counted
+            .into_iter()
+            .map(|(counts, views)| (PyArray1::from_vec(py, counts), PyArray1::from_vec(py, views)))
+            .collect()
+    }
+}
+
+impl RopeImages {
+    /// For each rope's nodes, how many pixels with depth are nearest to them, and in how many views.
+    fn counted(&self, fit: &imagefit::ImageFit) -> Vec<(Vec<i64>, Vec<i64>)> {
+        let mut support: Vec<(Vec<i64>, Vec<i64>)> =
+            fit.nodes.iter().map(|n| (vec![0; n.len()], vec![0; n.len()])).collect();
+        for ((view, prepared), correction) in self.rope_views().iter().zip(&self.views).zip(&fit.corrections)
+        {
+            let counts = imagefit::seen_nodes(view, correction, &prepared.covered, &fit.nodes, self.radius);
+            for ((counts, views), own) in support.iter_mut().zip(counts) {
+                for ((count, views), own) in counts.iter_mut().zip(views).zip(own) {
+                    *count += own;
+                    *views += i64::from(own > 0);
+                }
+            }
+        }
+        support
+    }
+
+    fn rope_views(&self) -> Vec<RopeView<'_>> {
+        self.views
+            .iter()
+            .map(|v| RopeView {
+                silhouette: &v.silhouette,
+                medians: v.medians.clone(),
+                pinhole: v.pinhole,
+                pose: v.pose,
+                size: v.size,
+            })
+            .collect()
+    }
+}
+
+/// One view's silhouette and depths; none if its mask shows no rope with depth.
+fn prepared(
+    depth: &[f64],
+    mask: &[bool],
+    size: [usize; 2],
+    pinhole: Pinhole,
+    pose: RigidMotion,
+    radius: f64,
+) -> Option<Prepared> {
+    let mut seen: Vec<f64> =
+        depth.iter().zip(mask).filter(|&(&z, &m)| m && z > 0.0 && z.is_finite()).map(|(&z, _)| z).collect();
+    if seen.is_empty() {
+        return None;
+    }
+    let covered = (0..depth.len())
+        .filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite())
+        .map(|k| [(k % size[0]) as f64, (k / size[0]) as f64])
+        .collect();
+    let middle = seen.len() / 2;
+    let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
+    let silhouette = Silhouette::of_rope(mask, size[0], pinhole.focal[0] * radius / far)?;
+    let medians = Medians::new(depth, mask, size[0], &silhouette);
+    Some(Prepared { silhouette, medians, pinhole, pose, size, covered })
+}
+
+fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
+    if array.shape()[1] != 2 || array.shape()[0] < 2 {
+        return Err(wrong_shape("hypotheses", "(M, 2), M >= 2", array.shape()));
+    }
+    Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
+}
+
+/// Ropes fitted to masks and depth.
+#[pyclass(frozen, module = "strand._core")]
+pub(super) struct ImageFit {
+    fit: imagefit::ImageFit,
+    reference: usize,
+    noise: f64,
+    pairs: Vec<Vec<[OnChain; 2]>>,
+    margins: Vec<f64>,
+}
+
+#[pymethods]
+impl ImageFit {
+    /// Control points (n, 3) of each rope's uniform cubic B-spline, metres.
+    #[getter]
+    fn controls<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
+        self.fit.curves.iter().map(|curve| points_array(py, curve.control.clone())).collect()
+    }
+
+    /// Nodes (M, 3) of each rope, half a radius apart, metres.
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
+        self.fit.nodes.iter().map(|nodes| points_array(py, nodes.clone())).collect()
+    }
+
+    /// Covariances (M, 3, 3) of each rope's nodes, m²; empty without `uncertainty`.
+    #[getter]
+    fn covariances<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
+        let flat = |c: &Vec<[Point; 3]>| PyArray1::from_vec(py, c.concat().concat()).reshape([c.len(), 3, 3]);
+        self.fit.covariances.iter().map(flat).collect()
+    }
+
+    /// (V, 6) What corrects each camera's frame: rotation vector, radians, and translation, metres.
+    #[getter]
+    fn corrections<'py>(&self, py: Python<'py>) -> PyResult<PlacesArray<'py>> {
+        PyArray1::from_vec(py, self.fit.corrections.concat()).reshape([self.fit.corrections.len(), 6])
+    }
+
+    /// The view that it began in.
+    #[getter]
+    fn reference(&self) -> usize {
+        self.reference
+    }
+
+    /// The depth's noise about a smooth rope, radii.
+    #[getter]
+    fn noise(&self) -> f64 {
+        self.noise
+    }
+
+    /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's
+    /// residuals and how many independent ones there are; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
+    #[getter]
+    fn misfit(&self) -> [f64; 6] {
+        let m = self.fit.misfit;
+        [m.uncovered, m.outside, m.depth, m.depths, m.bend, m.change]
+    }
+
+    /// Crossings in the view that it began in: where, world frame, metres, and how much more the opposite order costs.
+    #[getter]
+    fn crossings(&self) -> Vec<(Point, f64)> {
+        let place = |on: OnChain| {
+            let nodes = &self.fit.nodes[on.chain];
+            nodes[(on.share * (nodes.len() - 1) as f64).round() as usize]
+        };
+        self.pairs
+            .iter()
+            .zip(&self.margins)
+            .filter_map(|(pairs, &margin)| Some((place(pairs.get(pairs.len() / 2)?[0]), margin)))
+            .collect()
+    }
+}
