@@ -48,7 +48,7 @@ def test_odd_seeds_have_three_views_with_wrong_poses_but_for_the_middle_one():
 def test_widths():
     assert width(rough("thin", 0)) == pytest.approx(2.5, rel=0.15)
     assert width(rough("thick", 0)) == pytest.approx(8.0, rel=0.15)
-    assert width(rough("thick", 1, views=1)) == pytest.approx(20.0, rel=0.2)
+    assert width(rough("thick", 2)) == pytest.approx(20.0, rel=0.2)
     assert 3.5 < width(rough("missing", 0)) < 7.0
 
 
