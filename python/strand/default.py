@@ -18,7 +18,8 @@ from strand.tubes.method import find_chains as find_tubes
 
 # an answer this sure is not compared
 _SURE = 0.35
-# where the noise is narrower than this, in radii, tubes are asked too, and follow the rope more closely
+# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to pixel,
+# they follow the rope more closely
 _NARROW = 0.25
 
 
@@ -96,8 +97,8 @@ def _better(
     what: Read, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
 ) -> Found:
     """The better of the answers, by what they leave unexplained."""
-    if tubes is None or any(chain.closed for chain in tubes.chains):
-        return answer(what, observed, config, run) if tubes is None else _accepted(tubes, tubes_run, run)
+    if tubes is None:
+        return answer(what, observed, config, run)
     radius = float(observed.radii.values[0])
     ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
     places = [what.projected(points) for points in ropes]
@@ -111,7 +112,9 @@ def _better(
     )
     best = compared[0]
     same = best.reading is rival or _alike(best.fit.nodes, ropes, radius)
-    if same and best.fit.noise <= _NARROW:
+    plain = tubes.sensor is None or not tubes.sensor.correlation
+    ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
+    if ring or (same and plain and best.fit.noise <= _NARROW):
         return _accepted(tubes, tubes_run, run)
     return answer(Read(what.images, what.table, what.held, compared, what.taken), observed, config, run)
 
