@@ -28,6 +28,7 @@ from strand.model import Alternative, Doubt, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
 from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
 from strand.radius import estimate_radius
+from strand.sensor import Sensor
 from strand.tubes.registration import register_views
 from strand.view import View
 
@@ -43,6 +44,7 @@ __all__ = [
     "Model",
     "ModelWarning",
     "NotEnoughDataError",
+    "Sensor",
     "StrandError",
     "TubeFit",
     "View",

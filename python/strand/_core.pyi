@@ -302,6 +302,7 @@ def fit_tubes(
     tolerance: float = 0.1,
     min_bend: float = 1.5,
     noise: float | None = None,
+    shared: ArrayLike = (1.0, 1.0),
     bounds: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
     end_observations: Sequence[EndObservation] = (),
     previous: TubeFit | None = None,

@@ -15,6 +15,7 @@ import numpy as np
 
 from strand.checks import one_of
 from strand.files import FileFormatError, read_toml
+from strand.sensor import Sensor, preset
 
 
 def _check(section: object) -> None:
@@ -346,6 +347,9 @@ class Config:
     ----------
     method : {"tubes", "published"}
         Which method: tubes fitted to the points, or the published steps.
+    sensor : Sensor or str, optional
+        The camera's errors, or its name (see `strand.sensor.PRESETS`); measured in the data if not given.
+        Used by "tubes".
     filter : Filter
         Used by both.
     poses : Poses
@@ -362,6 +366,7 @@ class Config:
     """
 
     method: str = "tubes"
+    sensor: Sensor | str | None = None
     filter: Filter = field(default_factory=Filter)
     poses: Poses = field(default_factory=Poses)
     tubes: Tubes = field(default_factory=Tubes)
@@ -375,9 +380,13 @@ class Config:
 
     def __post_init__(self) -> None:
         one_of("Config.method", self.method, METHODS)
+        if self.sensor is not None and not isinstance(self.sensor, Sensor):
+            object.__setattr__(self, "sensor", preset(self.sensor))
         for name, section in _SECTIONS.items():
             if not isinstance(getattr(self, name), section):
                 raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
+        if self.sensor is not None and self.tubes.noise is not None:
+            raise ValueError("Config.sensor: says how large the noise is; leave out Tubes.noise")
 
     @classmethod
     def published(cls) -> Config:
@@ -412,7 +421,8 @@ def load(path: str | os.PathLike[str]) -> Config:
     Parameters
     ----------
     path : str or path-like
-        The file, for example ``[tracing]`` followed by ``near = 0.8``.
+        The file, for example ``[tracing]`` followed by ``near = 0.8``. A camera's name may stand for the
+        section of the sensor: ``sensor = "d435"``.
 
     Returns
     -------
@@ -426,13 +436,14 @@ def load(path: str | os.PathLike[str]) -> Config:
         If it is not TOML, names an unknown section or field, or holds a value that is not accepted.
     """
     sections: dict[str, Any] = {}
+    known_sections: dict[str, type[Any]] = {"sensor": Sensor, **_SECTIONS}
     for name, values in read_toml(path).items():
-        if name == "method":
+        if name == "method" or (name == "sensor" and not isinstance(values, dict)):
             sections[name] = values
             continue
-        if name not in _SECTIONS:
-            raise FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(_SECTIONS)}")
-        section = _SECTIONS[name]
+        if name not in known_sections:
+            raise FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(known_sections)}")
+        section = known_sections[name]
         known = [entry.name for entry in dataclasses.fields(section)]
         if not isinstance(values, dict):
             raise FileFormatError(f"{path}: {name} is not a section; write [{name}]")

@@ -24,6 +24,7 @@ from strand.checks import (
 from strand.config import METHODS
 from strand.files import plain, write_json
 from strand.next_view import best_camera
+from strand.sensor import Sensor
 
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
@@ -220,6 +221,9 @@ class Model:
         there are several.
     method : str or None
         Which method made it, as in `Config.method`; None if that is not known.
+    sensor : Sensor or None
+        The sensor's errors as measured on the ropes, whether or not they were given: `sd`, `correlation` and
+        `step`. `Config.sensor` takes it for other scenes like this one. None if the method measures none.
     """
 
     chains: tuple[Chain, ...]
@@ -233,6 +237,7 @@ class Model:
     doubts: tuple[Doubt, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
     method: str | None = None
+    sensor: Sensor | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -254,6 +259,8 @@ class Model:
         object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, ("V", 6)))
         if self.method is not None:
             object.__setattr__(self, "method", one_of("method", self.method, METHODS))
+        if self.sensor is not None and not isinstance(self.sensor, Sensor):
+            raise TypeError(f"sensor: expected a Sensor or None, got {type(self.sensor).__name__}")
         unknown = isinstance(self.confidence, (float, np.floating)) and np.isnan(self.confidence)
         sure = float("nan") if unknown else number("confidence", self.confidence)
         if not unknown and not 0.0 <= sure <= 1.0:

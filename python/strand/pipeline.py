@@ -171,6 +171,7 @@ def reconstruct(
         doubts=tuple(doubts),
         alternatives=found.alternatives,
         method=config.method,
+        sensor=found.sensor,
     )
 
 

@@ -13,6 +13,7 @@ from strand.checks import Array, Bounds
 from strand.evidence.prior import Prior
 from strand.model import Alternative, Doubt, Join, ModelWarning
 from strand.radius import Radii
+from strand.sensor import Sensor
 from strand.view import View
 
 
@@ -81,6 +82,8 @@ class Found:
         What speaks against the answer; None if the method does not say.
     alternatives : tuple of Alternative
         Other answers, the best first.
+    sensor : Sensor or None
+        The sensor's errors as measured; None if the method does not.
     all_rings : bool
         Whether the method was told that all ropes are rings.
     """
@@ -92,4 +95,5 @@ class Found:
     joins: tuple[Join, ...] = ()
     doubts: tuple[Doubt, ...] | None = None
     alternatives: tuple[Alternative, ...] = ()
+    sensor: Sensor | None = None
     all_rings: bool = False

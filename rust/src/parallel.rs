@@ -7,7 +7,6 @@
 use std::marker::PhantomData;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
-#[cfg(feature = "python")]
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -55,6 +54,14 @@ pub(crate) fn each<T: Sync, R: Send>(
     things: &[T],
     work: impl Fn(&T) -> crate::Result<R> + Sync + Send,
 ) -> crate::Result<Vec<R>> {
+    run(|| things.par_iter().map(work).collect())
+}
+
+/// What some work makes of each of several things, in parallel; where a pool already runs, in that.
+pub(crate) fn map<T: Sync, R: Send>(things: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
+    if rayon::current_thread_index().is_some() {
+        return things.par_iter().map(work).collect();
+    }
     run(|| things.par_iter().map(work).collect())
 }
 

@@ -39,34 +39,25 @@ pub struct Silhouette {
 
 /// Pixels around the mask that are kept.
 const PAD: usize = 6;
+/// Blobs of mask below this are specks, and holes below this are filled, squared radii; more of a ragged mask.
+const SPECK: f64 = 3.0;
+const HOLE: f64 = 0.25;
+const RAGGED_HOLE: f64 = 1.0;
+/// Standard deviation of the smoothing, pixels; and more for a ragged mask, radii.
+const SMOOTH: f64 = 0.6;
+const RAGGED_SMOOTH: f64 = 0.3;
+/// A mask of which specks and holes are this share is ragged.
+const RAGGED: f64 = 0.04;
 
 impl Silhouette {
     /// Prepares the mask of an image of `width` columns; none if nothing is left of it.
     ///
-    /// Holes smaller than a quarter of a radius squared are filled, and specks below three radii squared left out.
+    /// Specks below three radii squared are left out. Small holes are filled. A mask with many of both is ragged: its edge
+    /// is smoothed more, and larger holes are filled.
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let height = mask.len() / width.max(1);
-        let mut low = [usize::MAX; 2];
-        let mut high = [0; 2];
-        for (y, row) in mask.chunks_exact(width.max(1)).enumerate() {
-            let Some(first) = row.iter().position(|&m| m) else { continue };
-            let last = row.iter().rposition(|&m| m)?;
-            low = [low[0].min(first), low[1].min(y)];
-            high = [high[0].max(last), y];
-        }
-        if low[0] == usize::MAX || height == 0 {
-            return None;
-        }
-        let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
-        let mut small = Image::filled(w, h, 0.0f32);
-        for y in low[1]..=high[1] {
-            for x in low[0]..=high[0] {
-                if mask[y * width + x] {
-                    small.set(x - low[0] + PAD, y - low[1] + PAD, 1.0);
-                }
-            }
-        }
-        let small = small.smoothed(0.6);
+        let (origin, small, ragged) = without_specks(mask, width, radius_px * radius_px)?;
+        let (w, h) = (small.width, small.height);
+        let small = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px);
         let (bw, bh) = (w * scale, h * scale);
         let mut inside = Image::filled(bw, bh, false);
         let place = |i: usize| (i as f64 + 0.5) / scale as f64 - 0.5;
@@ -76,13 +67,14 @@ impl Silhouette {
             }
         }
         let area = radius_px * radius_px * (scale * scale) as f64;
+        let filled = (HOLE + ragged * RAGGED_HOLE) * area;
         let holes = blobs(&inside, false, false);
         for (value, &hole) in inside.values.iter_mut().zip(&holes.numbers.values) {
-            *value |= hole != 0 && (holes.sizes[hole as usize] as f64) < 0.25 * area;
+            *value |= hole != 0 && (holes.sizes[hole as usize] as f64) < filled;
         }
         let specks = blobs(&inside, true, true);
         for (value, &speck) in inside.values.iter_mut().zip(&specks.numbers.values) {
-            *value &= speck != 0 && specks.sizes[speck as usize] as f64 >= 3.0 * area;
+            *value &= speck != 0 && specks.sizes[speck as usize] as f64 >= SPECK * area;
         }
         if !inside.values.contains(&true) {
             return None;
@@ -98,7 +90,6 @@ impl Silhouette {
             *inner = (*inner - 0.5).max(0.0) / step;
         }
         let smooth = signed.smoothed(1.0);
-        let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
         let mut made = Self { radius_px, boundary: Vec::new(), inside, depth, signed, smooth, scale, origin };
         made.find_boundary(w, h);
         Some(made)
@@ -123,23 +114,25 @@ impl Silhouette {
         Some(made)
     }
 
-    /// Projects the pixels within half a pixel of the edge onto it: one for each pixel of its length.
+    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
+    /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {
-        for y in 0..h {
-            for x in 0..w {
+        let step = ((self.radius_px / 4.0).round() as usize).max(1);
+        for y in (0..h).step_by(step) {
+            for x in (0..w).step_by(step) {
                 let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
                 let away = self.distance(at);
-                if away.abs() > 0.5 {
+                if away.abs() > 0.5 * step as f64 {
                     continue;
                 }
                 let gradient = self.gradient(at);
-                let norm = gradient[0].hypot(gradient[1]);
+                let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
                 if norm < 0.2 {
                     continue;
                 }
                 let normal = [-gradient[0] / norm, -gradient[1] / norm];
                 let edge = [at[0] + away * normal[0], at[1] + away * normal[1]];
-                self.boundary.push(Edge { at: edge, normal, weight: 1.0 });
+                self.boundary.push(Edge { at: edge, normal, weight: step as f64 });
             }
         }
     }
@@ -189,4 +182,42 @@ impl Silhouette {
         let scale = self.scale as f64;
         [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
     }
+}
+
+/// The mask without specks, cut to what is left of it, with a margin; the column and row of its corner; and how ragged it is,
+/// from 0 to 1.
+fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
+    if width == 0 || mask.len() < width {
+        return None;
+    }
+    let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
+    let found = blobs(&whole, true, true);
+    let kept = |number: u32| number != 0 && found.sizes[number as usize] as f64 >= SPECK * square;
+    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+    let mut counts = [0usize; 2];
+    for (y, row) in found.numbers.values.chunks_exact(width).enumerate() {
+        for (x, &number) in row.iter().enumerate().filter(|&(_, &n)| n != 0) {
+            counts[usize::from(kept(number))] += 1;
+            if kept(number) {
+                low = [low[0].min(x), low[1].min(y)];
+                high = [high[0].max(x), high[1].max(y)];
+            }
+        }
+    }
+    if low[0] == usize::MAX {
+        return None;
+    }
+    let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
+    let mut cut = Image::filled(w, h, false);
+    for y in low[1]..=high[1] {
+        for x in low[0]..=high[0] {
+            cut.set(x - low[0] + PAD, y - low[1] + PAD, kept(found.numbers.at(x, y)));
+        }
+    }
+    let holes = blobs(&cut, false, false);
+    let lost: usize = holes.sizes.iter().skip(1).filter(|&&size| (size as f64) < square).sum();
+    let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
+    let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
+    let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
+    Some((origin, Image { width: w, height: h, values }, ragged))
 }

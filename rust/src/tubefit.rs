@@ -101,6 +101,9 @@ pub struct TubeFitOptions {
     pub min_bend: f64,
     /// Standard deviation of the sensor's noise along the viewing rays, metres; None: estimated from the residuals.
     pub noise: Option<f64>,
+    /// How many points count as one where neighbouring pixels share their errors: for what moves a surface along the
+    /// viewing rays, and across them. It widens the uncertainty and changes nothing else; 1 for independent noise.
+    pub shared: [f64; 2],
     /// Extraction range, low and high corner, metres. Noise carries points out of it but none in, so points whose
     /// place on the tube lies within two standard deviations of its faces have no part.
     pub bounds: Option<[Point; 2]>,
@@ -122,6 +125,7 @@ impl TubeFitOptions {
         tolerance: 0.1,
         min_bend: 1.5,
         noise: None,
+        shared: [1.0; 2],
         bounds: None,
         uncertainty: true,
     };
@@ -287,6 +291,9 @@ fn check_options(options: &TubeFitOptions, views: usize, radii: usize) -> Result
     check_positive("min_bend", options.min_bend)?;
     if let Some(noise) = options.noise {
         check_positive("noise", noise)?;
+    }
+    for count in options.shared {
+        check_positive("shared", count)?;
     }
     if let Some([low, high]) = options.bounds
         && !(0..3).all(|k| low[k] < high[k])

@@ -20,7 +20,7 @@ CONFIGURATION = (ROOT / "docs" / "configuration.md").read_text()
 SECTIONS = {
     entry.name: type(getattr(strand.Config(), entry.name))
     for entry in dataclasses.fields(strand.Config)
-    if entry.name != "method"
+    if entry.name not in ("method", "sensor")
 }
 
 
@@ -44,8 +44,8 @@ def rows(text):
 def test_the_configuration_page_has_every_section_in_order():
     headings = re.findall(r"^## `(\w+)`: (\w+)$", CONFIGURATION, re.MULTILINE)
     assert headings == [(name, section.__name__) for name, section in SECTIONS.items()]
-    assert rows(CONFIGURATION.split("\n## ")[0]) == [("method", '`"tubes"`')]
-    assert strand.Config().method == "tubes"
+    assert rows(CONFIGURATION.split("\n## ")[0]) == [("method", '`"tubes"`'), ("sensor", "none")]
+    assert (strand.Config().method, strand.Config().sensor) == ("tubes", None)
 
 
 @pytest.mark.parametrize("name", SECTIONS)

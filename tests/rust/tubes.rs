@@ -1,8 +1,8 @@
 //! Tubes traced and fitted, against simulated half-shells with known axes and poses.
 
 use strand::{
-    EndObservation, Error, Point, Residual, RigidMotion, Spline, Tube, TubeFitOptions, TubeView, Viewpoints,
-    fit_tubes, trace_tubes,
+    EndObservation, Error, Point, Residual, RigidMotion, Spline, Tube, TubeFit, TubeFitOptions, TubeView,
+    Viewpoints, fit_tubes, trace_tubes,
 };
 
 const RADIUS: f64 = 0.004;
@@ -202,6 +202,50 @@ fn deviations_follow_the_noise_that_is_given() {
         fit.uncertainty.unwrap().curves[0][10][0][2][2].sqrt()
     };
     assert!((sd(2e-4) / sd(1e-4) - 2.0).abs() < 0.2);
+}
+
+#[test]
+fn points_that_count_as_one_widen_deviations_and_nothing_else() {
+    let points = half_shell(CAMERAS[1]);
+    let views =
+        [TubeView { points: &points, viewpoint: CAMERAS[1], end_observations: &[], foot_points: &[] }];
+    let nodes: Vec<Point> = (0..70).map(|i| axis(-0.14 + 0.004 * f64::from(i)).0).collect();
+    let tubes = [Tube { curve: Spline::through(&nodes, 2.0 * RADIUS, 0.0).unwrap(), radius_class: 0 }];
+    let fitted = |shared: [f64; 2]| {
+        let options = TubeFitOptions {
+            reference: None,
+            residual: Residual::Ray,
+            noise: Some(1e-4),
+            shared,
+            ..options()
+        };
+        fit_tubes(&views, &tubes, &[RigidMotion::identity()], &[RADIUS], &options).unwrap()
+    };
+    let (plain, along, both) = (fitted([1.0; 2]), fitted([9.0, 1.0]), fitted([9.0; 2]));
+    for other in [&along, &both] {
+        assert_eq!(other.curves, plain.curves);
+        assert_eq!(other.foot_points, plain.foot_points);
+    }
+    let sd = |fit: &TubeFit, direction: Point| {
+        let covariance = fit.uncertainty.as_ref().unwrap().curves[0][10][0];
+        let pairs = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+        pairs.map(|(i, j)| direction[i] * covariance[i][j] * direction[j]).sum::<f64>().sqrt()
+    };
+    let place = plain.curves[0].at(9.0);
+    let unit = |v: Point| v.map(|x| x / v.iter().map(|x| x * x).sum::<f64>().sqrt());
+    let t = unit(place.first);
+    let ray: Point = std::array::from_fn(|k| CAMERAS[1][k] - place.position[k]);
+    let along_curve: f64 = (0..3).map(|k| ray[k] * t[k]).sum();
+    let to_camera = unit(std::array::from_fn(|k| ray[k] - along_curve * t[k]));
+    let aside = unit(std::array::from_fn(|k| {
+        let (a, b) = ((k + 1) % 3, (k + 2) % 3);
+        t[a] * to_camera[b] - t[b] * to_camera[a]
+    }));
+    let ratio = |fit: &TubeFit, direction: Point| sd(fit, direction) / sd(&plain, direction);
+    let ratios = [&both, &along].map(|fit| [ratio(fit, to_camera), ratio(fit, aside)]);
+    // the prior on the curve has a part, too
+    assert!(ratios[0].iter().all(|ratio| (2.2..3.05).contains(ratio)), "{ratios:?}");
+    assert!((2.2..3.05).contains(&ratios[1][0]) && (0.95..1.2).contains(&ratios[1][1]), "{ratios:?}");
 }
 
 #[test]

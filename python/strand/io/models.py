@@ -11,6 +11,7 @@ from strand.chain import Chain
 from strand.curve import Curve
 from strand.files import FileFormatError, read_json
 from strand.model import FORMAT, VERSION, Alternative, Doubt, Join, Model, ModelWarning
+from strand.sensor import Sensor
 
 
 def load(path: str | os.PathLike[str]) -> Model:
@@ -24,8 +25,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With the same chains, poses, deviations, timings, warnings, confidence, joins, doubts and
-        alternatives, bit for bit; without stages.
+        With the same chains, poses, deviations, timings, warnings, confidence, joins, doubts,
+        alternatives and sensor, bit for bit; without stages.
 
     Raises
     ------
@@ -51,6 +52,7 @@ def load(path: str | os.PathLike[str]) -> Model:
             doubts=tuple(Doubt(**doubt) for doubt in data["doubts"]),
             alternatives=tuple(_alternative(other) for other in data["alternatives"]),
             method=data["method"],
+            sensor=None if data.get("sensor") is None else Sensor(**data["sensor"]),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: not a {FORMAT} ({error})") from error

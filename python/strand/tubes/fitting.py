@@ -38,8 +38,7 @@ def fitted(
         # a view alone has no pose to find
         reference=clouds.reference if len(clouds.points) > 1 else None,
         min_bend=config.tubes.min_bend,
-        noise=config.tubes.noise,
-        **options,
+        **{"noise": config.tubes.noise, **options},
     )
 
 

@@ -20,6 +20,8 @@ from strand.tubes.doubts import doubts
 from strand.tubes.ends import with_hidden_ends
 from strand.tubes.joins import all_joins, alternatives
 from strand.tubes.nodes import as_chains
+from strand.tubes.noise import expected_noise
+from strand.tubes.pixels import Cameras
 from strand.tubes.registration import registered_roughly
 from strand.tubes.ropes import fit_ropes, rope_parts
 from strand.tubes.second_look import to_decide_again
@@ -63,6 +65,11 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 def _find(observed: Observed, config: Config, run: Run) -> Found:
     radii, prior = observed.radii, observed.prior
     clouds = Clouds.of(observed.views, observed.bounds)
+    cameras = Cameras(observed.views, observed.whole)
+    given = None
+    if config.sensor is not None:
+        given = expected_noise(config.sensor, cameras, float(radii.values.min()), config.tubes.spacing)
+        config = replace(config, sensor=None, tubes=replace(config.tubes, noise=given.sd))
     with run.stage("register"):
         few = clouds.thinned(float(radii.values.min()))
         motions = registered_roughly(few, radii.values, config)
@@ -80,7 +87,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     for reopenings in range(1 + _REOPENED):
         ropes, closed = chosen(by_class)
         with run.stage("fit"):
-            fit = fit_ropes(clouds, ropes, closed, before, radii, config)
+            fit, noise = fit_ropes(clouds, cameras, ropes, closed, before, radii, given, config)
         with run.stage("ends"):
             parts = rope_parts(fit, ropes, closed, before, prior, config)
             # no decision is reopened that no fit would follow
@@ -110,7 +117,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     joins = all_joins(by_class, chains, config.linking)
     open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
     uncertain = doubts(by_class, joins, open_parts, fit, visibility)
-    run.warnings.extend(about_fit(fit, radii, observed.numbers, config))
+    run.warnings.extend(about_fit(fit, noise, radii, observed.numbers, config))
     run.warnings.extend(about_answer(chains, uncertain, visibility, observed.bounds, config.linking))
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     return Found(
@@ -121,5 +128,6 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         joins=joins,
         doubts=uncertain,
         alternatives=alternatives(by_class),
+        sensor=noise.sensor,
         all_rings=config.linking.rings == "always",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,20 @@ from strand.tubes.end_observations import observed_ends
 from strand.tubes.ends import extents
 from strand.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
 from strand.tubes.known_length import as_long
+from strand.tubes.noise import Noise, measured_noise
+from strand.tubes.pixels import Cameras
 
 
 def fit_ropes(
-    clouds: Clouds, ropes: Arcs, closed: Sequence[bool], before: TubeFit, radii: Radii, config: Config
-) -> TubeFit:
+    clouds: Clouds,
+    cameras: Cameras,
+    ropes: Arcs,
+    closed: Sequence[bool],
+    before: TubeFit,
+    radii: Radii,
+    given: Noise | None,
+    config: Config,
+) -> tuple[TubeFit, Noise]:
     """Fit whole ropes with the poses along the rays, then again to where views see them end.
 
     Radii that are free are first each rope's own; ropes whose radii agree then share one.
@@ -28,17 +38,23 @@ def fit_ropes(
     Parameters
     ----------
     clouds : Clouds
+    cameras : Cameras
+        What took their points.
     ropes : Arcs
     closed : sequence of bool
         Which of them are rings.
     before : TubeFit
         The fit of the arcs that they were made of.
     radii : Radii
+    given : Noise or None
+        What the sensor's errors are known to be.
     config : Config
 
     Returns
     -------
     TubeFit
+    Noise
+        As measured on the first of the fits. The deviations of the second are for it if none is given.
     """
     classes, start = ropes.classes, before.radii
     if radii.free:
@@ -47,7 +63,10 @@ def fit_ropes(
     ends: list[EndObservation] = []
     fit: TubeFit | None = None
 
-    def fit_again(uncertainty: bool) -> TubeFit:
+    def fit_again(uncertainty: bool, noise: Noise | None = None) -> TubeFit:
+        known: dict[str, Any] = {}
+        if noise is not None and noise.correlation > 0.0:
+            known = {"noise": config.tubes.noise or noise.sd, "shared": noise.shared}
         return fitted(
             clouds,
             curves,
@@ -64,9 +83,11 @@ def fit_ropes(
             end_observations=ends,
             previous=fit,
             uncertainty=uncertainty,
+            **known,
         )
 
     fit = fit_again(uncertainty=radii.free)
+    measured = measured_noise(fit, cameras, config.tubes.spacing)
     ends = observed_ends(
         fit,
         extents(fit, exclusive=True),
@@ -80,7 +101,7 @@ def fit_ropes(
         classes = agreeing(fit.radii, fit.radii_sd)
         first = [classes.index(number) for number in range(max(classes) + 1)]
         start, radii = start[first], radii.only(first)
-    return fit_again(uncertainty=True)
+    return fit_again(uncertainty=True, noise=given or measured), measured
 
 
 def rope_parts(

@@ -15,6 +15,7 @@ from strand.evidence.confidence import doubt_of_margin
 from strand.evidence.visibility import Visibility
 from strand.model import Doubt, ModelWarning
 from strand.radius import Radii, fitted_deviation
+from strand.tubes.noise import Noise
 
 # a radius that was given is in doubt if the fit is so many standard deviations from it
 _PULLED = 3.0
@@ -24,14 +25,18 @@ _NOISE = 0.3, 2.0
 _OPEN = 0.8
 
 
-def about_fit(fit: TubeFit, radii: Radii, numbers: Sequence[int], config: Config) -> Iterator[ModelWarning]:
+def about_fit(
+    fit: TubeFit, measured: Noise, radii: Radii, numbers: Sequence[int], config: Config
+) -> Iterator[ModelWarning]:
     """Noise and radii that the points contradict, and poses that they leave open."""
     noise = config.tubes.noise
-    if noise is not None and not _NOISE[0] < fit.sigma / noise < _NOISE[1]:
+    # a curve follows errors that neighbouring pixels share, and residuals hide them
+    scatter = fit.sigma if measured.correlation == 0.0 else max(measured.sd, fit.sigma)
+    if noise is not None and not _NOISE[0] < scatter / noise < _NOISE[1]:
         yield ModelWarning(
             "noise",
-            f"noise: {noise * 1e3:.3g} mm was given, but residuals scatter by {fit.sigma * 1e3:.3g} mm",
-            amount=fit.sigma / noise,
+            f"noise: {noise * 1e3:.3g} mm was given, but residuals scatter by {scatter * 1e3:.3g} mm",
+            amount=scatter / noise,
         )
     if not radii.free and not radii.held:
         yield from _pulled_radii(fit, radii)

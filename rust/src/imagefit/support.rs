@@ -49,7 +49,7 @@ pub fn seen_nodes(
                 let Some(list) = usize::try_from(other).ok().and_then(|k| lists.get(k)) else { continue };
                 for &n in list {
                     let (_, _, at, z) = nodes[n as usize];
-                    let away = (at[0] - pixel[0]).hypot(at[1] - pixel[1]) / rr;
+                    let away = ((at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2)).sqrt() / rr;
                     // a strand in front hides the one behind
                     let rank = away + 0.5 * z / radius;
                     if away < REACH && best.is_none_or(|b| rank < b.0) {

@@ -25,6 +25,7 @@ const _: () = {
     assert!(DEFAULT.fit_curves && DEFAULT.uncertainty && matches!(DEFAULT.residual, Residual::Distance));
     assert!(DEFAULT.band[0] == 0.6 && DEFAULT.band[1] == 0.4);
     assert!(DEFAULT.iterations == 12 && DEFAULT.tolerance == 0.1 && DEFAULT.min_bend == 1.5);
+    assert!(DEFAULT.shared[0] == 1.0 && DEFAULT.shared[1] == 1.0);
 };
 
 /// Fit tubes around curves to the points of all views, together with the views' poses.
@@ -71,6 +72,10 @@ const _: () = {
 /// noise : float, optional
 ///     Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the residuals if not
 ///     given.
+/// shared : (float, float)
+///     How many points count as one where neighbouring pixels share their errors: for what moves a surface along the
+///     viewing rays, and across them. It widens standard deviations and covariances and changes nothing else; 1 for
+///     independent noise.
 /// bounds : (2, 3) array_like of float, optional
 ///     The extraction range, low and high corner, metres: noise carries points out of it but none in, so points whose
 ///     place on the tube lies within two standard deviations of its faces have no part.
@@ -98,12 +103,12 @@ const _: () = {
 #[pyfunction]
 #[pyo3(signature = (points, viewpoints, curves, motions, radius, *, radius_classes = None, pose_sd, reference,
                     fit_curves = DEFAULT.fit_curves, radius_prior = None, along_ray = false, band = Given(None),
-                    iterations = Given(None), tolerance = Given(None), min_bend = Given(None), noise = None, bounds = None,
-                    end_observations = Vec::new(), previous = None, uncertainty = DEFAULT.uncertainty),
+                    iterations = Given(None), tolerance = Given(None), min_bend = Given(None), noise = None,
+                    shared = Given(None), bounds = None, end_observations = Vec::new(), previous = None, uncertainty = DEFAULT.uncertainty),
        text_signature = "(points, viewpoints, curves, motions, radius, *, radius_classes=None, pose_sd, reference, \
                          fit_curves=True, radius_prior=None, along_ray=False, band=(0.6, 0.4), iterations=12, \
-                         tolerance=0.1, min_bend=1.5, noise=None, bounds=None, end_observations=(), previous=None, \
-                         uncertainty=True)")]
+                         tolerance=0.1, min_bend=1.5, noise=None, shared=(1.0, 1.0), bounds=None, end_observations=(), \
+                         previous=None, uncertainty=True)")]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn fit_tubes<'py>(
     py: Python<'py>,
@@ -123,6 +128,7 @@ pub(super) fn fit_tubes<'py>(
     tolerance: Given<'py>,
     min_bend: Given<'py>,
     noise: Option<&Bound<'py, PyAny>>,
+    shared: Given<'py>,
     bounds: Option<&Bound<'py, PyAny>>,
     end_observations: Vec<Bound<'py, EndObservation>>,
     previous: Option<&Bound<'py, TubeFit>>,
@@ -152,6 +158,7 @@ pub(super) fn fit_tubes<'py>(
         tolerance: tolerance.or(DEFAULT.tolerance, |value| number("tolerance", value))?,
         min_bend: min_bend.or(DEFAULT.min_bend, |value| number("min_bend", value))?,
         noise: noise.map(|value| number("noise", value)).transpose()?,
+        shared: shared.or(DEFAULT.shared, |value| numbers("shared", value))?,
         bounds: bounds.map(corners).transpose()?,
         uncertainty,
     };

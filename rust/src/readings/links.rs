@@ -14,6 +14,8 @@ pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
 const EDGE_SD: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.5;
+/// Nodes on each side of the last nearest one that are asked.
+const NEAR: usize = 5;
 /// What bending, its change, and tube outside the mask cost.
 const BENDING: f64 = 3.0;
 const CHANGE: f64 = 5.0;
@@ -64,6 +66,7 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
         .map(|e| ([e.at[0] - rr * e.normal[0], e.at[1] - rr * e.normal[1]], *e))
         .collect();
     let mut x = p.to_vec();
+    let mut nearest = vec![usize::MAX; edges.len()];
     for iteration in 0..8 {
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
         let mut matrix = Bordered::zeros(2 * n, 0);
@@ -98,15 +101,21 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
-        for (vote, edge) in &edges {
+        for ((vote, edge), last) in edges.iter().zip(&mut nearest) {
+            // nodes move little: the nearest one is near the last nearest one
+            let range = match *last {
+                usize::MAX => 0..n,
+                k => k.saturating_sub(NEAR)..(k + NEAR + 1).min(n),
+            };
             let mut least = f64::INFINITY;
             let mut k = 0;
-            for (i, node) in x.iter().enumerate() {
-                let d = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
+            for i in range {
+                let d = (vote[0] - x[i][0]).powi(2) + (vote[1] - x[i][1]).powi(2);
                 if d < least {
                     (least, k) = (d, i);
                 }
             }
+            *last = k;
             if k == 0 || k == n - 1 || least > (1.5 * reach * rr).powi(2) {
                 continue;
             }

@@ -160,6 +160,11 @@ impl Skeleton {
         }
     }
 
+    /// The place of a pixel in the magnified image.
+    pub fn pixel(&self, i: u32) -> usize {
+        self.net.pixels[i as usize]
+    }
+
     /// Where pixels lie in the image.
     pub fn place(&self, i: u32) -> Place {
         self.places[i as usize]

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use super::links::{Link, free_end, link};
 use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, cross, nearest};
+use crate::parallel;
 use crate::silhouette::Silhouette;
 
 /// What uncovered mask costs for each squared radius, and two strands that touch without crossing.
@@ -157,18 +158,18 @@ pub fn pairings(
     ports: &[Port],
 ) -> Pairings {
     let rr = silhouette.radius_px;
-    let mut joints = Vec::new();
-    for a in 0..ports.len() {
-        for b in a + 1..ports.len() {
-            let same = ports[a].segment == ports[b].segment;
-            if same && network.segments[ports[a].segment].points.len() < 8 {
-                continue;
-            }
-            if let Some(link) = link(silhouette, skeleton, network, [ports[a], ports[b]]) {
-                joints.push(Joint { ports: (a, Some(b)), link });
-            }
-        }
-    }
+    let pairs: Vec<(usize, usize)> = (0..ports.len())
+        .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
+        .filter(|&(a, b)| {
+            ports[a].segment != ports[b].segment || network.segments[ports[a].segment].points.len() >= 8
+        })
+        .collect();
+    let links = parallel::map(&pairs, |&(a, b)| link(silhouette, skeleton, network, [ports[a], ports[b]]));
+    let mut joints: Vec<Joint> = pairs
+        .iter()
+        .zip(links)
+        .filter_map(|(&(a, b), link)| Some(Joint { ports: (a, Some(b)), link: link? }))
+        .collect();
     for (a, &port) in ports.iter().enumerate() {
         joints.push(Joint { ports: (a, None), link: free_end(silhouette, network, port) });
     }

@@ -3,10 +3,16 @@
 /// Column and row, pixels.
 pub type Place = [f64; 2];
 
+/// The length of a vector.
+#[inline]
+pub fn norm(d: Place) -> f64 {
+    (d[0] * d[0] + d[1] * d[1]).sqrt()
+}
+
 /// The distance between two places.
 #[inline]
 pub fn apart(a: Place, b: Place) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
+    norm([a[0] - b[0], a[1] - b[1]])
 }
 
 /// The length of a polyline.
@@ -66,7 +72,7 @@ pub fn smoothed(p: &[Place], times: usize) -> Vec<Place> {
 
 /// A unit vector; zero for zero.
 pub fn unit(d: Place) -> Place {
-    let n = d[0].hypot(d[1]).max(1e-9);
+    let n = norm(d).max(1e-9);
     [d[0] / n, d[1] / n]
 }
 

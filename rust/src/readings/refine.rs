@@ -1,7 +1,7 @@
 //! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
 
 use super::links::{FIT_BENDING, smoothness};
-use super::planar::{Place, length, unit};
+use super::planar::{Place, length, norm, unit};
 use crate::banded::Bordered;
 use crate::silhouette::Silhouette;
 
@@ -110,7 +110,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             let mut best: Option<(f64, usize, f64)> = None;
             lookup.visit(vote, reach.max(1.2) * rr, |i| {
                 let d = [vote[0] - nodes[i][0], vote[1] - nodes[i][1]];
-                let away = d[0].hypot(d[1]);
+                let away = norm(d);
                 let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
                 let residual = (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / rr;
                 if along < 0.45 && away < reach.max(1.2) * rr && best.is_none_or(|b| away < b.0) {

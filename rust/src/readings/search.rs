@@ -1,7 +1,7 @@
 //! Whole readings of a mask: every way to join all its zones' ports, the likely ones first.
 
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::ends::led_on;
 use super::links::{TAIL, curve_cost};
@@ -10,6 +10,7 @@ use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
 use super::refine::refined;
 use crate::image::{Image, blobs};
+use crate::parallel;
 use crate::silhouette::Silhouette;
 
 /// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
@@ -44,19 +45,20 @@ pub struct Reading {
 #[derive(Clone)]
 struct Lead {
     to: Option<usize>,
-    pairings: Rc<Pairings>,
+    pairings: Arc<Pairings>,
     joint: usize,
     turned: bool,
 }
 
 /// Pairings by zone and ports, so that a zone that looks the same in two readings is worked out once.
-type Known = BTreeMap<(Vec<u32>, Vec<(u32, u32, usize)>), Rc<Pairings>>;
+type Known = BTreeMap<(Vec<usize>, Vec<(usize, usize, usize)>), Arc<Pairings>>;
 
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let rr = silhouette.radius_px;
-    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most);
-    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most).into_iter().map(|r| Reading {
+    let mut known = Known::new();
+    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most, &mut known);
+    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most, &mut known).into_iter().map(|r| Reading {
         cost: r.cost + TIPS,
         fixed: r.fixed + TIPS,
         ..r
@@ -71,18 +73,25 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
             kept.push(reading);
         }
     }
-    for reading in &mut kept {
-        let mut chains = reading.chains.clone();
-        for _ in 0..2 {
-            let (_, bare) = uncovered(silhouette, &chains);
-            chains = refined(silhouette, &led_on(silhouette, &chains, &bare));
-        }
-        let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
-        reading.cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains).0;
-        reading.chains = chains;
-    }
+    let mut kept = parallel::map(&kept, |reading| settled(silhouette, reading));
     kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
+}
+
+/// A reading whose chains are led on and refined, with what it then costs.
+fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
+    let mut chains = reading.chains.clone();
+    for round in 0..2 {
+        let (_, bare) = uncovered(silhouette, &chains);
+        let led = led_on(silhouette, &chains, &bare);
+        if round > 0 && led == chains {
+            break;
+        }
+        chains = refined(silhouette, &led);
+    }
+    let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
+    let cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains).0;
+    Reading { cost, chains, ..*reading }
 }
 
 /// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
@@ -130,7 +139,13 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
 }
 
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
-fn of_skeleton(silhouette: &Silhouette, spur: f64, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+fn of_skeleton(
+    silhouette: &Silhouette,
+    spur: f64,
+    ropes: Option<usize>,
+    most: usize,
+    known: &mut Known,
+) -> Vec<Reading> {
     let skeleton = Skeleton::new(silhouette, spur);
     let rr = silhouette.radius_px;
     let plain = skeleton.read(rr, false, &[]);
@@ -142,18 +157,19 @@ fn of_skeleton(silhouette: &Silhouette, spur: f64, ropes: Option<usize>, most: u
         .filter(|(long, _)| *long < STACK * rr)
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut known = Known::new();
     let mut seen = HashSet::from([plain.zones.clone()]);
-    let mut found = search(silhouette, &skeleton, &plain, ropes, most, &mut known);
+    let mut found = search(silhouette, &skeleton, &plain, ropes, most, known);
     let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
     for path in hidden {
         let network = skeleton.read(rr, true, &path);
         if seen.insert(network.zones.clone()) {
             let more = if path.is_empty() { 0.0 } else { HIDDEN };
             found.extend(
-                search(silhouette, &skeleton, &network, ropes, most, &mut known)
-                    .into_iter()
-                    .map(|r| Reading { cost: r.cost + more, fixed: r.fixed + more, ..r }),
+                search(silhouette, &skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
+                    cost: r.cost + more,
+                    fixed: r.fixed + more,
+                    ..r
+                }),
             );
         }
     }
@@ -193,22 +209,26 @@ fn search(
     known: &mut Known,
 ) -> Vec<Reading> {
     let rr = silhouette.radius_px;
-    let mut zones: Vec<(Vec<usize>, Rc<Pairings>)> = Vec::new();
+    let mut zones: Vec<(Vec<usize>, Arc<Pairings>)> = Vec::new();
     for (zone, pixels) in network.zones.iter().enumerate() {
         let key = |p: usize| {
             let port = network.ports[p];
             let path = &network.segments[port.segment].path;
-            (path[if port.end == 0 { 0 } else { path.len() - 1 }], path[path.len() / 2], path.len())
+            let end = path[if port.end == 0 { 0 } else { path.len() - 1 }];
+            (skeleton.pixel(end), skeleton.pixel(path[path.len() / 2]), path.len())
         };
         let mut ports: Vec<usize> =
             (0..network.ports.len()).filter(|&p| network.ports[p].zone as usize == zone + 1).collect();
         ports.sort_by_key(|&p| (key(p), p));
-        let name = (pixels.clone(), ports.iter().map(|&p| key(p)).collect::<Vec<_>>());
+        let name = (
+            pixels.iter().map(|&i| skeleton.pixel(i)).collect::<Vec<_>>(),
+            ports.iter().map(|&p| key(p)).collect::<Vec<_>>(),
+        );
         let found = known.entry(name).or_insert_with(|| {
             let own: Vec<_> = ports.iter().map(|&p| network.ports[p]).collect();
-            Rc::new(pairings(silhouette, skeleton, network, zone, &own))
+            Arc::new(pairings(silhouette, skeleton, network, zone, &own))
         });
-        zones.push((ports, Rc::clone(found)));
+        zones.push((ports, Arc::clone(found)));
     }
     let price = |choice: &[usize]| -> f64 {
         choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
@@ -276,7 +296,7 @@ impl Ord for Ordered {
 /// The chains of one choice of ways, and how many were rings.
 fn assembled(
     network: &Network,
-    zones: &[(Vec<usize>, Rc<Pairings>)],
+    zones: &[(Vec<usize>, Arc<Pairings>)],
     choice: &[usize],
     rr: f64,
 ) -> (Vec<Vec<Place>>, usize) {
@@ -288,7 +308,7 @@ fn assembled(
         for &joint in &way.joints {
             let (a, b) = pairings.joints[joint].ports;
             let lead =
-                |to: Option<usize>, turned: bool| Lead { to, pairings: Rc::clone(pairings), joint, turned };
+                |to: Option<usize>, turned: bool| Lead { to, pairings: Arc::clone(pairings), joint, turned };
             next[ports[a]] = Some(lead(b.map(|b| ports[b]), false));
             match b {
                 Some(b) => next[ports[b]] = Some(lead(Some(ports[a]), true)),

@@ -44,6 +44,7 @@ pub(super) struct Near {
 }
 
 /// Where the points of one view belong.
+#[derive(Clone)]
 pub(super) struct ViewTerms {
     /// Numbers of the points that some tube is near to, sorted by span.
     order: Vec<u32>,
@@ -64,6 +65,8 @@ struct Eye<'a> {
     camera: Point,
     center: Point,
     residual: Residual,
+    /// What points count for by what they say along their rays and across them: square roots of their shares.
+    counts: Option<[f32; 2]>,
 }
 
 impl State<'_> {
@@ -73,6 +76,17 @@ impl State<'_> {
         options: &TubeFitOptions,
         bands: &[f64],
         known: Option<Vec<ViewTerms>>,
+    ) -> Vec<ViewTerms> {
+        self.terms_counted(options, bands, known, None)
+    }
+
+    /// The same, where points count for less than one in the sums.
+    pub(super) fn terms_counted(
+        &self,
+        options: &TubeFitOptions,
+        bands: &[f64],
+        known: Option<Vec<ViewTerms>>,
+        counts: Option<[f32; 2]>,
     ) -> Vec<ViewTerms> {
         let search = known.is_none().then(|| Search::new(self, options.residual));
         let spans = Spans::new(self, options, bands);
@@ -85,6 +99,7 @@ impl State<'_> {
                 camera: motion.apply(self.views[view].viewpoint),
                 center: self.center,
                 residual: options.residual,
+                counts,
             };
             let (order, mut places, mut near) = match (&search, known) {
                 (None, Some(known)) => {
@@ -344,12 +359,25 @@ kernel! {
             // longer stretch, see `directions`
             let direction = Three::load(simd, &direction);
             let settled = (foot.outward - direction * foot.outward.dot(direction)).unit(simd);
+            let (outward, settled, grown) = match eye.counts {
+                None => (foot.outward, settled, simd.splat8(-1.0)),
+                Some([along, across]) => {
+                    // the ray as the curve's plane across it sees it: nothing moves a curve along itself
+                    let ray = (to_camera - tangent * to_camera.dot(tangent)).unit(simd);
+                    let counted = |normal: Three<S::Eight>| {
+                        let part = ray * normal.dot(ray);
+                        part * simd.splat8(along) + (normal - part) * simd.splat8(across)
+                    };
+                    (counted(foot.outward), counted(settled), simd.splat8(-along))
+                }
+            };
             sums.add(simd, &Features {
                 t,
                 weight: foot.weight,
-                outward: foot.outward,
+                outward,
                 turn: (arm + p * radius).cross(settled),
                 settled,
+                grown,
                 residual: radius * foot.residual,
             });
         }

@@ -100,7 +100,15 @@ impl State<'_> {
         mut iterations: usize,
         options: &TubeFitOptions,
     ) -> Result<TubeFit> {
-        let uncertainty = options.uncertainty.then(|| self.uncertainty(&terms, options)).transpose()?;
+        let uncertainty = match (options.uncertainty, options.shared) {
+            (false, _) => None,
+            (true, [1.0, 1.0]) => Some(self.uncertainty(&terms, options)?),
+            (true, shared) => {
+                let counts = shared.map(|count| count.powf(-0.5) as f32);
+                let counted = self.terms_counted(options, bands, Some(terms.clone()), Some(counts));
+                Some(self.uncertainty(&counted, options)?)
+            }
+        };
         let open = uncertainty.as_ref().map_or(Ok(false), |uncertainty| self.hold(uncertainty, options))?;
         if open {
             for _ in 0..STEPS_HELD {

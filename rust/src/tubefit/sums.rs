@@ -7,6 +7,7 @@
 use crate::simd::{Eight, LANES, Lanes, Simd, Three};
 
 /// Features of a point: rotation, translation and radius, then the residual.
+const GROWN: usize = 6;
 pub(super) const RESIDUAL: usize = 7;
 /// Pairs of the four control points of a span, and of x, y and z.
 const PAIRS: [(usize, usize); 10] =
@@ -22,11 +23,14 @@ pub(super) struct Features<V> {
     /// Derivatives by the pose.
     pub(super) turn: Three<V>,
     pub(super) settled: Three<V>,
+    /// Derivative by the radius.
+    pub(super) grown: V,
     /// Metres.
     pub(super) residual: V,
 }
 
 /// Sums over points of one view on one span.
+#[derive(Clone)]
 pub(super) struct SpanSums {
     pub(super) curve: usize,
     /// The first of the span's four control points.
@@ -79,11 +83,12 @@ impl SpanSums {
         for (pair, (a, b)) in pairs.iter_mut().zip(PAIRS) {
             *pair = (weighted[a] * basis[b]).store();
         }
-        let mut features = [Lanes::all(-1.0); LANES];
+        let mut features = [Lanes::all(0.0); LANES];
         for k in 0..3 {
             features[k] = points.turn.0[k].store();
             features[k + 3] = points.settled.0[k].store();
         }
+        features[GROWN] = points.grown.store();
         features[RESIDUAL] = points.residual.store();
         let mut normals = [Lanes::all(0.0); LANES];
         for (normal, (k, l)) in normals.iter_mut().zip(AXES) {

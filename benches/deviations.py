@@ -1,0 +1,103 @@
+"""Whether covariances tell the truth, where pixels' errors are independent and where neighbours share them.
+
+python benches/deviations.py [--seeds N]
+
+Each row has the shapes of `SHAPES` with so many seeds from 50 on. Depths have normal errors: independent
+ones, or these smoothed with a Gaussian and scaled to the same standard deviation. The normalised error of a
+chain is the root of the mean of e' C^-1 e / 2 over its nodes, e their errors across the rope and C their
+covariance there; it is near 1 where covariances tell the truth. Only scenes whose topology is right count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import sys
+
+import numpy as np
+from limits import Truth, calibration
+from measure import measured
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from tables import head, row
+
+import strand
+from strand import synthetic
+from strand.synthetic import SyntheticScene
+
+SHAPES = ("s", "arc", "overhand", "paper")
+CASES = ((0.3e-3, 0.0), (0.7e-3, 0.0), (1.5e-3, 0.0), (0.7e-3, 1.0), (0.7e-3, 1.5), (0.7e-3, 2.5))
+VIEWS = (1, 3, 7)
+FIRST_SEED = 50
+
+
+def smooth_noise(shape: tuple[int, int], correlation: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(H, W) Normal errors of standard deviation 1, smoothed with a Gaussian of `correlation` pixels."""
+    margin = math.ceil(4.0 * correlation)
+    height, width = shape
+    smooth = gaussian_filter(rng.normal(size=(height + 2 * margin, width + 2 * margin)), correlation)
+    impulse = np.zeros((2 * margin + 1, 2 * margin + 1))
+    impulse[margin, margin] = 1.0
+    scale = np.sqrt((gaussian_filter(impulse, correlation, mode="constant") ** 2).sum())
+    return np.asarray(smooth[margin : margin + height, margin : margin + width] / scale)
+
+
+def scene(shape: str, seed: int, noise: float, correlation: float, views: int) -> SyntheticScene:
+    """A shape whose depths have errors that reach over `correlation` pixels."""
+    if correlation == 0.0:
+        return synthetic.scene(shape, seed=seed, noise=noise, views=views)
+    exact = synthetic.scene(shape, seed=seed, noise=0.0, views=views)
+    rng = np.random.default_rng(seed)
+    units = [
+        np.where(image > 0, np.rint(image + noise / exact.depth_scale * smooth), 0).astype(np.uint16)
+        for image in exact.depth
+        for smooth in [smooth_noise(image.shape, correlation, rng)]
+    ]
+    return dataclasses.replace(exact, depth=np.stack(units), noise=noise)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=4, metavar="N", help="of each shape (default: 4)")
+    arguments = parser.parse_args()
+    titles = (
+        "noise mm",
+        "correlation px",
+        "views",
+        "normalised error",
+        "10 to 90 %",
+        "RMS mm",
+        "reported sd mm",
+    )
+    print(head(*titles, "right"))
+    for noise, correlation in CASES:
+        for views in VIEWS:
+            found = []
+            for shape in SHAPES:
+                for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+                    drawn = scene(shape, seed, noise, correlation, views)
+                    try:
+                        model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
+                    except strand.StrandError:
+                        continue
+                    error = measured([chain.points for chain in model.chains], drawn.truth, drawn.radius)
+                    if error.right:
+                        sd, square = calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
+                        found.append((math.sqrt(square), error.rms * 1e3, sd * 1e3))
+            low, middle, high = np.percentile([each[0] for each in found], [10, 50, 90])
+            rms, sd = np.median(found, axis=0)[1:]
+            numbers = (
+                f"{noise * 1e3:.1f}",
+                f"{correlation:g}",
+                views,
+                f"{middle:.2f}",
+                f"{low:.2f} to {high:.2f}",
+            )
+            count = f"{len(found)} of {len(SHAPES) * arguments.seeds}"
+            print(row(*numbers, f"{rms:.3f}", f"{sd:.3f}", count), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
