@@ -1,50 +1,78 @@
 """Reconstruct fresh random scenes and say how often the answer is right, and how often it is sure and wrong.
 
-python benches/fresh.py [--scenes N] [--first SEED] [--out DIR]
+python benches/fresh.py [--scenes N] [--first SEED] [--noise KIND] [--relative LOW HIGH] [--out DIR]
 
 Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3 ropes (or one of the shapes with crossings, knots
-among them), a radius of 2 to 10 mm, 1 to 7 views, a camera of 320 x 240 to 1280 x 720 pixels (the finest with
-one or two views), 0.3 to 1.5 mm of noise. The radius is given, the number of ropes is not. `--out` gets a
-plot and one line of JSON for each scene; scenes that have their line there are not done again.
+among them), a radius of 2 to 10 mm. Noise is of these kinds:
+
+- plain: normal and independent, 0.05 to 1 radii; 1 to 7 views, a camera of 320 x 240 to 1280 x 720 pixels
+  (the finest with one or two views);
+- small: as plain, but 0.3 to 1.5 mm whatever the radius;
+- correlated: one or three masked views of 640 x 480 pixels through an imitated camera, whose errors are 0.5
+  to 2 times as far correlated as its own and 0.05 to 1 radii on a surface, to which those at edges add; ropes
+  of at most 3 to 8 pixels' radius.
+
+The radius is given, the number of ropes is not. `--out` gets a plot and one line of JSON for each scene;
+scenes that have their line there are not done again.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from judging import SURE, judged
 from matplotlib.figure import Figure
-from measure import measured
 from tables import head, row
 
-import strand
-from strand.synthetic import SyntheticScene, random_ropes, scene
+from strand.synthetic import CAMERAS, DepthCamera, Segmentation, SyntheticScene, random_ropes, scene
+from strand.synthetic.scenes import FOCAL_LENGTH
 
 SHAPES = ("loop", "figure8", "overhand", "paper", "coil")
 SIZES = ((320, 240), (640, 480), (1280, 720))
-SURE = 0.9
+KINDS = ("plain", "correlated")
+RELATIVE = (0.05, 1.0)  # radii, the noise
 
 
-def draw(seed: int) -> tuple[SyntheticScene, dict[str, Any]]:
-    """Return the scene of a seed, and what was drawn for it."""
+def draw(
+    seed: int, noise: str = "both", relative: tuple[float, float] = RELATIVE
+) -> tuple[SyntheticScene, dict[str, Any]]:
+    """Return the scene of a seed with noise of a kind and a range in radii, and what was drawn for it."""
     rng = np.random.default_rng(seed)
     radius = float(np.exp(rng.uniform(math.log(2e-3), math.log(10e-3))))
-    noise = float(rng.uniform(0.3e-3, 1.5e-3))
-    views = int(rng.choice([1, 2, 3, 5, 7]))
-    size = SIZES[int(rng.choice(3, p=[0.7, 0.22, 0.08]))]
-    if size == SIZES[-1]:
-        views = min(views, 2)
+    if noise == "small":
+        kind, error = "plain", float(rng.uniform(0.3e-3, 1.5e-3))
+    else:
+        kind, error = KINDS[int(rng.integers(2))], float(rng.uniform(*relative)) * radius
+        kind = kind if noise == "both" else noise
+    common: dict[str, Any] = {"radius": radius, "noise": error, "seed": seed}
+    drawn = {**common, "kind": kind, "relative": error / radius, "correlation": 0.0}
+    if kind == "plain":
+        common["views"] = int(rng.choice([1, 2, 3, 5, 7]))
+        common["size"] = SIZES[int(rng.choice(3, p=[0.7, 0.22, 0.08]))]
+        if common["size"] == SIZES[-1]:
+            common["views"] = min(common["views"], 2)
+    else:
+        name, stretch = (
+            str(rng.choice(list(CAMERAS))),
+            float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
+        )
+        camera = _stretched(CAMERAS[name], stretch)
+        common |= {"views": int(rng.choice([1, 3])), "size": SIZES[1], "camera": camera}
+        common["mask"] = Segmentation(grow=int(rng.integers(-1, 2)))
+        common["distance"] = FOCAL_LENGTH * SIZES[1][0] * radius / float(rng.uniform(3.0, 8.0))
+        drawn |= {"camera": name, "correlation": camera.correlation_length}
+    drawn |= {"views": common["views"], "size": common["size"]}
     ropes, crossings = int(rng.choice([1, 2, 3], p=[0.5, 0.3, 0.2])), int(rng.integers(0, 9))
-    common = {"radius": radius, "noise": noise, "views": views, "size": size, "seed": seed}
-    drawn: dict[str, Any] = {**common, "ropes": ropes, "crossings": crossings}
+    drawn |= {"ropes": ropes, "crossings": crossings}
     if rng.random() < 0.2:
         name = str(rng.choice(SHAPES))
         drawn |= {"ropes": 1, "shape": name}
@@ -61,61 +89,64 @@ def draw(seed: int) -> tuple[SyntheticScene, dict[str, Any]]:
         return scene(chains=chains, **common), drawn
 
 
-def judge(seed: int) -> dict[str, Any]:
+def _stretched(camera: DepthCamera, stretch: float) -> DepthCamera:
+    """Return the camera with errors that are so many times as far correlated, and as wide a window."""
+    grain = tuple((stretch * smoothness, share) for smoothness, share in camera.grain)
+    return dataclasses.replace(camera, grain=grain, window=stretch * camera.window)
+
+
+def judge(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any]:
     """Reconstruct one scene and compare with the truth."""
-    synthetic, record = draw(seed)
-    start = time.perf_counter()
-    record |= {"seed": seed, "right": False, "confidence": 0.0, "found": 0}
-    try:
-        model = strand.reconstruct(synthetic.views, synthetic.radius, synthetic.bounds)
-    except strand.StrandError as error:
-        record["error"] = str(error)
-    else:
-        found = measured([chain.points for chain in model.chains], synthetic.truth, synthetic.radius)
-        record |= {
-            "right": found.right,
-            "confidence": model.confidence,
-            "found": len(model.chains),
-            "rms": found.rms,
-            "frechet": found.frechet,
-        }
-    record["seconds"] = time.perf_counter() - start
-    return record
+    synthetic, record = draw(seed, noise, relative)
+    found, _ = judged(synthetic, tell_radius=True, tell_ropes=False)
+    record |= {"right": found.right, "confidence": found.confidence, "found": found.found}
+    record |= {"error": found.error} if found.error else {"rms": found.rms, "frechet": found.frechet}
+    return {**record, "seconds": found.seconds, "asked": [noise, *relative]}
 
 
 def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float, float, float]]:
     """Rows of what, which, how many, share right, share sure of those right, share sure and wrong."""
-    noise_edges, relative_edges = (0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3), (0.0, 0.1, 0.2, 0.4, 1.0)
-    confidence_edges = (0.0, 0.1, 0.5, 0.8, SURE, 1.0)
+    relative_edges, fine_edges = (0.0, 0.1, 0.2, 0.4, 1.01), (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.01)
+    noise_edges, correlation_edges = (
+        (0.0, 0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3, 3e-3, 6e-3, 11e-3),
+        (0.1, 1.0, 2.0, 4.0, 8.0, 16.0),
+    )
+    confidence_edges = (0.0, 0.1, 0.5, 0.8, SURE, 1.01)
 
-    def between(key: Callable[[dict[str, Any]], float], low: float, high: float) -> list[dict[str, Any]]:
-        return [record for record in records if low <= key(record) < high]
+    def each(key: str, group: Sequence[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
+        return [(str(n), [r for r in group if r[key] == n]) for n in sorted({r[key] for r in group})]
+
+    def between(
+        key: str, edges: Sequence[float], group: Sequence[dict[str, Any]], unit: float = 1.0
+    ) -> list[tuple[str, list[dict[str, Any]]]]:
+        return [
+            (f"{low / unit:.1f}-{high / unit:.1f}", [r for r in group if low <= r[key] < high])
+            for low, high in pairwise(edges)
+        ]
 
     groups = [("all", "", list(records))]
-    groups += [
-        ("crossings", str(n), [r for r in records if r["crossings"] == n])
-        for n in sorted({r["crossings"] for r in records})
-    ]
-    groups += [
-        ("ropes", str(n), [r for r in records if r["ropes"] == n])
-        for n in sorted({r["ropes"] for r in records})
-    ]
-    groups += [
-        ("views", str(n), [r for r in records if r["views"] == n])
-        for n in sorted({r["views"] for r in records})
-    ]
-    groups += [
-        ("noise mm", f"{low * 1e3:.1f}-{high * 1e3:.1f}", between(lambda r: r["noise"], low, high))
-        for low, high in pairwise(noise_edges)
-    ]
-    groups += [
-        ("noise / r", f"{low:.1f}-{high:.1f}", between(lambda r: r["noise"] / r["radius"], low, high))
-        for low, high in pairwise(relative_edges)
-    ]
-    groups += [
-        ("confidence", f"{low:.1f}-{high:.1f}", between(lambda r: r["confidence"], low, high))
-        for low, high in pairwise(confidence_edges)
-    ]
+    groups += [("noise", *group) for group in each("kind", records)]
+    for key in ("crossings", "ropes", "views"):
+        groups += [(key, *group) for group in each(key, records)]
+    groups += [("noise mm", *group) for group in between("noise", noise_edges, records, 1e-3)]
+    groups += [("noise / r", *group) for group in between("relative", relative_edges, records)]
+    groups += [("confidence", *group) for group in between("confidence", confidence_edges, records)]
+    for kind in KINDS:
+        of_kind = [r for r in records if r["kind"] == kind]
+        groups += [(f"{kind}, views", *group) for group in each("views", of_kind)]
+        groups += [(f"{kind}, noise / r", *group) for group in between("relative", fine_edges, of_kind)]
+        for views in (1, 3):
+            seen = [r for r in of_kind if r["views"] == views]
+            title = f"{kind}, noise / r, {views} view{'s' * (views > 1)}"
+            groups += [(title, *group) for group in between("relative", fine_edges, seen)]
+    correlated = [r for r in records if r["kind"] == "correlated"]
+    for title, views in (
+        ("correlation px", (1, 3)),
+        ("correlation px, 1 view", (1,)),
+        ("correlation px, 3 views", (3,)),
+    ):
+        seen = [r for r in correlated if r["views"] in views]
+        groups += [(title, *group) for group in between("correlation", correlation_edges, seen)]
     rows = []
     for what, which, group in groups:
         if group:
@@ -136,8 +167,8 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
 
 
 def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) -> None:
-    kinds = ["crossings", "views", "noise mm", "noise / r"]
-    figure = Figure(figsize=(11, 3), layout="constrained")
+    kinds = ["crossings", "views", "plain, noise / r", "correlated, noise / r", "correlation px"]
+    figure = Figure(figsize=(14, 3), layout="constrained")
     axes = figure.subplots(1, len(kinds), sharey=True)
     for axis, kind in zip(axes, kinds, strict=True):
         shown = [row for row in rows if row[0] == kind]
@@ -158,17 +189,36 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write fresh.png and fresh.jsonl here")
+    parser.add_argument(
+        "--noise",
+        choices=("both", "small", *KINDS),
+        default="both",
+        help="of which kind (default: plain or correlated)",
+    )
+    parser.add_argument(
+        "--relative",
+        type=float,
+        nargs=2,
+        default=RELATIVE,
+        metavar=("LOW", "HIGH"),
+        help="range of plain and correlated noise, radii (default: 0.05 1)",
+    )
     arguments = parser.parse_args()
+    relative = tuple(arguments.relative)
+    if not 0 <= relative[0] <= relative[1]:
+        parser.error("--relative: expected 0 <= LOW <= HIGH")
+    asked = [arguments.noise, *relative]
     records = []
     lines = arguments.out / "fresh.jsonl" if arguments.out else None
     done = {}
     if lines is not None and lines.exists():
-        done = {record["seed"]: record for record in map(json.loads, lines.read_text().splitlines())}
+        known = map(json.loads, lines.read_text().splitlines())
+        done = {record["seed"]: record for record in known if record.get("asked") == asked}
     for seed in range(arguments.first, arguments.first + arguments.scenes):
         if seed in done:
             records.append(done[seed])
             continue
-        records.append(judge(seed))
+        records.append(judge(seed, arguments.noise, relative))
         if lines is not None:
             lines.parent.mkdir(parents=True, exist_ok=True)
             with lines.open("a") as file:

@@ -90,9 +90,12 @@ def judged(
         if chains:
             radius_error = max(abs(chain.radius / synthetic.radius - 1.0) for chain in model.chains)
     seconds = time.perf_counter() - start
-    found = measured(chains, synthetic.truth, synthetic.radius)
+    # crossings are those seen across the ropes' layer: along z on a table, not before a wall
+    turn = 2 - int(np.argmin(np.ptp(np.concatenate(synthetic.truth), axis=0)))
+    truth, answer = ([np.roll(nodes, turn, axis=1) for nodes in lines] for lines in (synthetic.truth, chains))
+    found = measured(answer, truth, synthetic.radius)
     # a scene without chains has crossings too
-    crossings = found.crossings if chains else measured(synthetic.truth, synthetic.truth, 1.0).crossings
+    crossings = found.crossings if chains else measured(truth, truth, 1.0).crossings
     return (
         Judgement(
             scene=synthetic.name,

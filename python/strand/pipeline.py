@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from strand._core import NotEnoughDataError
 from strand.checks import extraction_range, flag
 from strand.config import Config
+from strand.default import find_chains as find_by_default
 from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions
 from strand.evidence.prior import Prior
@@ -21,7 +22,6 @@ from strand.outliers import without_outliers
 from strand.published.method import find_chains as find_published
 from strand.radius import Radii, estimate_radius
 from strand.stages import Found, Observed, Run
-from strand.tubes.method import find_chains as find_tubes
 from strand.view import View, checked_views, cropped
 
 
@@ -45,7 +45,7 @@ class _Method:
 
 
 _METHODS = {
-    "tubes": _Method(find_tubes, any_radius=True, widen=True),
+    "tubes": _Method(find_by_default, any_radius=True, widen=True),
     "published": _Method(find_published, any_radius=False, widen=False),
 }
 

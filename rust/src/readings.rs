@@ -15,5 +15,5 @@ mod skeleton;
 
 pub use ends::extended;
 pub use network::shown_radius;
-pub use planar::Place;
-pub use search::{Reading, readings};
+pub use planar::resampled;
+pub use search::{cost, readings};

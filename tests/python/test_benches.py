@@ -11,6 +11,8 @@ from pathlib import Path
 
 import collection
 import frames
+import fresh
+import judging
 import numpy as np
 import pytest
 
@@ -109,3 +111,70 @@ def test_real_frames_are_depths_in_metres():
         view = frames.view(name)
         assert len(view.points) == np.count_nonzero(depth)
         assert view.world_points[:, 2].max() < 0.0
+
+
+def test_scenes_that_are_not_right_are_counted_and_drawn(tmp_path):
+    """Two scenes of a folder, one of them with the truth of another rope."""
+    for i, camera in enumerate(("tof", "d435")):
+        made = strand.synthetic.scene("straight", camera=camera, views=1, noise=2e-4, seed=4)
+        truth = made.truth if i == 0 else (made.truth[0] + 0.05,)
+        dataclasses.replace(made, truth=truth).save(tmp_path / f"straight_{camera}_1v.npz")
+    done = run("sensors.py", tmp_path, "--pictures", tmp_path / "drawn", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = [
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines() if "|" in line
+    ]
+    scenes = {row[0]: row[1:] for row in rows if len(row) == 8}
+    assert scenes["straight_tof_1v"][0] == "right"
+    assert scenes["straight_d435_1v"][0] == "wrong"
+    summary = {row[0]: row[1:4] for row in rows if len(row) == 11}
+    assert summary["tof"] == ["1", "1", "1"]
+    assert summary["d435"] == ["1", "0", "0"]
+    assert summary["1 of a scene"] == summary["all"] == ["2", "1", "1"]
+    assert [path.name for path in (tmp_path / "drawn").iterdir()] == ["straight_d435_1v.png"]
+
+
+def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
+    judged = []
+
+    def judge(seed, noise, relative):
+        judged.append((seed, noise, *relative))
+        drawn = {"kind": "plain", "noise": 1e-3, "relative": 0.2, "correlation": 0.0, "views": 1}
+        answer = {"right": True, "confidence": 0.5, "crossings": 1, "ropes": 1}
+        return {**drawn, **answer, "seed": seed, "asked": [noise, *relative]}
+
+    monkeypatch.setattr(fresh, "judge", judge)
+    monkeypatch.setattr(fresh, "plot", lambda *_: None)
+    large = ["--noise", "plain", "--relative", "0.4", "1"]
+    for count, options in (
+        ("2", ["--noise", "small"]),
+        ("3", ["--noise", "small"]),
+        ("1", large),
+        ("1", large),
+    ):
+        monkeypatch.setattr("sys.argv", ["fresh.py", "--scenes", count, "--out", str(tmp_path), *options])
+        assert fresh.main() == 0
+        assert f"| all |  | {count} | 100.0 |" in capsys.readouterr().out
+    assert judged == [*((seed, "small", 0.05, 1.0) for seed in range(3)), (0, "plain", 0.4, 1.0)]
+    assert len((tmp_path / "fresh.jsonl").read_text().splitlines()) == 4
+
+
+def test_random_scenes_of_both_kinds():
+    drawn = [fresh.draw(seed)[1] for seed in (5, 6, 8, 9)]
+    assert {record["kind"] for record in drawn} == {"plain", "correlated"}
+    for seed, noise in ((5, "plain"), (5, "correlated")):
+        scene, record = fresh.draw(seed, noise, (0.4, 0.5))
+        assert record["kind"] == noise
+        assert 0.4 <= record["relative"] <= 0.5
+        assert record["noise"] == pytest.approx(record["relative"] * scene.radius)
+        assert (scene.mask is not None) == (noise == "correlated") == (record["correlation"] > 0)
+
+
+def test_ropes_that_hang_cross_as_seen_across_their_layer():
+    lying = strand.synthetic.scene("figure8", views=1)
+    hung = [np.roll(nodes, 1, axis=1) for nodes in lying.truth]
+    hanging = strand.synthetic.scene(chains=hung, views=1, wall=0.5, mask=strand.synthetic.Segmentation())
+    for made in (lying, hanging):
+        found, chains = judging.judged(made, tell_radius=True, tell_ropes=True)
+        assert chains
+        assert found.crossings.true == 2

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand._core import NotEnoughDataError, RopeImages
-from strand.chain import Chain
 from strand.checks import Array
 from strand.config import Config
-from strand.images.comparison import Explanation, Reading, Table, explained, likely_readings, refitted
+from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import doubts
 from strand.images.nodes import as_chains, corrected_poses
-from strand.images.seen import prepared, rope_images
+from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
 from strand.model import Alternative
 from strand.stages import Found, Observed, Run
-from strand.tubes.warnings import about_answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +36,17 @@ class Read:
     table: Table
     held: int
     explanations: list[Explanation]
+    taken: list[RopeImage]
+
+    def projected(self, points: Array) -> Array:
+        """(M, 2) Columns and rows of points of the world in the view that is held, pixels."""
+        image = self.taken[self.held]
+        x, y, z = ((points - image.pose[:3, 3]) @ image.pose[:3, :3]).T
+        (fx, fy), (cx, cy) = image.focal, image.centre
+        return np.column_stack([fx * x / z + cx, fy * y / z + cy])
 
 
-def read(observed: Observed, config: Config, run: Run, others: list[list[Array]] | None = None) -> Read:
+def read(observed: Observed, config: Config, run: Run) -> Read:
     """Read the images and compare the readings."""
     radius = float(observed.radii.values[0])
     held = len(observed.views) // 2
@@ -57,7 +63,7 @@ def read(observed: Observed, config: Config, run: Run, others: list[list[Array]]
         found = explained(images, readings, table, held, config)
     if not found:
         raise NotEnoughDataError("views: the masks show no rope with depth; is the radius right, in metres?")
-    return Read(images, table, held, found)
+    return Read(images, table, held, found, taken)
 
 
 def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
@@ -78,8 +84,3 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in what.explanations[1:4]
         ),
     )
-
-
-def find_chains(observed: Observed, config: Config, run: Run) -> Found:
-    """Read the images and answer by them alone."""
-    return answer(read(observed, config, run), observed, config, run)

@@ -20,7 +20,9 @@ from strand.synthetic.fields import field, pixels, spread
 _BENT, _STEP = 1e-6, 3e-3  # change of the inverse depth's slope at a pixel, over it: not a plane; a step
 _LOT = 1 << 21  # pixels of windows at a time: bounds the memory
 _REACH = 2.0  # standard deviations of a window at which it is cut off
+_COARSE = 2.0  # standard deviations of a window that take one more pixel between its samples
 _RAGGED = 2.0  # pixels, smoothness of edges' displacement
+_PLACES = 6.0  # pixels, smoothness of the error's size
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class DepthCamera:
         The error is a sum of normal fields. Each is as smooth as a Gaussian of the first number's standard
         deviation makes it (0: every pixel on its own), and its share of the variance is the second; shares
         are made to sum to 1.
+    uneven : float
+        Standard deviation of the logarithm of the error's size, which is more in some places than in others.
     window : float
         Standard deviation of the Gaussian window over which depth is taken; 0: each pixel's own depth.
     limit : float
@@ -76,6 +80,7 @@ class DepthCamera:
     baseline: float | None
     sd: float
     grain: tuple[tuple[float, float], ...] = ((1.0, 1.0),)
+    uneven: float = 0.0
     window: float = 0.0
     limit: float = 1e3
     background: float = 1.0
@@ -90,7 +95,7 @@ class DepthCamera:
     def __post_init__(self) -> None:
         if self.baseline is not None:
             positive("baseline", self.baseline)
-        for name in ("sd", "background", "amplitude", "step"):
+        for name in ("sd", "uneven", "background", "amplitude", "step"):
             not_negative(name, getattr(self, name))
         for name in ("limit", "period"):
             positive(name, getattr(self, name))
@@ -107,6 +112,26 @@ class DepthCamera:
         if not sum(share for _, share in self.grain) > 0:
             raise ValueError("grain: expected at least one field with a share above 0")
 
+    @property
+    def correlation_length(self) -> float:
+        """Distance at which the errors of two pixels of a surface have a correlation of 1/e, pixels."""
+        total = sum(share for _, share in self.grain)
+
+        def above(distance: float) -> bool:
+            # a field smoothed with a Gaussian is correlated as one of twice its variance
+            parts = [
+                share * math.exp(-0.25 * (distance / smoothness) ** 2)
+                for smoothness, share in self.grain
+                if smoothness > 0
+            ]
+            return sum(parts) > total / math.e
+
+        low, high = 0.0, 4.0 * max(smoothness for smoothness, _ in self.grain)
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if above(middle) else (low, middle)
+        return low
+
     def with_noise(self, noise: float, focal_length: float, distance: float) -> DepthCamera:
         """Return this camera with so large an error at a distance, all else as it is.
 
@@ -122,12 +147,18 @@ class DepthCamera:
         Returns
         -------
         DepthCamera
+
+        Raises
+        ------
+        TypeError
+            If an argument is not a number.
+        ValueError
+            If `noise` is negative, or another one not positive.
         """
         noise = not_negative("noise", noise)
-        if self.baseline is None:
-            return replace(self, sd=noise)
+        to_disparity = positive("focal_length", focal_length) / positive("distance", distance) ** 2
         # disparity is f b / z
-        return replace(self, sd=noise * focal_length * self.baseline / distance**2)
+        return replace(self, sd=noise if self.baseline is None else noise * to_disparity * self.baseline)
 
     def sense(
         self, depth: ArrayLike, intrinsics: ArrayLike, *, depth_scale: float, rng: np.random.Generator
@@ -179,6 +210,7 @@ class DepthCamera:
         error, total = np.zeros_like(exact), sum(share for _, share in self.grain)
         for smoothness, share in self.grain:
             error += math.sqrt(share / total) * field(exact.shape, smoothness, rng)
+        error *= np.exp(self.uneven * field(exact.shape, _PLACES, rng))
         measured = measured + self.sd * error
         measured -= self.amplitude * np.sin(2.0 * np.pi / self.period * measured)
         if self.step > 0:
@@ -211,7 +243,9 @@ class DepthCamera:
         reach = math.ceil(_REACH * self.window)
         if reach == 0:
             return measured
-        down, right = (side.ravel() for side in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+        stride = max(1, math.floor(self.window / _COARSE))
+        lines = np.arange(-(reach // stride), reach // stride + 1) * stride
+        down, right = (side.ravel() for side in np.meshgrid(lines, lines, indexing="ij"))
         inside = np.hypot(down, right) <= _REACH * self.window + 0.1
         down, right = down[inside], right[inside]
         weights = np.exp(-0.5 * (down**2 + right**2) / self.window**2)
@@ -256,8 +290,9 @@ CAMERAS = {
         DepthCamera(
             "d435",
             baseline=0.05,
-            sd=0.068,
+            sd=0.067,
             grain=((0.75, 0.5), (3.0, 0.5)),
+            uneven=0.25,
             window=2.6,
             limit=1.0,
             lateral=0.7,
@@ -270,6 +305,7 @@ CAMERAS = {
             baseline=0.018,
             sd=0.1,
             grain=((0.8, 0.45), (3.5, 0.55)),
+            uneven=0.4,
             window=4.8,
             limit=2.5,
             background=0.7,
@@ -282,8 +318,9 @@ CAMERAS = {
         DepthCamera(
             "zed",
             baseline=0.12,
-            sd=0.14,
+            sd=0.135,
             grain=((0.75, 0.55), (2.6, 0.45)),
+            uneven=0.4,
             window=3.0,
             limit=2.5,
             background=0.7,
@@ -297,6 +334,7 @@ CAMERAS = {
             baseline=0.12,
             sd=0.135,
             grain=((1.2, 0.45), (4.0, 0.55)),
+            uneven=0.2,
             window=4.0,
             limit=2.5,
             background=0.7,

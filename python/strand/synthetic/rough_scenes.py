@@ -55,7 +55,7 @@ def rough(
     kind     what is hard
     =======  ====================================================================================
     thin     2.5 pixels of radius
-    thick    8 pixels of radius, for odd seeds 20: a few bends fill the image
+    thick    8 pixels of radius, or 20, where a few bends fill the image: two seeds each in turn
     missing  a third of the ropes' pixels has no depth
     ragged   a mask with a ragged edge, too wide or too narrow, that lost a tenth of the rope in bits
              and took as much of the table
@@ -97,7 +97,7 @@ def rough(
     assert used is not None
     count = (1, 3)[seed % 2] if views is None else whole("views", views, 1)
     radius = float(np.exp(rng.uniform(math.log(0.0025), math.log(0.006))))
-    pixels = {"thin": 2.5, "thick": (8.0, 20.0)[seed % 2]}.get(kind, float(rng.uniform(4.0, 6.0)))
+    pixels = {"thin": 2.5, "thick": (8.0, 20.0)[seed // 2 % 2]}.get(kind, float(rng.uniform(4.0, 6.0)))
     distance = FOCAL_LENGTH * _SIZE[0] * radius / pixels
     hangs = kind == "hanging"
     elevation = 0.0 if hangs else float(rng.uniform(*_ELEVATIONS))

@@ -245,10 +245,7 @@ def scene(
         truth = tuple(rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(given))
         if not truth:
             raise ValueError("chains: expected at least one rope, got none")
-    obstacles = [
-        (rope_nodes(f"bars[{i}]", bar), positive(f"bars[{i}]", bar_radius, LONGEST))
-        for i, (bar, bar_radius) in enumerate(bars)
-    ]
+    obstacles = [_obstacle(f"bars[{i}]", bar) for i, bar in enumerate(several("bars", bars, "pairs"))]
 
     if elevation is None:
         elevation = _ELEVATION if wall is None else 0.0
@@ -312,6 +309,12 @@ def scene(
         noise=_NOISE if noise is None else noise,
         mask=np.stack(masks) if masks else None,
     )
+
+
+def _obstacle(name: str, bar: tuple[ArrayLike, float]) -> tuple[Array, float]:
+    if not isinstance(bar, (tuple, list)) or len(bar) != 2:
+        raise ValueError(f"{name}: expected a pair of nodes and a radius")
+    return rope_nodes(name, bar[0]), positive(name, bar[1], LONGEST)
 
 
 def imitated_camera(camera: str | DepthCamera | None) -> DepthCamera | None:

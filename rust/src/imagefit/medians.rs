@@ -50,7 +50,7 @@ impl Medians {
                 let (u, v) = (at[0] as i64 + a, at[1] as i64 + b);
                 if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
                     let i = v as usize * width + u as usize;
-                    if mask[i] && has_return(depth[i]) {
+                    if has_return(depth[i]) && (mask[i] || silhouette.distance([u as f64, v as f64]) > 0.0) {
                         seen.push(depth[i] as f32);
                     }
                 }

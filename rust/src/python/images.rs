@@ -141,6 +141,24 @@ impl RopeImages {
         Ok(answer)
     }
 
+    /// What a reading of a view costs that has these polylines, (M, 2), pixels, but for ends, kisses and gaps.
+    fn reading_cost(
+        &self,
+        py: Python<'_>,
+        view: usize,
+        chains: Vec<PyReadonlyArray2<'_, f64>>,
+    ) -> PyResult<f64> {
+        let Some(seen) = self.views.get(view) else {
+            return Err(PyValueError::new_err(format!("view: there is no view {view}")));
+        };
+        let chains = chains.iter().map(places).collect::<PyResult<Vec<_>>>()?;
+        Ok(py.detach(|| {
+            let step = 0.5 * seen.silhouette.radius_px;
+            let chains: Vec<_> = chains.iter().map(|c| readings::resampled(c, step)).collect();
+            readings::cost(&seen.silhouette, &chains)
+        }))
+    }
+
     /// Fit ropes to masks and depth of all views, each beginning with polylines in one view's image.
     ///
     /// Parameters

@@ -78,6 +78,12 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
     kept
 }
 
+/// What a reading of these chains costs, but for its ends, kisses and gaps.
+pub fn cost(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
+    let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
+    bent + UNCOVERED * uncovered(silhouette, chains).0
+}
+
 /// A reading whose chains are led on and refined, with what it then costs.
 fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
     let mut chains = reading.chains.clone();
@@ -89,9 +95,7 @@ fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
         }
         chains = refined(silhouette, &led);
     }
-    let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
-    let cost = reading.fixed + bent + UNCOVERED * uncovered(silhouette, &chains).0;
-    Reading { cost, chains, ..*reading }
+    Reading { cost: reading.fixed + cost(silhouette, &chains), chains, ..*reading }
 }
 
 /// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.

@@ -1,0 +1,123 @@
+"""The default method: tubes fitted to points and readings of images, compared by what they leave unexplained.
+
+Tubes are better where depth is good, readings where it is not; strands that masks do not show are bridged by tubes
+alone. The likelier of the two is asked first, and the other only if that leaves something unexplained.
+"""
+
+from __future__ import annotations
+
+from strand._core import NotEnoughDataError
+from strand.checks import Array
+from strand.config import Config
+from strand.evidence.confidence import confidence
+from strand.images.comparison import Reading, explained
+from strand.images.method import Read, answer, read
+from strand.stages import Found, Observed, Run
+from strand.tubes.hypotheses import alike
+from strand.tubes.method import find_chains as find_tubes
+
+# an answer this sure is not compared
+_SURE = 0.35
+# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to pixel,
+# they follow the rope more closely
+_NARROW = 0.25
+
+
+def find_chains(observed: Observed, config: Config, run: Run) -> Found:
+    """Find chains by tubes, by readings of images, or by both.
+
+    Parameters
+    ----------
+    observed : Observed
+    config : Config
+    run : Run
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If neither finds a rope.
+    """
+    # images are read for open ropes of one radius
+    if len(observed.radii.values) > 1 or config.linking.rings == "always":
+        return find_tubes(observed, config, run)
+    if any(view.mask is not None for view in observed.whole):
+        return _images_first(observed, config, run)
+    return _tubes_first(observed, config, run)
+
+
+def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
+    tubes, tubes_run = _tubes(observed, config, run)
+    if tubes is not None and _certain(tubes):
+        return _accepted(tubes, tubes_run, run)
+    try:
+        what = read(observed, config, run)
+    except NotEnoughDataError:
+        if tubes is None:
+            raise
+        return _accepted(tubes, tubes_run, run)
+    return _better(what, tubes, tubes_run, observed, config, run)
+
+
+def _images_first(observed: Observed, config: Config, run: Run) -> Found:
+    try:
+        what = read(observed, config, run)
+    except NotEnoughDataError:
+        return find_tubes(observed, config, run)
+    if what.explanations[0].fit.noise > _NARROW:
+        found = answer(what, observed, config, run)
+        if _certain(found):
+            return found
+    tubes, tubes_run = _tubes(observed, config, run)
+    return _better(what, tubes, tubes_run, observed, config, run)
+
+
+def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
+    """The answer by tubes, and its warnings apart."""
+    own = Run(run.progress, run.timings)
+    try:
+        return find_tubes(observed, config, own), own
+    except NotEnoughDataError:
+        return None, own
+
+
+def _accepted(found: Found, own: Run, run: Run) -> Found:
+    run.warnings.extend(own.warnings)
+    return found
+
+
+def _certain(found: Found) -> bool:
+    return confidence(found.doubts or ()) >= _SURE
+
+
+def _better(
+    what: Read, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
+) -> Found:
+    """The better of the answers, by what they leave unexplained."""
+    if tubes is None:
+        return answer(what, observed, config, run)
+    radius = float(observed.radii.values[0])
+    ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
+    places = [what.projected(points) for points in ropes]
+    rival = Reading(what.images.reading_cost(what.held, places), what.held, places)
+    compared = explained(
+        what.images,
+        [rival, *(other.reading for other in what.explanations)],
+        what.table,
+        what.held,
+        config,
+    )
+    best = compared[0]
+    same = best.reading is rival or _alike(best.fit.nodes, ropes, radius)
+    plain = tubes.sensor is None or not tubes.sensor.correlation
+    ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
+    if ring or (same and plain and best.fit.noise <= _NARROW):
+        return _accepted(tubes, tubes_run, run)
+    return answer(Read(what.images, what.table, what.held, compared, what.taken), observed, config, run)
+
+
+def _alike(some: list[Array], others: list[Array], radius: float) -> bool:
+    return alike([(nodes, False) for nodes in some], [(nodes, False) for nodes in others], radius)
