@@ -10,7 +10,7 @@ const SHARE: f64 = 0.35;
 /// A rope's end is searched this far beyond the skeleton's, radii.
 const REACH: f64 = 7.0;
 /// An end that another strand hides lies this far under it, radii.
-const UNDER: f64 = 1.0;
+const UNDER: f64 = 0.75;
 /// What it costs to lead an end on to mask that nothing covers: its turning, for each radius of its way, and what each
 /// squared radius of that mask is worth; and how far it may be, radii.
 const LED_TURN: f64 = 3.0;
