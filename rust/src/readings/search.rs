@@ -9,7 +9,7 @@ use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
 use super::refine::refined;
-use crate::image::{Image, blobs};
+use crate::image::blobs;
 use crate::parallel;
 use crate::silhouette::Silhouette;
 
@@ -101,38 +101,33 @@ fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
 /// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
 fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
     let rr = silhouette.radius_px;
-    let ([left, top], [width, height]) = silhouette.frame();
-    let mut bare = Image::filled(width, height, false);
-    for [u, v] in silhouette.pixels() {
-        bare.set((u - left) as usize, (v - top) as usize, true);
-    }
-    for chain in chains {
-        for x in chain {
-            let reach = 1.2 * rr + 0.3;
-            let range = |c: usize, low: f64, count: usize| {
-                let first = (x[c] - reach - low).ceil().max(0.0) as usize;
-                (first, ((x[c] + reach - low).floor().max(-1.0) + 1.0).min(count as f64) as usize)
-            };
-            let ((u0, u1), (v0, v1)) = (range(0, left, width), range(1, top, height));
-            for v in v0..v1 {
-                for u in u0..u1 {
-                    let d = [u as f64 + left - x[0], v as f64 + top - x[1]];
-                    if d[0] * d[0] + d[1] * d[1] <= reach * reach {
-                        bare.set(u, v, false);
-                    }
-                }
-            }
+    let ([left, top], _) = silhouette.frame();
+    let mut bare = silhouette.mask.clone();
+    let reach = 1.2 * rr + 0.3;
+    // from the first to before the last
+    let range = |low: f64, high: f64, count: usize| {
+        let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
+        (low.ceil().max(0.0) as usize).min(last)..last
+    };
+    for x in chains.iter().flatten() {
+        let (u, v) = (x[0] - left, x[1] - top);
+        for row in range(v - reach, v + reach, bare.height) {
+            let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
+            let start = row * bare.width;
+            let columns = range(u - half, u + half, bare.width);
+            bare.values[start + columns.start..start + columns.end].fill(false);
         }
     }
     let found = blobs(&bare, true, true);
     let mut sums = vec![[0.0; 2]; found.sizes.len()];
-    for (k, &number) in found.numbers.values.iter().enumerate() {
-        sums[number as usize][0] += (k % width) as f64 + left;
-        sums[number as usize][1] += (k / width) as f64 + top;
+    for run in &found.runs {
+        let count = (run.end - run.begin) as f64;
+        sums[run.blob][0] += count * (0.5 * (run.begin + run.end - 1) as f64 + left);
+        sums[run.blob][1] += count * (run.row as f64 + top);
     }
     let mut stretches = Vec::new();
     let mut total = 0.0;
-    for (number, &size) in found.sizes.iter().enumerate().skip(1) {
+    for (number, &size) in found.sizes.iter().enumerate() {
         let area = size as f64 / (rr * rr);
         total += area;
         if area > BARE {
