@@ -19,12 +19,6 @@ impl<T: Copy> Image<T> {
     pub fn at(&self, x: usize, y: usize) -> T {
         self.values[y * self.width + x]
     }
-
-    /// Sets the value at a column and row.
-    #[inline(always)]
-    pub fn set(&mut self, x: usize, y: usize, value: T) {
-        self.values[y * self.width + x] = value;
-    }
 }
 
 impl Image<bool> {

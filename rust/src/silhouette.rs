@@ -3,7 +3,7 @@
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
 use crate::image::{Image, Run, blobs, distances};
-use crate::readings::shown_radius;
+use crate::readings::{shown_radius, skeleton};
 
 /// A place on a mask's edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +27,8 @@ pub struct Silhouette {
     pub(crate) mask: Image<bool>,
     /// The mask, magnified.
     pub(crate) inside: Image<bool>,
+    /// Its skeleton: places in the magnified image.
+    pub(crate) skeleton: Vec<usize>,
     /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
     pub(crate) depth: Image<f32>,
     /// Signed distance, positive inside, original pixels.
@@ -82,8 +84,10 @@ impl Silhouette {
         }
         let smooth = signed.smoothed(1.0);
         let mask = centers_inside(&signed, scale);
+        let skeleton = skeleton(&inside);
         let boundary = Vec::new();
-        let mut made = Self { radius_px, boundary, mask, inside, depth, signed, smooth, scale, origin };
+        let mut made =
+            Self { radius_px, boundary, mask, inside, skeleton, depth, signed, smooth, scale, origin };
         made.find_boundary(w, h);
         Some(made)
     }
@@ -100,7 +104,7 @@ impl Silhouette {
             1
         };
         let mut made = Self::new(mask, width, radius_px, scale)?;
-        let shown = shown_radius(&made)?;
+        let shown = shown_radius(&made.skeleton, &made.depth)?;
         if (shown - radius_px).abs() < 1.5 {
             made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
         }

@@ -57,12 +57,15 @@ type Known = BTreeMap<(Vec<usize>, Vec<(usize, usize, usize)>), Arc<Pairings>>;
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let rr = silhouette.radius_px;
     let mut known = Known::new();
-    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most, &mut known);
-    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most, &mut known).into_iter().map(|r| Reading {
-        cost: r.cost + TIPS,
-        fixed: r.fixed + TIPS,
-        ..r
-    }));
+    let [pruned, bushy] = SPURS.map(|spur| Skeleton::new(silhouette, spur));
+    let mut found = of_skeleton(silhouette, &pruned, ropes, most, &mut known);
+    if !bushy.is_same(&pruned) {
+        found.extend(of_skeleton(silhouette, &bushy, ropes, most, &mut known).into_iter().map(|r| Reading {
+            cost: r.cost + TIPS,
+            fixed: r.fixed + TIPS,
+            ..r
+        }));
+    }
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Reading> = Vec::new();
     for reading in found {
@@ -140,12 +143,11 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
 fn of_skeleton(
     silhouette: &Silhouette,
-    spur: f64,
+    skeleton: &Skeleton,
     ropes: Option<usize>,
     most: usize,
     known: &mut Known,
 ) -> Vec<Reading> {
-    let skeleton = Skeleton::new(silhouette, spur);
     let rr = silhouette.radius_px;
     let plain = skeleton.read(rr, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
@@ -157,14 +159,14 @@ fn of_skeleton(
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut seen = HashSet::from([plain.zones.clone()]);
-    let mut found = search(silhouette, &skeleton, &plain, ropes, most, known);
+    let mut found = search(silhouette, skeleton, &plain, ropes, most, known);
     let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
     for path in hidden {
         let network = skeleton.read(rr, true, &path);
         if seen.insert(network.zones.clone()) {
             let more = if path.is_empty() { 0.0 } else { HIDDEN };
             found.extend(
-                search(silhouette, &skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
+                search(silhouette, skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
                     cost: r.cost + more,
                     fixed: r.fixed + more,
                     ..r
