@@ -15,5 +15,6 @@ mod skeleton;
 
 pub use ends::extended;
 pub use network::shown_radius;
+pub use skeleton::skeleton;
 pub use planar::resampled;
 pub use search::{cost, readings};
