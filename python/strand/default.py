@@ -1,7 +1,7 @@
 """The default method: tubes fitted to points and readings of images, compared by what they leave unexplained.
 
-Tubes are better where depth is good, readings where it is not; strands that masks do not show are bridged by tubes
-alone. The likelier of the two is asked first, and the other only if that leaves something unexplained.
+Tubes are better where depth is good, readings where it is not; strands that masks do not show are bridged by
+tubes alone. The likelier of the two is asked first, and the other only if that leaves something unexplained.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from strand.tubes.method import find_chains as find_tubes
 
 # an answer this sure is not compared
 _SURE = 0.35
-# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to pixel,
-# they follow the rope more closely
+# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
+# pixel, they follow the rope more closely
 _NARROW = 0.25
 
 
@@ -76,7 +76,7 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
-    """The answer by tubes, and its warnings apart."""
+    """Return the answer by tubes, and its warnings apart."""
     own = Run(run.progress, run.timings)
     try:
         return find_tubes(observed, config, own), own
@@ -96,7 +96,7 @@ def _certain(found: Found) -> bool:
 def _better(
     what: Read, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
 ) -> Found:
-    """The better of the answers, by what they leave unexplained."""
+    """Return the better of the answers, by what they leave unexplained."""
     if tubes is None:
         return answer(what, observed, config, run)
     radius = float(observed.radii.values[0])
