@@ -12,6 +12,8 @@ mod planar;
 mod refine;
 mod search;
 mod skeleton;
+#[cfg(test)]
+mod tests;
 
 pub use ends::extended;
 pub use network::shown_radius;
