@@ -24,9 +24,10 @@ mod polyline;
 mod search;
 mod smoothing;
 mod support;
+#[cfg(test)]
+mod tests;
 
-pub use crossings::Crossing;
-pub use lift::{Lifted, lift};
+pub use lift::lift;
 pub use medians::Medians;
 pub use search::fit;
 pub use support::seen_nodes;

@@ -2,22 +2,125 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from strand._core import ImageFit
+from strand.checks import Array
 from strand.evidence.confidence import SCALE
 from strand.images.comparison import Explanation
 from strand.model import Doubt
+from strand.tubes.hypotheses import alike
+
+# doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of this much
+# more for the other order is worth a factor of e in the odds
+_ALWAYS, _ORDER, _ORDER_SCALE = 0.05, 0.5, 5.0
+# an end this near to another strand may lie under it, radii; how much doubt that is, and over which distance it grows
+_NEAR_END, _END, _END_SCALE = 3.2, 0.3, 1.2
+# doubt for each squared radius of mask that nothing covers beyond what is usual, and of tube outside masks
+_UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
+# doubt for each radius of noise beyond what is narrow
+_NOISE, _NARROW = 3.0, 0.21
+# ends are apart from their own rope beyond this many nodes
+_OWN = 16
+# where the nearest place of a rival jumps by more than this, it is joined otherwise, nodes
+_JUMP = 8
+# less is not worth mentioning
+_LEAST = 1e-3
 
 
-def doubts(explanations: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple[Doubt, ...]:
-    """Say what speaks against the best explanation."""
-    found = []
-    best = explanations[0]
-    if len(explanations) > 1:
-        more = explanations[1].cost - best.cost
+def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explanation]:
+    """Leave out explanations by which the ropes run as by a better one.
+
+    Parameters
+    ----------
+    explanations : sequence of Explanation
+        The best first.
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    list of Explanation
+        The best first.
+    """
+    kept: list[Explanation] = []
+    for one in explanations:
+        mine = [(nodes, False) for nodes in one.fit.nodes]
+        if not any(alike(mine, [(nodes, False) for nodes in other.fit.nodes], radius) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple[Doubt, ...]:
+    """Say what speaks against the best explanation, and how much.
+
+    Rivals that cost hardly more, orders at crossings that depth hardly tells, ends next to other strands, mask that
+    no rope covers, ropes outside of masks, and noise that is wide against the ropes. The weights were set on random
+    ropes before imitated cameras.
+
+    Parameters
+    ----------
+    rivals : sequence of Explanation
+        The best explanation and others by which the ropes run otherwise, the best first.
+    fit : ImageFit
+        The last fit of the best.
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    tuple of Doubt
+        The greatest first.
+    """
+    found = [Doubt("noise", _ALWAYS, "of all that depth decides", "errors of neighbouring pixels are alike")]
+    if len(rivals) > 1:
+        more = rivals[1].cost - rivals[0].cost
         reason = f"another way to explain the images costs {more:.1f} more"
-        found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason))
-    return tuple(found)
+        place = _difference(fit.nodes, rivals[1].fit.nodes, radius)
+        found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason, place))
+    for place, margin in fit.crossings:
+        amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
+        reason = f"depth hardly tells it (margin {margin:.1f})"
+        found.append(Doubt("order", amount, "which strand is on top", reason, np.array(place)))
+    found += _of_ends(fit.nodes, radius)
+    uncovered, outside = fit.misfit[:2]
+    amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
+    amount += _OUTSIDE * max(outside - _USUAL_OUTSIDE, 0.0)
+    reason = "ropes and masks do not cover each other; is the radius right, and are the masks?"
+    found.append(Doubt("uncovered", amount, "of the ropes found", reason))
+    reason = f"noise is {fit.noise:.2f} radii wide"
+    amount = _NOISE * max(fit.noise - _NARROW, 0.0)
+    found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
+    return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
+
+
+def _of_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
+    """Doubts about ends next to other strands: they may lie under them, or be led on."""
+    for number, nodes in enumerate(chains):
+        for end, own in ((nodes[0], nodes[_OWN:]), (nodes[-1], nodes[:-_OWN])):
+            others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
+            if not len(others):
+                continue
+            away = float(np.linalg.norm(others - end, axis=1).min()) / radius
+            amount = _END * min(max((_NEAR_END - away) / _END_SCALE, 0.0), 1.0)
+            yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
+
+
+def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float) -> Array | None:
+    """Return where other chains run elsewhere, or are joined otherwise."""
+    theirs = np.vstack(others)
+    number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
+    farthest: tuple[float, Array] | None = None
+    for nodes in chains:
+        apart = np.linalg.norm(nodes[:, None] - theirs[None], axis=2)
+        nearest = apart.argmin(axis=1)
+        away = apart.min(axis=1)
+        k = int(away.argmax())
+        if away[k] > 1.5 * radius and (farthest is None or away[k] > farthest[0]):
+            farthest = float(away[k]), nodes[k]
+        jumps = (np.abs(np.diff(nearest)) > _JUMP) | (np.diff(number[nearest]) != 0)
+        if farthest is None and jumps.any():
+            farthest = 0.0, nodes[int(jumps.argmax())]
+    return None if farthest is None else farthest[1]

@@ -10,7 +10,7 @@ from strand._core import NotEnoughDataError, RopeImages
 from strand.checks import Array
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
-from strand.images.doubts import doubts
+from strand.images.doubts import distinct, doubts
 from strand.images.nodes import as_chains, corrected_poses
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
@@ -73,7 +73,8 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     with run.stage("fit images"):
         fit = refitted(what.images, best.fit, what.table, what.held, config)
         chains = as_chains(what.images, fit, radius, radius_sd, config)
-    uncertain = doubts(what.explanations, fit, radius)
+    rivals = distinct(what.explanations, radius)
+    uncertain = doubts(rivals, fit, radius)
     return Found(
         sorted(chains, key=lambda chain: -chain.length),
         poses=corrected_poses([view.pose for view in observed.views], fit.corrections),
@@ -81,6 +82,6 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         stages={},
         doubts=uncertain,
         alternatives=tuple(
-            Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in what.explanations[1:4]
+            Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in rivals[1:4]
         ),
     )

@@ -60,20 +60,28 @@ impl<const W: usize> Band<W> {
 }
 
 impl<const W: usize> Factored<W> {
-    /// Solves in place.
-    pub fn solve(&self, x: &mut [f64]) {
+    /// Solves for K right-hand sides in place: together, as each alone waits for its own last entry.
+    pub fn solve<const K: usize>(&self, x: &mut [[f64; K]]) {
         let n = x.len();
-        for i in 0..n {
+        // zeros before the first other entry stay zeros
+        let start = x.iter().position(|row| row.iter().any(|&v| v != 0.0)).unwrap_or(n);
+        for i in start..n {
             let mut value = x[i];
-            for k in i.saturating_sub(W - 1)..i {
-                value -= self.rows[i][k + W - 1 - i] * x[k];
+            for k in start.max((i + 1).saturating_sub(W))..i {
+                let l = self.rows[i][k + W - 1 - i];
+                for (value, before) in value.iter_mut().zip(&x[k]) {
+                    *value -= l * before;
+                }
             }
             x[i] = value;
         }
         for i in (0..n).rev() {
-            let mut value = x[i] * self.rows[i][W - 1];
+            let mut value = x[i].map(|v| v * self.rows[i][W - 1]);
             for k in i + 1..n.min(i + W) {
-                value -= self.rows[k][i + W - 1 - k] * x[k];
+                let l = self.rows[k][i + W - 1 - k];
+                for (value, after) in value.iter_mut().zip(&x[k]) {
+                    *value -= l * after;
+                }
             }
             x[i] = value;
         }
@@ -93,8 +101,13 @@ mod tests {
             }
             let diagonal: Vec<f64> = (0..n).map(|i| 0.5 + (i % 3) as f64).collect();
             let right: Vec<f64> = (0..n).map(|i| (i as f64 * 1.7).sin()).collect();
-            let mut x = right.clone();
-            band.factored(&diagonal).solve(&mut x);
+            let mut both: Vec<[f64; 2]> = right.iter().map(|&r| [r, 0.0]).collect();
+            both[n - 1][1] = 1.0;
+            band.factored(&diagonal).solve(&mut both);
+            let x: Vec<f64> = both.iter().map(|row| row[0]).collect();
+            // the inverse is symmetric
+            let other: f64 = both.iter().zip(&right).map(|(row, r)| row[1] * r).sum();
+            assert!((other - x[n - 1]).abs() < 1e-12);
             for i in 0..n {
                 let entry = |i: usize, j: usize| match i.max(j) - i.min(j) {
                     d if d < 4 => band.rows[i.max(j)][3 - d],

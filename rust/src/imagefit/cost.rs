@@ -26,14 +26,16 @@ pub fn add_view(
     let (covers, fills) = (COVERS.0 * rr + COVERS.1, FILLS.0 * rr - FILLS.1);
     let distances = Distances::new(view, &seen.image, curves, covers);
     let (mut uncovered, mut outside) = (0, 0);
-    for (k, &square) in distances.squares.iter().enumerate() {
-        let far = f64::from(square) > covers * covers;
-        let near = fills > 0.0 && f64::from(square) < fills * fills;
-        if far || near {
-            let at = distances.place(k);
-            let inside = view.silhouette.distance(at) > 0.0;
-            uncovered += u32::from(far && inside);
-            outside += u32::from(near && !inside);
+    for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
+        for (column, &square) in squares.iter().enumerate() {
+            let far = square > (covers * covers) as f32;
+            let near = fills > 0.0 && square < (fills * fills) as f32;
+            if far || near {
+                let pixel = [column as i64 + distances.low[0], row as i64 + distances.low[1]];
+                let inside = view.medians.inside(pixel);
+                uncovered += u32::from(far && inside);
+                outside += u32::from(near && !inside);
+            }
         }
     }
     misfit.uncovered += f64::from(uncovered) / (2.0 * rr * rr);
@@ -101,10 +103,5 @@ impl Distances {
                 *square = square.min(ex * ex + ey * ey);
             }
         }
-    }
-
-    /// The column and row of a pixel.
-    fn place(&self, k: usize) -> Place2 {
-        [(k % self.width) as f64 + self.low[0] as f64, (k / self.width) as f64 + self.low[1] as f64]
     }
 }

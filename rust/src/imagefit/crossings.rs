@@ -12,7 +12,7 @@ const STRETCH: usize = 8;
 /// Flips of both of two neighbours are tried for this many crossings at most.
 const MOST_DOUBLE: usize = 24;
 /// A crossing whose sides differ by more than this alone is left as it is.
-const CLEAR: f64 = 30.0;
+const CLEAR: f64 = 20.0;
 
 /// A place where two strands lie over each other in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,6 +153,8 @@ pub struct Evidence<'a> {
     /// Weights where it is known whose the depth is.
     pub owned: &'a [f64],
     pub sigma: f64,
+    /// Depths without any order, which the search begins with.
+    pub start: &'a [f64],
 }
 
 impl Evidence<'_> {
@@ -172,7 +174,7 @@ impl Evidence<'_> {
                 weights[i] = 0.0;
             }
         }
-        self.profile.solve(&weights, self.sigma, &gaps, rounds)
+        self.profile.solve(&weights, self.sigma, &gaps, self.start, rounds)
     }
 
     /// Which strand is on top at each overlap, and by how much: decided together, as one strand's depth at a crossing
@@ -185,7 +187,7 @@ impl Evidence<'_> {
         for k in 0..overlaps.len() {
             let costs = [true, false].map(|first| {
                 order[k] = Some(first);
-                cost(&order, 3)
+                cost(&order, 2)
             });
             order[k] = None;
             start[k] = Some(costs[0] <= costs[1]);
@@ -195,7 +197,7 @@ impl Evidence<'_> {
             return start.iter().zip(alone).map(|(first, margin)| (first == &Some(true), margin)).collect();
         }
         let mut order = start;
-        let mut best = cost(&order, 4);
+        let mut best = cost(&order, 3);
         let mut margins = alone.clone();
         for _ in 0..2 * overlaps.len() {
             let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
@@ -207,7 +209,7 @@ impl Evidence<'_> {
                 for &k in &flips {
                     other[k] = other[k].map(|first| !first);
                 }
-                let more = cost(&other, 4) - best;
+                let more = cost(&other, 3) - best;
                 if let [k] = flips[..] {
                     margins[k] = more;
                 }

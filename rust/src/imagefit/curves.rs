@@ -7,6 +7,7 @@ use super::polyline::{arc, resampled, smoothed};
 use super::{OnChain, STEP};
 use crate::Point;
 use crate::banded::Bordered;
+use crate::geometry::{advance, normalized};
 use crate::spline::Spline;
 
 /// Length of a span, radii.
@@ -69,17 +70,15 @@ impl Curves {
             let spans = ((length / SPAN).ceil() as usize).max(2);
             let start = made.control.len();
             let mut normal = Band::<4>::zeros(spans + 3);
-            let mut right = [(); 3].map(|()| vec![0.0; spans + 3]);
+            let mut right = vec![[0.0; 3]; spans + 3];
             let from = made.samples.len();
             for (i, node) in nodes.iter().enumerate() {
                 let u = (spans * i) as f64 / (nodes.len() - 1) as f64;
                 let span = (u as usize).min(spans - 1);
                 let sample = sample(start + span, u - span as f64);
                 normal.add_square(span, &sample.weights, 1.0);
-                for k in 0..3 {
-                    for a in 0..4 {
-                        right[k][span + a] += sample.weights[a] * node[k];
-                    }
+                for a in 0..4 {
+                    right[span + a] = advance(right[span + a], sample.weights[a], *node);
                 }
                 let end = i.min(nodes.len() - 1 - i) as f64 * STEP;
                 made.samples.push(Sample { capped: end < CAP, ..sample });
@@ -87,11 +86,8 @@ impl Curves {
             for span in 0..spans {
                 normal.add_square(span, &THIRD, 1e-4);
             }
-            let factor = normal.factored(&vec![1e-9; spans + 3]);
-            for x in &mut right {
-                factor.solve(x);
-            }
-            made.control.extend((0..spans + 3).map(|i| std::array::from_fn(|k| right[k][i])));
+            normal.factored(&vec![1e-9; spans + 3]).solve(&mut right);
+            made.control.extend(right);
             made.chains.push(from..made.samples.len());
             made.numbers.resize(made.samples.len(), number as u32);
             made.controls.push(start..made.control.len());
@@ -123,7 +119,7 @@ impl Curves {
                 })
             };
             positions.push(sum(&sample.weights));
-            tangents.push(crate::geometry::normalized(sum(&sample.slopes)));
+            tangents.push(normalized(sum(&sample.slopes)));
         }
     }
 

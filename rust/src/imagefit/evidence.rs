@@ -206,3 +206,64 @@ impl Seen {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Rope, view};
+    use super::*;
+    use crate::geometry::sub;
+
+    /// A residual of a sample's place in the image grows as it says with the sample's place and with the pose.
+    #[test]
+    fn derivatives_are_those_of_finite_differences() {
+        let rope = Rope::bent(0.004);
+        let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
+        let view = seen_by.rope_view();
+        let curves = Curves::through(std::slice::from_ref(&rope.nodes), rope.radius);
+        let (mut positions, mut tangents) = (Vec::new(), Vec::new());
+        curves.place(&mut positions, &mut tangents);
+        let scene = Scene {
+            view: &view,
+            columns: Columns { pose: Some(0), bias: 6 },
+            curves: &curves,
+            tangents: &tangents,
+            radius: rope.radius,
+            sensor: &Sensor::DEFAULT,
+        };
+        // small turns are taken for vectors, so about none
+        let correction = [0.0; 6];
+        let value = |correction: &[f64; 6], positions: &[Point], i: usize, d: Place2| {
+            let mut seen = Seen::default();
+            seen.update(&view, correction, positions, &curves);
+            let [u, v] = seen.image[i];
+            d[0] * u + d[1] * v
+        };
+        let mut seen = Seen::default();
+        seen.update(&view, &correction, &positions, &curves);
+        let h = 1e-6;
+        for (i, d) in [(7, [0.3, 0.1]), (20, [-0.1, 0.4]), (positions.len() - 2, [0.2, 0.2])] {
+            let found = seen.residual(&scene, i, seen.by_seen(&scene, i, d), 0.0, 1.0);
+            for k in 0..6 {
+                let moved = |step: f64| {
+                    let mut other = correction;
+                    other[k] += step;
+                    value(&other, &positions, i, d)
+                };
+                let slope = (moved(h) - moved(-h)) / (2.0 * h);
+                assert!((found.by_pose[k] - slope).abs() < 0.01 * slope.abs().max(1.0), "{k}: {slope}");
+            }
+            // across the rope; along it nothing moves
+            assert!(dot(found.by_place, tangents[i]).abs() < 1e-9);
+            let ray = sub(positions[i], view.pose.translation.into());
+            let across = crate::geometry::normalized(cross(ray, tangents[i]));
+            let moved = |step: f64| {
+                let mut other = positions.clone();
+                other[i] = crate::geometry::advance(other[i], step, across);
+                value(&correction, &other, i, d)
+            };
+            let slope = (moved(h) - moved(-h)) / (2.0 * h);
+            let expected = dot(found.by_place, across);
+            assert!((expected - slope).abs() < 0.01 * slope.abs().max(1.0), "{expected} for {slope}");
+        }
+    }
+}

@@ -80,9 +80,9 @@ pub fn lift(
     let ceilings: Vec<f64> = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
     let none = vec![f64::INFINITY; places.len()];
     let mut profile = Profile::new(depths, none, ranges.clone(), sensor.correlation);
-    let mut sigma = 0.5;
+    let (mut sigma, mut x) = (0.5, Vec::new());
     for _ in 0..2 {
-        let (x, _) = profile.solve(&weights, sigma, &[], 4);
+        x = profile.solve(&weights, sigma, &[], &x, 4).0;
         let seen = (0..x.len()).filter(|&i| weights[i] > 0.0);
         let residuals = seen.map(|i| (x[i] - profile.observed[i]).abs()).collect();
         sigma = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
@@ -91,15 +91,15 @@ pub fn lift(
     let seen = (0..places.len()).filter(|&i| weights[i] > 0.0);
     let below = seen.map(|i| (profile.observed[i] - ceilings[i]).max(0.0)).collect();
     let bias = median(below)?;
-    for z in &mut profile.observed {
+    for z in profile.observed.iter_mut().chain(&mut x) {
         *z -= bias;
     }
     profile.ceilings = ceilings;
     let found = overlaps(&pairs, &places, &numbers);
-    let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma };
+    let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma, start: &x };
     let decided = evidence.decide(&found);
     let order: Vec<Option<bool>> = decided.iter().map(|d| Some(d.0)).collect();
-    let (x, _) = evidence.solve(&found, &order, 6);
+    let (x, _) = evidence.solve(&found, &order, 5);
 
     let lifted = |i: usize| {
         let z = (x[i] + sensor.surface) * radius;

@@ -9,7 +9,7 @@ const DISC: f64 = 0.6;
 /// Fewest returns in a disc.
 const FEWEST: usize = 3;
 
-/// Median depths around the places of an image.
+/// Median depths around the places of an image, and its pixels inside the silhouette.
 ///
 /// Worked out once for a view, as many hypotheses ask for the same places; on a grid that is fine beside the discs.
 #[derive(Debug, Clone)]
@@ -20,6 +20,9 @@ pub struct Medians {
     size: [usize; 2],
     /// Row by row, metres; NaN where there are too few returns.
     values: Vec<f32>,
+    /// Columns and rows of the silhouette's frame, and which of its pixels lie inside.
+    frame: [usize; 2],
+    inside: Vec<bool>,
 }
 
 impl Medians {
@@ -56,7 +59,19 @@ impl Medians {
                 *value = median(&mut seen);
             }
         }
-        Self { origin, step, size, values }
+        let inside = (0..frame[0] * frame[1])
+            .map(|k| [origin[0] + (k % frame[0]) as f64, origin[1] + (k / frame[0]) as f64])
+            .map(|at| silhouette.distance(at) > 0.0)
+            .collect();
+        Self { origin, step, size, values, frame, inside }
+    }
+
+    /// Whether a pixel lies inside the silhouette.
+    #[inline]
+    pub fn inside(&self, pixel: [i64; 2]) -> bool {
+        let [x, y]: [i64; 2] = std::array::from_fn(|k| pixel[k] - self.origin[k] as i64);
+        let within = |n: i64, k: usize| (0..self.frame[k] as i64).contains(&n);
+        within(x, 0) && within(y, 1) && self.inside[y as usize * self.frame[0] + x as usize]
     }
 
     /// The median around the nearest place; NaN if there is none.

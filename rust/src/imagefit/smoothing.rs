@@ -18,6 +18,9 @@ const HUBER: f64 = 1.5;
 /// Least noise that residuals are measured by, radii.
 const LEAST_NOISE: f64 = 0.2;
 
+/// Gaps that are solved for together.
+const BATCH: usize = 4;
+
 /// Two stretches of rope, one before the other: the mean distance along the rays between samples of both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gap {
@@ -30,8 +33,9 @@ pub struct Gap {
 }
 
 impl Gap {
-    fn of(&self, x: &[f64]) -> f64 {
-        let sum: f64 = self.pairs.iter().map(|&[front, back]| x[back] - x[front]).sum();
+    /// How far apart depths keep them.
+    fn of(&self, x: impl Fn(usize) -> f64) -> f64 {
+        let sum: f64 = self.pairs.iter().map(|&[front, back]| x(back) - x(front)).sum();
         sum / self.pairs.len() as f64
     }
 }
@@ -61,56 +65,66 @@ impl Profile {
         Self { observed, ceilings, chains, stiffness, density: STEP / correlation }
     }
 
-    /// The depths of least cost, and that cost. Observations have weights of at most 1 and noise of `sigma` radii.
-    pub fn solve(&self, weights: &[f64], sigma: f64, gaps: &[Gap], rounds: usize) -> (Vec<f64>, f64) {
+    /// The depths of least cost, and that cost, in so many rounds from some depths, if there are any. Observations have
+    /// weights of at most 1 and noise of `sigma` radii.
+    pub fn solve(
+        &self,
+        weights: &[f64],
+        sigma: f64,
+        gaps: &[Gap],
+        start: &[f64],
+        rounds: usize,
+    ) -> (Vec<f64>, f64) {
         let n = self.observed.len();
         let unit = self.density / (sigma * sigma);
         let noise = sigma.max(LEAST_NOISE);
-        let (mut x, mut diagonal): (Vec<f64>, _) = (Vec::new(), vec![0.0; n]);
-        for round in 0..rounds {
-            let mut right = vec![0.0; n];
+        let (mut x, mut diagonal) = (start.to_vec(), vec![0.0; n]);
+        for _ in 0..rounds {
+            let begun = !x.is_empty();
+            let mut right = vec![[0.0]; n];
             for i in 0..n {
                 let mut weight = unit * weights[i];
-                if round > 0 {
+                if begun {
                     weight /= ((x[i] - self.observed[i]).abs() / noise / HUBER).max(1.0);
                 }
                 diagonal[i] = weight + 1e-9;
-                right[i] = weight * self.observed[i];
-                if round > 0 && x[i] > self.ceilings[i] {
+                right[i][0] = weight * self.observed[i];
+                if begun && x[i] > self.ceilings[i] {
                     diagonal[i] += BELOW * STEP;
-                    right[i] += BELOW * STEP * self.ceilings[i];
+                    right[i][0] += BELOW * STEP * self.ceilings[i];
                 }
             }
             let factor = self.stiffness.factored(&diagonal);
             factor.solve(&mut right);
-            let active: Vec<&Gap> = gaps.iter().filter(|gap| round > 0 && gap.of(&x) < gap.need).collect();
-            x = right;
+            let active: Vec<&Gap> = gaps.iter().filter(|gap| begun && gap.of(|i| x[i]) < gap.need).collect();
+            x = right.iter().map(|row| row[0]).collect();
             if active.is_empty() {
                 continue;
             }
             // Woodbury: each gap that is too small is a row of its own
-            let columns: Vec<Vec<f64>> = active
-                .iter()
-                .map(|gap| {
-                    let mut column = vec![0.0; n];
+            let mut columns: Vec<Vec<[f64; BATCH]>> = Vec::new();
+            for batch in active.chunks(BATCH) {
+                let mut block = vec![[0.0; BATCH]; n];
+                for (c, gap) in batch.iter().enumerate() {
+                    let part = 1.0 / gap.pairs.len() as f64;
                     for &[front, back] in &gap.pairs {
-                        column[back] += 1.0 / gap.pairs.len() as f64;
-                        column[front] -= 1.0 / gap.pairs.len() as f64;
+                        block[back][c] += part;
+                        block[front][c] -= part;
                     }
-                    factor.solve(&mut column);
-                    column
-                })
-                .collect();
+                }
+                factor.solve(&mut block);
+                columns.push(block);
+            }
             let m = active.len();
-            let mut small = DMatrix::from_fn(m, m, |a, b| active[a].of(&columns[b]));
+            let mut small = DMatrix::from_fn(m, m, |a, b| active[a].of(|i| columns[b / BATCH][i][b % BATCH]));
             for a in 0..m {
                 small[(a, a)] += 1.0 / (GAP * active[a].share);
             }
-            let missing = DVector::from_fn(m, |a, _| active[a].need - active[a].of(&x));
+            let missing = DVector::from_fn(m, |a, _| active[a].need - active[a].of(|i| x[i]));
             let Some(push) = small.cholesky().map(|c| c.solve(&missing)) else { continue };
-            for (column, &push) in columns.iter().zip(push.iter()) {
-                for (x, c) in x.iter_mut().zip(column) {
-                    *x += push * c;
+            for (block, push) in columns.iter().zip(push.as_slice().chunks(BATCH)) {
+                for (x, row) in x.iter_mut().zip(block) {
+                    *x += push.iter().zip(row).map(|(push, c)| push * c).sum::<f64>();
                 }
             }
         }
@@ -131,7 +145,7 @@ impl Profile {
             let bends = x[chain.clone()].windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2));
             cost += STIFFNESS / STEP.powi(3) * bends.sum::<f64>();
         }
-        let missing = gaps.iter().map(|gap| gap.share * (gap.need - gap.of(x)).max(0.0).powi(2));
+        let missing = gaps.iter().map(|gap| gap.share * (gap.need - gap.of(|i| x[i])).max(0.0).powi(2));
         cost + GAP * missing.sum::<f64>()
     }
 }
@@ -146,7 +160,7 @@ mod tests {
         let n = 101;
         let open = Profile::new(vec![0.0; 2 * n], vec![f64::INFINITY; 2 * n], vec![0..n, n..2 * n], 3.0);
         let gap = Gap { pairs: vec![[50, n + 50]], need: 1.8, share: 1.0 };
-        let (x, cost) = open.solve(&vec![1.0; 2 * n], 0.5, std::slice::from_ref(&gap), 4);
+        let (x, cost) = open.solve(&vec![1.0; 2 * n], 0.5, std::slice::from_ref(&gap), &[], 4);
         assert!((x[n + 50] + x[50]).abs() < 1e-9 && x[n + 50] > 0.3, "{}", x[n + 50]);
         // the cost is least
         for (i, step) in [(50, 1e-3), (50, -1e-3), (n + 20, 1e-3)] {
@@ -156,7 +170,7 @@ mod tests {
             assert!(open.cost(&other, &vec![1.0; 2 * n], unit, 0.5, std::slice::from_ref(&gap)) > cost);
         }
         let table = Profile { ceilings: vec![0.1; 2 * n], ..open };
-        let (y, more) = table.solve(&vec![1.0; 2 * n], 0.5, &[gap], 8);
+        let (y, more) = table.solve(&vec![1.0; 2 * n], 0.5, &[gap], &x, 8);
         assert!(more > cost && y[n + 50] < x[n + 50] && y[50] < x[50]);
     }
 }
