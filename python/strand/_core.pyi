@@ -10,7 +10,9 @@ from typing_extensions import Unpack
 __all__ = [
     "EndObservation",
     "IcpResult",
+    "ImageFit",
     "NotEnoughDataError",
+    "RopeImages",
     "StrandError",
     "TubeFit",
     "Visibility",
@@ -203,6 +205,62 @@ class IcpResult:
     def converged(self) -> bool: ...
     @property
     def stop(self) -> Literal["tolerance", "iterations", "too few correspondences", "degenerate"]: ...
+
+@final
+class ImageFit:
+    @property
+    def controls(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def nodes(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def covariances(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def corrections(self) -> NDArray[np.float64]: ...
+    @property
+    def reference(self) -> int: ...
+    @property
+    def noise(self) -> float: ...
+    @property
+    def misfit(self) -> list[float]: ...
+    @property
+    def crossings(self) -> list[tuple[list[float], float]]: ...
+
+@final
+class RopeImages:
+    def __new__(
+        cls,
+        depths: Sequence[ArrayLike],
+        masks: Sequence[NDArray[np.bool_]],
+        cameras: Sequence[tuple[tuple[float, float], tuple[float, float]]],
+        poses: Sequence[ArrayLike],
+        radius: float,
+    ) -> RopeImages: ...
+    @property
+    def radii(self) -> NDArray[np.float64]: ...
+    def readings(
+        self, ropes: SupportsIndex | None, most: SupportsIndex
+    ) -> list[tuple[float, int, list[NDArray[np.float64]], int]]: ...
+    def reading_cost(self, view: SupportsIndex, chains: Sequence[NDArray[np.float64]]) -> float: ...
+    def fit(
+        self,
+        hypotheses: Sequence[tuple[int, Sequence[NDArray[np.float64]]]],
+        plane: tuple[ArrayLike, float] | None,
+        held: SupportsIndex,
+        pose_sd: tuple[float, float],
+        correlation: float,
+        iterations: SupportsIndex,
+        uncertainty: bool,
+    ) -> list[ImageFit | None]: ...
+    def refit(
+        self,
+        before: ImageFit,
+        plane: tuple[ArrayLike, float] | None,
+        held: SupportsIndex,
+        pose_sd: tuple[float, float],
+        correlation: float,
+        iterations: SupportsIndex,
+    ) -> ImageFit | None: ...
+    def support(self, fit: ImageFit) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]: ...
 
 def crop(
     points: ArrayLike, pose: ArrayLike, low: ArrayLike, high: ArrayLike, colors: ArrayLike | None = None

@@ -1,7 +1,7 @@
 """The default method: tubes fitted to points and readings of images, compared by what they leave unexplained.
 
-Tubes are better where depth is good, readings where its errors are wide or alike from pixel to pixel. The likelier of
-the two is asked first, and the other only if that leaves something unexplained.
+Tubes are better where depth is good, readings where its errors are wide or alike from pixel to pixel. The
+likelier of the two is asked first, and the other only if that leaves something unexplained.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from strand.tubes.method import find_chains as find_tubes
 
 # an answer this sure is not compared
 _SURE = 0.35
-# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to pixel,
-# they follow the rope more closely
+# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
+# pixel, they follow the rope more closely
 _NARROW = 0.25
 # neighbouring pixels' errors that are less alike count as independent
 _PLAIN = 0.1
@@ -83,14 +83,16 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
 
 
 def _correlated(what: Read) -> bool:
-    """Whether errors of neighbouring pixels are alike, as the surroundings show: tubes take that for shape."""
-    images = [(image.depth, float(np.median(image.depth[image.mask]))) for image in what.taken]
-    correlations, followed = plane_correlations(images, 1)
+    """Tell whether errors of neighbouring pixels are alike, as the surroundings show: tubes take that for shape."""
+    images = [(image.depth, image.depth[image.mask]) for image in what.taken]
+    correlations, followed = plane_correlations(
+        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
+    )
     return bool(correlations) and correlations[0] + followed > _PLAIN
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
-    """The answer by tubes, and its warnings apart."""
+    """Return the answer by tubes, and its warnings apart."""
     own = Run(run.progress, run.timings)
     try:
         return find_tubes(observed, config, own), own
@@ -110,7 +112,7 @@ def _certain(found: Found) -> bool:
 def _better(
     what: Read, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
 ) -> Found:
-    """The better of the answers, by what they leave unexplained."""
+    """Return the better of the answers, by what they leave unexplained."""
     if tubes is None:
         return answer(what, observed, config, run)
     radius = float(observed.radii.values[0])

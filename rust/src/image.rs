@@ -189,7 +189,8 @@ fn next(values: &[bool], from: usize, value: bool) -> usize {
     const MANY: usize = 32;
     let mut at = from;
     // without a way out early, many at once
-    while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value)) {
+    while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value))
+    {
         at += MANY;
     }
     values[at..].iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
@@ -257,14 +258,7 @@ pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
 
 /// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest;
 /// those with g(i) = `far` are left out.
-fn envelope(
-    g: &[u32],
-    begin: usize,
-    end: usize,
-    far: u32,
-    sites: &mut Vec<usize>,
-    starts: &mut Vec<f32>,
-) {
+fn envelope(g: &[u32], begin: usize, end: usize, far: u32, sites: &mut Vec<usize>, starts: &mut Vec<f32>) {
     sites.clear();
     starts.clear();
     for i in (begin..end).filter(|&i| g[i] < far) {
@@ -285,5 +279,78 @@ fn envelope(
             starts.push(meet);
             break;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pixels that are drawn by lot, most of them set.
+    fn drawn(width: usize, height: usize, seed: u64) -> Image<bool> {
+        let mut state = seed;
+        let mut image = Image::filled(width, height, true);
+        for value in &mut image.values {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            *value = state >> 33 & 31 != 0;
+        }
+        image
+    }
+
+    #[test]
+    fn distances_are_those_of_brute_force() {
+        for seed in 1..6 {
+            let image = drawn(37, 23, seed);
+            for of in [true, false] {
+                let found = distances(&image, of, 60);
+                for k in 0..image.values.len() {
+                    let (x, y) = (k % 37, k / 37);
+                    let square = (0..image.values.len())
+                        .filter(|&j| image.values[j] != of)
+                        .map(|j| (j % 37).abs_diff(x).pow(2) + (j / 37).abs_diff(y).pow(2))
+                        .min();
+                    let expected = (square.unwrap() as f32).sqrt();
+                    assert!((found.values[k] - expected).abs() < 1e-5, "{} for {expected}", found.values[k]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn distances_above_the_most_are_not_found_below_it() {
+        let mut image = Image::filled(50, 40, true);
+        image.set(3, 4, false);
+        let found = distances(&image, true, 10);
+        for k in 0..image.values.len() {
+            let expected = ((k % 50) as f32 - 3.0).hypot((k / 50) as f32 - 4.0);
+            let right = (found.values[k] - expected).abs() < 1e-4;
+            assert!(right || (expected > 10.0 && found.values[k] >= 10.0));
+        }
+    }
+
+    #[test]
+    fn blobs_are_numbered_and_counted() {
+        let rows = ["##...", "..#..", "....#", "#...#"];
+        let values: Vec<bool> = rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect();
+        let image = Image { width: 5, height: 4, values };
+        assert_eq!(blobs(&image, true, true).sizes[1..], [3, 2, 1]);
+        assert_eq!(blobs(&image, true, false).sizes[1..], [2, 1, 2, 1]);
+        let found = blobs(&image, true, true);
+        assert_eq!(found.numbers.at(2, 1), found.numbers.at(0, 0));
+        assert_eq!(found.numbers.at(1, 1), 0);
+    }
+
+    #[test]
+    fn smoothing_keeps_the_sum_and_the_middle() {
+        let mut image = Image::filled(41, 31, 0.0f32);
+        image.set(20, 15, 1.0);
+        let found = image.smoothed(2.0);
+        let sum: f32 = found.values.iter().sum();
+        assert!((sum - 1.0).abs() < 1e-5);
+        assert!((found.at(18, 15) - found.at(22, 15)).abs() < 1e-7);
+        assert!((found.at(20, 15) - 1.0 / (8.0 * std::f32::consts::PI)).abs() < 1e-3);
+        assert!(
+            (found.between(20.5, 15.0) - f64::from(found.at(20, 15) + found.at(21, 15)) / 2.0).abs() < 1e-7
+        );
     }
 }

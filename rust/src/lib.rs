@@ -28,7 +28,7 @@
 //! ```
 #![warn(missing_docs)]
 // the bindings use more of the crate than it exports
-#![cfg_attr(not(feature = "python"), allow(dead_code))]
+#![cfg_attr(not(feature = "python"), allow(dead_code, unused_imports))]
 
 mod apparent_radius;
 mod arclength;

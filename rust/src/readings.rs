@@ -12,9 +12,11 @@ mod planar;
 mod refine;
 mod search;
 mod skeleton;
+#[cfg(test)]
+mod tests;
 
 pub use ends::extended;
 pub use network::shown_radius;
-pub use skeleton::skeleton;
 pub use planar::resampled;
 pub use search::{cost, readings};
+pub use skeleton::skeleton;

@@ -2,7 +2,7 @@
 //!
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
-use crate::image::{Image, Run, blobs, distances};
+use crate::image::{Blobs, Image, Run, blobs, distances};
 use crate::readings::{shown_radius, skeleton};
 
 /// A place on a mask's edge.
@@ -50,6 +50,8 @@ const RAGGED_HOLE: f64 = 1.0;
 /// Standard deviation of the smoothing, pixels; and more for a ragged mask, radii.
 const SMOOTH: f64 = 0.6;
 const RAGGED_SMOOTH: f64 = 0.3;
+/// Fewest pixels of a hole that a segmenter left.
+const LEAST_HOLE: usize = 4;
 /// A mask of which specks and holes are this share is ragged.
 const RAGGED: f64 = 0.04;
 
@@ -224,9 +226,104 @@ fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2],
         cut.values[start + run.begin..start + run.end].fill(true);
     }
     let holes = blobs(&cut, false, false);
-    let lost: usize = holes.sizes.iter().filter(|&&size| (size as f64) < square).sum();
+    let lost: usize = compact(&holes).filter(|&size| (size as f64) < square).sum();
     let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
     let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
     let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
     Some((origin, Image { width: w, height: h, values }, ragged))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 120;
+    const HEIGHT: usize = 90;
+
+    fn mask(inside: impl Fn(f64, f64) -> bool) -> Vec<bool> {
+        (0..WIDTH * HEIGHT).map(|k| inside((k % WIDTH) as f64, (k / WIDTH) as f64)).collect()
+    }
+
+    #[test]
+    fn the_distance_from_the_edge_of_a_disc_is_known_to_half_a_pixel() {
+        let (x, y, radius) = (57.3, 44.8, 25.0);
+        let disc = mask(|u, v| (u - x).hypot(v - y) < radius);
+        for scale in 1..4 {
+            let found = Silhouette::new(&disc, WIDTH, 8.0, scale).unwrap();
+            for k in 0..WIDTH * HEIGHT {
+                let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64);
+                let expected = radius - (u - x).hypot(v - y);
+                if expected.abs() < 8.0 && (u - x).abs().max((v - y).abs()) < radius + 4.0 {
+                    assert!((found.distance([u, v]) - expected).abs() < 0.5, "{scale}: {u}, {v}");
+                }
+            }
+            assert!(found.boundary.len() > 50);
+            for edge in &found.boundary {
+                let out = [edge.at[0] - x, edge.at[1] - y];
+                let away = out[0].hypot(out[1]);
+                assert!((away - radius).abs() < 0.5);
+                let cos = (out[0] * edge.normal[0] + out[1] * edge.normal[1]) / away;
+                assert!(cos > 0.88, "{scale}: {cos}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_strip_has_its_width_and_the_length_of_its_edges() {
+        // 12 pixels wide, aslant
+        let (cos, sin) = (0.8, 0.6);
+        let strip = mask(|u, v| {
+            let (along, across) = (cos * (u - 60.0) + sin * (v - 45.0), cos * (v - 45.0) - sin * (u - 60.0));
+            along.abs() < 40.0 && across.abs() < 6.0
+        });
+        let found = Silhouette::of_rope(&strip, WIDTH, 5.5).unwrap();
+        assert!((found.radius_px - 6.0).abs() < 0.8, "{}", found.radius_px);
+        let sides: f64 = found
+            .boundary
+            .iter()
+            .filter(|e| (cos * (e.at[0] - 60.0) + sin * (e.at[1] - 45.0)).abs() < 30.0)
+            .inspect(|e| {
+                let across = cos * (e.at[1] - 45.0) - sin * (e.at[0] - 60.0);
+                assert!((across.abs() - 6.0).abs() < 0.5);
+                assert!((cos * e.normal[1] - sin * e.normal[0]) * across.signum() > 0.88);
+            })
+            .map(|e| e.weight)
+            .sum();
+        // a place for each pixel column that an edge crosses, and more
+        assert!(sides > 0.7 * 120.0 && sides < 1.8 * 120.0, "{sides}");
+        assert!(
+            (found.pixels().count() as f64 / strip.iter().filter(|&&m| m).count() as f64 - 1.0).abs() < 0.1
+        );
+    }
+
+    #[test]
+    fn specks_are_left_out_and_small_holes_filled() {
+        let with_both = mask(|u, v| {
+            let strip = (v - 45.0).abs() < 8.0 && u > 10.0 && u < 110.0;
+            let hole = (u - 60.0).abs() < 1.5 && (v - 45.0).abs() < 1.5;
+            let speck = (u - 30.0).abs() < 4.0 && (v - 80.0).abs() < 4.0;
+            (strip && !hole) || speck
+        });
+        let found = Silhouette::new(&with_both, WIDTH, 8.0, 2).unwrap();
+        assert!(found.distance([60.0, 45.0]) > 6.0);
+        assert!(found.distance([30.0, 80.0]) < 0.0);
+        assert!(Silhouette::new(&mask(|_, _| false), WIDTH, 8.0, 2).is_none());
+        assert!(Silhouette::new(&mask(|u, v| u + v < 3.0), WIDTH, 8.0, 2).is_none());
+        assert!(Silhouette::new(&[], 0, 8.0, 2).is_none());
+    }
+}
+
+/// Sizes of blobs that are about as wide as long: what is narrow is a gap between strands rather than a bit that a
+/// segmenter lost.
+fn compact(found: &Blobs) -> impl Iterator<Item = usize> {
+    let mut boxes = vec![[usize::MAX, 0, usize::MAX, 0]; found.sizes.len()];
+    for run in &found.runs {
+        let [left, right, top, bottom] = boxes[run.blob];
+        boxes[run.blob] =
+            [left.min(run.begin), right.max(run.end), top.min(run.row), bottom.max(run.row + 1)];
+    }
+    boxes.into_iter().zip(&found.sizes).filter_map(|([left, right, top, bottom], &size)| {
+        let long = (right - left).max(bottom - top);
+        (size >= LEAST_HOLE && 2 * long * long <= 5 * size).then_some(size)
+    })
 }

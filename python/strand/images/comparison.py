@@ -100,7 +100,7 @@ def explained(
     costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     order = np.argsort(costs, kind="stable")
-    return [Explanation(*pairs[k], float(costs[k])) for k in order]
+    return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
 
 
 def refitted(images: RopeImages, fit: ImageFit, table: Table, held: int, config: Config) -> ImageFit:

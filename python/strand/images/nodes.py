@@ -16,7 +16,9 @@ from strand.curve import Curve
 _END_SD = 0.5
 
 
-def as_chains(images: RopeImages, fit: ImageFit, radius: float, radius_sd: float, config: Config) -> list[Chain]:
+def as_chains(
+    images: RopeImages, fit: ImageFit, radius: float, radius_sd: float, config: Config
+) -> list[Chain]:
     """Make chains of fitted curves.
 
     Parameters

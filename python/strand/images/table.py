@@ -81,9 +81,9 @@ def _beside(image: RopeImage, radius: float) -> Array:
             inside = image.mask[
                 max(dv, 0) : height + min(dv, 0) or None, max(du, 0) : width + min(du, 0) or None
             ]
-            ropes[
-                max(-dv, 0) : height + min(-dv, 0) or None, max(-du, 0) : width + min(-du, 0) or None
-            ] |= inside
+            ropes[max(-dv, 0) : height + min(-dv, 0) or None, max(-du, 0) : width + min(-du, 0) or None] |= (
+                inside
+            )
     kept = ~ropes[v, u] & (z > 0) & np.isfinite(z)
     u, v, z = u[kept], v[kept], z[kept]
     (fx, fy), (cx, cy) = image.focal, image.centre
