@@ -15,6 +15,8 @@ from strand.default import find_chains as find_by_default
 from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions
 from strand.evidence.prior import Prior
+from strand.images.radius import shown_radius
+from strand.images.seen import rope_images
 from strand.masks import misplaced_masks, surplus_labels
 from strand.model import Model, ModelWarning
 from strand.orientation import oriented
@@ -124,7 +126,14 @@ def reconstruct(
         raise NotEnoughDataError(f"views: {why_empty(views, box)}")
     if radii is None:
         with run.stage("radius"):
-            radii = Radii(*estimate_radius(raw), free=True)
+            masked = [i for i, view in enumerate(views) if view.mask is not None and len(raw[i].points)]
+            if masked and method.any_radius:
+                pictures = rope_images([raw[i] for i in masked], [views[i] for i in masked], box)
+                radii = Radii(*shown_radius(pictures), free=False, held=True)
+                message = "radius: masks alone fix it by how wide the rope looks; give it if it is known"
+                run.warnings.append(ModelWarning("radius", message))
+            else:
+                radii = Radii(*estimate_radius(raw), free=True)
     with run.stage("filter"):
         filtered = without_outliers(raw, float(radii.values[0]), config.filter, method.widen)
         used = _used(views, raw, filtered, run)

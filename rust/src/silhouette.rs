@@ -113,6 +113,12 @@ impl Silhouette {
         Some(made)
     }
 
+    /// The radius of the rope that a mask shows, pixels, if nothing is known of it.
+    pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
+        let rough = shown_radius(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
+        shown_radius(&Self::new(mask, width, rough, 2)?)
+    }
+
     /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
     /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {

@@ -17,6 +17,8 @@ Table = tuple[Array, float] | None
 # what a hypothesis costs: mask that nothing covers, tube outside masks, squares of depth's residuals, bending
 # and its change, and what its reading of the image costs
 _UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
+# and each rope
+_ROPE = 6.0
 # readings of each view, and how much more than the best a reading may cost to be fitted; two always are
 READINGS, _MORE = 6, 12.0
 # steps of the first fit
@@ -99,6 +101,7 @@ def explained(
     costs = _UNCOVERED * uncovered + _OUTSIDE * outside
     costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
+    costs += _ROPE * np.array([len(reading.chains) for reading, _ in pairs])
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
 

@@ -354,6 +354,14 @@ fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
     Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
 }
 
+/// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.
+#[pyfunction]
+pub(super) fn shown_radius(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<Option<f64>> {
+    let width = mask.shape()[1];
+    let mask = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
+    Ok(py.detach(|| Silhouette::shown_radius(mask, width)))
+}
+
 /// Ropes fitted to masks and depth.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct ImageFit {

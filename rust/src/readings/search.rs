@@ -13,6 +13,8 @@ use crate::image::blobs;
 use crate::parallel;
 use crate::silhouette::Silhouette;
 
+/// What each rope costs if their number is not known.
+const ROPE: f64 = 5.0;
 /// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
 const RING: f64 = 6.0;
 const TOO_FEW: f64 = 8.0;
@@ -257,6 +259,8 @@ fn search(
                 more += GAP * gaps;
             }
             more += TOO_FEW * ropes.saturating_sub(chains.len()) as f64;
+        } else {
+            more += ROPE * chains.len() as f64;
         }
         let fixed: f64 =
             choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
