@@ -189,7 +189,8 @@ fn next(values: &[bool], from: usize, value: bool) -> usize {
     const MANY: usize = 32;
     let mut at = from;
     // without a way out early, many at once
-    while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value)) {
+    while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value))
+    {
         at += MANY;
     }
     values[at..].iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
@@ -257,14 +258,7 @@ pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
 
 /// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest;
 /// those with g(i) = `far` are left out.
-fn envelope(
-    g: &[u32],
-    begin: usize,
-    end: usize,
-    far: u32,
-    sites: &mut Vec<usize>,
-    starts: &mut Vec<f32>,
-) {
+fn envelope(g: &[u32], begin: usize, end: usize, far: u32, sites: &mut Vec<usize>, starts: &mut Vec<f32>) {
     sites.clear();
     starts.clear();
     for i in (begin..end).filter(|&i| g[i] < far) {

@@ -6,6 +6,7 @@
 
 mod ends;
 mod links;
+mod lookup;
 mod network;
 mod pairings;
 mod planar;
@@ -15,6 +16,6 @@ mod skeleton;
 
 pub use ends::extended;
 pub use network::shown_radius;
-pub use skeleton::skeleton;
 pub use planar::resampled;
 pub use search::{cost, readings};
+pub use skeleton::skeleton;
