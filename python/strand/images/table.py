@@ -9,8 +9,8 @@ import numpy as np
 from strand.checks import Array
 from strand.images.seen import RopeImage
 
-# points, planes through three of them that are tried, of how many points each is asked, and the share of points that a
-# table needs
+# points, planes through three of them that are tried, each compared with one point of so many, and the
+# share of points that a table needs
 _POINTS, _TRIES, _EACH, _SHARE = 1500, 150, 3, 0.5
 # pixels around the ropes that are left out, and how far the table is looked for, in radii
 _EDGE, _AROUND = 4, 40.0
