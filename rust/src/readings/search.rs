@@ -53,9 +53,12 @@ struct Lead {
 /// What readings of one silhouette share.
 struct Known {
     votes: Votes,
-    /// Pairings by zone and ports, so that a zone that looks the same in two readings is worked out once.
-    pairings: BTreeMap<(Vec<usize>, Vec<(usize, usize, usize)>), Arc<Pairings>>,
+    /// So that a zone that looks the same in two readings is worked out once.
+    pairings: BTreeMap<ZoneName, Arc<Pairings>>,
 }
+
+/// What a zone is known by: its pixels, and of its ports the end, the middle and the length of their segments.
+type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
