@@ -6,6 +6,7 @@
 
 mod ends;
 mod links;
+mod lookup;
 mod network;
 mod pairings;
 mod planar;

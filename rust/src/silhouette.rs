@@ -41,6 +41,8 @@ pub struct Silhouette {
     origin: [f64; 2],
 }
 
+/// Distances outside the mask are right up to this, and 4 pixels, radii.
+const FAR: f64 = 5.0;
 /// Pixels around the mask that are kept.
 const PAD: usize = 6;
 /// Blobs of mask below this are specks, and holes below this are filled, squared radii; more of a ragged mask.
@@ -74,7 +76,7 @@ impl Silhouette {
         if !inside.values.contains(&true) {
             return None;
         }
-        let reach = ((8.0 * radius_px + 4.0) * scale as f64).ceil() as usize;
+        let reach = ((FAR * radius_px + 4.0) * scale as f64).ceil() as usize;
         let mut depth = distances(&inside, true, bh);
         let outside = distances(&inside, false, reach);
         let step = scale as f32;
@@ -85,11 +87,11 @@ impl Silhouette {
             *inner = (*inner - 0.5).max(0.0) / step;
         }
         let smooth = signed.smoothed(1.0);
-        let mask = centers_inside(&signed, scale);
         let skeleton = skeleton(&inside);
-        let boundary = Vec::new();
+        let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
         let mut made =
             Self { radius_px, boundary, mask, inside, skeleton, depth, signed, smooth, scale, origin };
+        made.mask.values = (0..w * h).map(|k| made.pixel_distance(k % w, k / w) > 0.0).collect();
         made.find_boundary(w, h);
         Some(made)
     }
@@ -98,7 +100,7 @@ impl Silhouette {
     ///
     /// The radius is corrected by what the mask shows, which is a little eaten or grown.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
-        let scale = if radius_px < 6.0 {
+        let scale = if radius_px < 4.5 {
             3
         } else if radius_px < 10.0 {
             2
@@ -115,8 +117,9 @@ impl Silhouette {
 
     /// The radius of the rope that a mask shows, pixels, if nothing is known of it.
     pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
-        let rough = shown_radius(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
-        shown_radius(&Self::new(mask, width, rough, 2)?)
+        let shown = |made: &Self| shown_radius(&made.skeleton, &made.depth);
+        let rough = shown(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
+        shown(&Self::new(mask, width, rough, 2)?)
     }
 
     /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
@@ -124,19 +127,13 @@ impl Silhouette {
     fn find_boundary(&mut self, w: usize, h: usize) {
         let step = ((self.radius_px / 4.0).round() as usize).max(1);
         let near = 0.5 * step as f64;
-        // no pixel's distance is off by more at the place beside it
-        let nearly = (near + 1.0) as f32;
-        let middle = (self.scale - 1) / 2;
         for y in (0..h).step_by(step) {
             for x in (0..w).step_by(step) {
-                if self.signed.at(x * self.scale + middle, y * self.scale + middle).abs() > nearly {
-                    continue;
-                }
-                let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
-                let away = self.distance(at);
+                let away = self.pixel_distance(x, y);
                 if away.abs() > near {
                     continue;
                 }
+                let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
                 let gradient = self.gradient(at);
                 let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
                 if norm < 0.2 {
@@ -154,6 +151,22 @@ impl Silhouette {
     pub fn distance(&self, uv: [f64; 2]) -> f64 {
         let [x, y] = self.magnified(uv);
         self.signed.between(x, y)
+    }
+
+    /// The signed distance of the centre of a pixel of the frame.
+    #[inline]
+    pub fn pixel_distance(&self, x: usize, y: usize) -> f64 {
+        // the first and last of the magnified pixels that are at the centre
+        let (first, last) = ((self.scale - 1) / 2, self.scale / 2);
+        let (i, j) = (x * self.scale, y * self.scale);
+        let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
+        0.25 * (at(first, first) + at(last, first) + at(first, last) + at(last, last))
+    }
+
+    /// Whether a pixel of the frame is inside.
+    #[inline]
+    pub fn holds(&self, x: usize, y: usize) -> bool {
+        self.mask.at(x, y)
     }
 
     /// How the distance grows along columns and rows.
@@ -185,23 +198,6 @@ impl Silhouette {
         let scale = self.scale as f64;
         [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
     }
-}
-
-/// Which pixels' centres are inside, by the signed distances of a magnified image.
-fn centers_inside(signed: &Image<f32>, scale: usize) -> Image<bool> {
-    let (w, h) = (signed.width / scale, signed.height / scale);
-    // the first and last of the magnified pixels that are at the centre
-    let (first, last) = ((scale - 1) / 2, scale / 2);
-    let mut mask = Image::filled(w, h, false);
-    for (y, row) in mask.values.chunks_exact_mut(w).enumerate() {
-        let line = |y: usize| &signed.values[y * signed.width..(y + 1) * signed.width];
-        let (above, below) = (line(y * scale + first), line(y * scale + last));
-        for (x, value) in row.iter_mut().enumerate() {
-            let (i, j) = (x * scale + first, x * scale + last);
-            *value = above[i] + above[j] + below[i] + below[j] > 0.0;
-        }
-    }
-    mask
 }
 
 /// The mask without specks, cut to what is left of it, with a margin; the column and row of its corner; and how ragged it is,

@@ -113,7 +113,7 @@ def _of_points(view: View) -> RopeImage:
 
 
 def _focal(slopes: Array, extent: float) -> float:
-    """Find the focal length at which most points have a pixel of their own, pixels."""
+    """Return the focal length at which most points have a pixel of their own, pixels."""
     low, high = 1.0 / max(extent, 1e-9), _LARGEST / max(extent, 1e-9)
     for _ in range(12):
         middle = float(np.sqrt(low * high))

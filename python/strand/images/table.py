@@ -9,8 +9,9 @@ import numpy as np
 from strand.checks import Array
 from strand.images.seen import RopeImage
 
-# points, planes through three of them that are tried, and the share of points that a table needs
-_POINTS, _TRIES, _SHARE = 1500, 150, 0.5
+# points, planes through three of them that are tried, each compared with one point of so many, and the
+# share of points that a table needs
+_POINTS, _TRIES, _EACH, _SHARE = 1500, 150, 3, 0.5
 # pixels around the ropes that are left out, and how far the table is looked for, in radii
 _EDGE, _AROUND = 4, 40.0
 # points of the table scatter by this much, in radii
@@ -47,15 +48,17 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
     if not len(normals):
         return None
     offsets = (normals * corners).sum(axis=1)
-    near = np.abs(points @ normals.T - offsets) < _SCATTER * radius
+    # a part of the points tells planes apart
+    near = np.abs(points[::_EACH] @ normals.T - offsets) < _SCATTER * radius
     best = int(near.sum(axis=0).argmax())
-    on = near[:, best]
+    on = np.abs(points @ normals[best] - offsets[best]) < _SCATTER * radius
     if np.count_nonzero(on) < _SHARE * len(points):
         return None
     for _ in range(3):
         middle = points[on].mean(axis=0)
-        normal = np.linalg.svd(points[on] - middle, full_matrices=False)[2][2]
-        on = np.abs((points - middle) @ normal) < _SCATTER * radius
+        away = points - middle
+        normal = np.linalg.eigh(away[on].T @ away[on])[1][:, 0]
+        on = np.abs(away @ normal) < _SCATTER * radius
         if np.count_nonzero(on) < 100:
             return None
     if normal @ (image.pose[:3, 3] - middle) < 0:
@@ -65,26 +68,19 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
 
 def _beside(image: RopeImage, radius: float) -> Array:
     """Points, world frame, of pixels around the ropes but not next to them."""
-    rows, columns = np.nonzero(image.mask)
-    far = float(np.median(image.depth[rows, columns]))
+    rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
+    far = float(np.median(image.depth[image.mask]))
     reach = int(_AROUND * radius * image.focal[0] / max(far, 1e-9)) if far > 0 else _EDGE
     height, width = image.mask.shape
-    top, bottom = max(rows.min() - reach, 0), min(rows.max() + reach + 1, height)
-    left, right = max(columns.min() - reach, 0), min(columns.max() + reach + 1, width)
+    top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
+    left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)
     v, u = (part.ravel() for part in np.mgrid[top:bottom:step, left:right:step])
     z = image.depth[v, u]
-    # the mask, grown
-    ropes = np.zeros(image.mask.shape, dtype=bool)
+    kept = (z > 0) & np.isfinite(z)
     for dv in (-_EDGE, 0, _EDGE):
         for du in (-_EDGE, 0, _EDGE):
-            inside = image.mask[
-                max(dv, 0) : height + min(dv, 0) or None, max(du, 0) : width + min(du, 0) or None
-            ]
-            ropes[max(-dv, 0) : height + min(-dv, 0) or None, max(-du, 0) : width + min(-du, 0) or None] |= (
-                inside
-            )
-    kept = ~ropes[v, u] & (z > 0) & np.isfinite(z)
+            kept &= ~image.mask[np.clip(v + dv, 0, height - 1), np.clip(u + du, 0, width - 1)]
     u, v, z = u[kept], v[kept], z[kept]
     (fx, fy), (cx, cy) = image.focal, image.centre
     points = np.column_stack([(u - cx) * z / fx, (v - cy) * z / fy, z])

@@ -38,20 +38,35 @@ impl Medians {
             .flat_map(|b| (-whole..=whole).map(move |a| [a, b]))
             .filter(|[a, b]| ((a * a + b * b) as f64) <= reach * reach)
             .collect();
+        let corner = origin.map(|c| c as i64);
+        // what counts, over the frame
+        let mut returns = vec![f32::NAN; frame[0] * frame[1]];
+        for y in 0..frame[1] {
+            for x in 0..frame[0] {
+                let (u, v) = (corner[0] + x as i64, corner[1] + y as i64);
+                if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
+                    let i = v as usize * width + u as usize;
+                    if has_return(depth[i]) && (mask[i] || silhouette.holds(x, y)) {
+                        returns[y * frame[0] + x] = depth[i] as f32;
+                    }
+                }
+            }
+        }
         let mut values = vec![f32::NAN; size[0] * size[1]];
         let mut seen = Vec::with_capacity(disc.len());
         for (k, value) in values.iter_mut().enumerate() {
-            let at = [origin[0] + step * (k % size[0]) as f64, origin[1] + step * (k / size[0]) as f64];
-            if silhouette.distance(at) < -reach {
+            // steps are whole pixels
+            let (x, y) = (step as usize * (k % size[0]), step as usize * (k / size[0]));
+            if x >= frame[0] || y >= frame[1] || silhouette.pixel_distance(x, y) < -reach {
                 continue;
             }
             seen.clear();
             for [a, b] in &disc {
-                let (u, v) = (at[0] as i64 + a, at[1] as i64 + b);
-                if u >= 0 && v >= 0 && (u as usize) < width && (v as usize) < height {
-                    let i = v as usize * width + u as usize;
-                    if has_return(depth[i]) && (mask[i] || silhouette.distance([u as f64, v as f64]) > 0.0) {
-                        seen.push(depth[i] as f32);
+                let (u, v) = (x as i64 + a, y as i64 + b);
+                if u >= 0 && v >= 0 && (u as usize) < frame[0] && (v as usize) < frame[1] {
+                    let z = returns[v as usize * frame[0] + u as usize];
+                    if !z.is_nan() {
+                        seen.push(z);
                     }
                 }
             }

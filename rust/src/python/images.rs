@@ -238,6 +238,7 @@ impl RopeImages {
     }
 
     /// Fit once more from where a fit ended, with covariances; arguments as those of `fit`. None if that fails.
+    #[allow(clippy::too_many_arguments)]
     fn refit(
         &self,
         py: Python<'_>,

@@ -1,9 +1,8 @@
 //! Curves through zones: from port to port, fitted to the mask's edge.
 
+use super::lookup::Lookup;
 use super::network::{Network, Port, Skeleton};
-use super::planar::{
-    Place, apart, bending, hermite, length, longest_step, nearest_node, resampled, smoothed, unit,
-};
+use super::planar::{Place, apart, bending, hermite, length, resampled, smoothed, unit};
 use crate::banded::Bordered;
 use crate::silhouette::{Edge, Silhouette};
 
@@ -17,9 +16,9 @@ pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
 const EDGE_SD: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.5;
 /// Edges that want the axis farther than this from a curve at first are not its own, radii.
-const FARTHEST: f64 = 4.0;
+const FARTHEST: f64 = 3.0;
 /// Nodes on each side of the last nearest one that are asked.
-const NEAR: usize = 5;
+const NEAR: usize = 3;
 /// What bending, its change, and tube outside the mask cost.
 const BENDING: f64 = 3.0;
 const CHANGE: f64 = 5.0;
@@ -30,6 +29,13 @@ const SHARPEST: f64 = 1.0;
 /// What an end inside a zone costs, and a stub that is nothing.
 const FREE_END: f64 = 5.0;
 const DROPPED: f64 = 1.5;
+/// A fit is given up after so many steps if its curve then costs this many times what two ends and all the mask that it
+/// can cover do: for an end, and for each radius of the curve.
+const TRIAL: usize = 3;
+const HOPELESS: f64 = 2.0;
+const BARE: f64 = 2.0;
+/// A curve that costs less than this is not tried from another start.
+const GOOD: f64 = 0.5;
 /// Longer curves through a zone are not tried, radii.
 const LONGEST: f64 = 100.0;
 
@@ -47,33 +53,56 @@ pub struct Link {
     pub dropped: bool,
 }
 
+/// Where a mask's edges want the axis of a rope: a radius inside.
+pub struct Votes {
+    places: Vec<Place>,
+    lookup: Lookup,
+}
+
+impl Votes {
+    pub fn new(silhouette: &Silhouette) -> Self {
+        let rr = silhouette.radius_px;
+        let vote = |e: &Edge| [e.at[0] - rr * e.normal[0], e.at[1] - rr * e.normal[1]];
+        let places: Vec<Place> = silhouette.boundary.iter().map(vote).collect();
+        let lookup = Lookup::new(&places, rr);
+        Self { places, lookup }
+    }
+
+    /// Those near a polyline: their numbers, ascending, and the node that is nearest to each.
+    fn near(&self, p: &[Place], within: f64) -> Vec<(usize, usize)> {
+        let mut nearest = vec![(within * within, usize::MAX); self.places.len()];
+        for (i, node) in p.iter().enumerate() {
+            self.lookup.visit(*node, within, |k| {
+                let vote = self.places[k];
+                let square = (vote[0] - node[0]).powi(2) + (vote[1] - node[1]).powi(2);
+                if square < nearest[k].0 {
+                    nearest[k] = (square, i);
+                }
+            });
+        }
+        nearest.iter().enumerate().filter(|(_, n)| n.1 != usize::MAX).map(|(k, n)| (k, n.1)).collect()
+    }
+}
+
 /// Moves a polyline so that the mask's edge is a radius away, its tube is in the mask and it bends little.
 ///
-/// `anchors`: how much each node is held, in units of 1/radius².
-pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Place> {
+/// `anchors`: how much each node is held, in units of 1/radius². None if the curve would be no part of a good reading.
+fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
     let rr = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / rr;
     let smooth = smoothness(n, h, FIT_BENDING);
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for x in p {
-        for c in 0..2 {
-            low[c] = low[c].min(x[c] - FARTHEST * rr);
-            high[c] = high[c].max(x[c] + FARTHEST * rr);
-        }
-    }
     let mut x = p.to_vec();
-    let step = longest_step(&x).max(1e-9);
-    // edges that may be the curve's, where they want its axis, and the nearest node
-    let mut edges: Vec<(Place, Edge, usize)> = silhouette
-        .boundary
-        .iter()
-        .map(|e| ([e.at[0] - rr * e.normal[0], e.at[1] - rr * e.normal[1]], *e))
-        .filter(|(vote, _)| (0..2).all(|c| vote[c] > low[c] && vote[c] < high[c]))
-        .filter_map(|(vote, e)| Some((vote, e, nearest_node(vote, &x, step, FARTHEST * rr)?.0)))
+    let mut edges: Vec<(Place, Edge, usize)> = votes
+        .near(p, FARTHEST * rr)
+        .into_iter()
+        .map(|(k, nearest)| (votes.places[k], silhouette.boundary[k], nearest))
         .collect();
     for iteration in 0..8 {
+        let most_cost = HOPELESS * (2.0 * FREE_END + BARE * h * (n - 1) as f64);
+        if iteration == TRIAL && curve_cost(silhouette, &x) > most_cost {
+            return None;
+        }
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
         let mut matrix = Bordered::zeros(2 * n, 0);
         let mut right = vec![0.0; 2 * n];
@@ -153,7 +182,7 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
             break;
         }
     }
-    x
+    Some(x)
 }
 
 /// Lower rows of the matrix of bending and its change: for each node itself and the three before it.
@@ -193,6 +222,7 @@ fn direction(tail: &[Place], nodes: usize) -> Place {
 /// The best curve through a zone between two ports.
 pub fn link(
     silhouette: &Silhouette,
+    votes: &Votes,
     skeleton: &Skeleton,
     network: &Network,
     ports: [Port; 2],
@@ -211,7 +241,7 @@ pub fn link(
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;
     for start in starts {
-        if length(&start) > LONGEST * rr {
+        if length(&start) > LONGEST * rr || best.as_ref().is_some_and(|b| b.cost < GOOD) {
             continue;
         }
         let mut full: Vec<Place> = ta[..ta.len() - 1].to_vec();
@@ -229,7 +259,7 @@ pub fn link(
         let at = |i: usize| total * i as f64 / (n - 1) as f64;
         let anchors: Vec<f64> =
             (0..n).map(|i| if at(i) < na - rr || at(i) > total - nb + rr { 1.0 } else { 0.0 }).collect();
-        let full = fitted(silhouette, &full, &anchors);
+        let Some(full) = fitted(silhouette, votes, &full, &anchors) else { continue };
         let cost = curve_cost(silhouette, &full);
         if best.as_ref().is_none_or(|b| cost < b.cost) {
             let first = (0..n).find(|&i| at(i) >= na).unwrap_or(n);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::links::{Link, free_end, link};
+use super::links::{Link, Votes, free_end, link};
 use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, cross, nearest};
 use crate::parallel;
@@ -168,6 +168,7 @@ fn kiss(p: &[Place], q: &[Place], rr: f64) -> f64 {
 /// Ranks the ways to join the ports of a zone.
 pub fn pairings(
     silhouette: &Silhouette,
+    votes: &Votes,
     skeleton: &Skeleton,
     network: &Network,
     zone: usize,
@@ -180,7 +181,8 @@ pub fn pairings(
             ports[a].segment != ports[b].segment || network.segments[ports[a].segment].points.len() >= 8
         })
         .collect();
-    let links = parallel::map(&pairs, |&(a, b)| link(silhouette, skeleton, network, [ports[a], ports[b]]));
+    let links =
+        parallel::map(&pairs, |&(a, b)| link(silhouette, votes, skeleton, network, [ports[a], ports[b]]));
     let mut joints: Vec<Joint> = pairs
         .iter()
         .zip(links)

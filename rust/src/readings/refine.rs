@@ -1,6 +1,7 @@
 //! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
 
 use super::links::{FIT_BENDING, smoothness};
+use super::lookup::Lookup;
 use super::planar::{Place, length, unit};
 use crate::banded::Bordered;
 use crate::silhouette::Silhouette;
@@ -14,67 +15,6 @@ const EXPLAINED: f64 = 0.8;
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
 const EDGE_SD: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.5;
-
-/// Nodes of all chains, found by place.
-struct Lookup {
-    low: Place,
-    cell: f64,
-    width: usize,
-    height: usize,
-    starts: Vec<u32>,
-    nodes: Vec<u32>,
-}
-
-impl Lookup {
-    fn new(nodes: &[Place], cell: f64) -> Self {
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for x in nodes {
-            for c in 0..2 {
-                low[c] = low[c].min(x[c]);
-                high[c] = high[c].max(x[c]);
-            }
-        }
-        let width = ((high[0] - low[0]) / cell) as usize + 1;
-        let height = ((high[1] - low[1]) / cell) as usize + 1;
-        let cell_of =
-            |x: &Place| ((x[1] - low[1]) / cell) as usize * width + ((x[0] - low[0]) / cell) as usize;
-        let mut starts = vec![0u32; width * height + 1];
-        for x in nodes {
-            starts[cell_of(x) + 1] += 1;
-        }
-        for k in 0..width * height {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut sorted = vec![0; nodes.len()];
-        for (i, x) in nodes.iter().enumerate() {
-            let k = cell_of(x);
-            sorted[next[k] as usize] = i as u32;
-            next[k] += 1;
-        }
-        Self { low, cell, width, height, starts, nodes: sorted }
-    }
-
-    /// Calls with the nodes in the cells within a reach of a place.
-    fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize)) {
-        let range = |c: usize, count: usize| {
-            let first = ((at[c] - reach - self.low[c]) / self.cell).floor().max(0.0) as usize;
-            let last = ((at[c] + reach - self.low[c]) / self.cell).floor();
-            (first, if last < 0.0 { 0 } else { (last as usize + 1).min(count) })
-        };
-        let ((left, right), (top, bottom)) = (range(0, self.width), range(1, self.height));
-        for y in top..bottom {
-            if left >= right {
-                break;
-            }
-            let (from, to) = (self.starts[y * self.width + left], self.starts[y * self.width + right]);
-            for &i in &self.nodes[from as usize..to as usize] {
-                call(i as usize);
-            }
-        }
-    }
-}
 
 /// Chains fitted together.
 pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {

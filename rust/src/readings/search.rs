@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::sync::Arc;
 
 use super::ends::led_on;
-use super::links::{TAIL, curve_cost};
+use super::links::{TAIL, Votes, curve_cost};
 use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
@@ -52,13 +52,20 @@ struct Lead {
     turned: bool,
 }
 
-/// Pairings by zone and ports, so that a zone that looks the same in two readings is worked out once.
-type Known = BTreeMap<(Vec<usize>, Vec<(usize, usize, usize)>), Arc<Pairings>>;
+/// What readings of one silhouette share.
+struct Known {
+    votes: Votes,
+    /// So that a zone that looks the same in two readings is worked out once.
+    pairings: BTreeMap<ZoneName, Arc<Pairings>>,
+}
+
+/// What a zone is known by: its pixels, and of its ports the end, the middle and the length of their segments.
+type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let rr = silhouette.radius_px;
-    let mut known = Known::new();
+    let mut known = Known { votes: Votes::new(silhouette), pairings: BTreeMap::new() };
     let [pruned, bushy] = SPURS.map(|spur| Skeleton::new(silhouette, spur));
     let mut found = of_skeleton(silhouette, &pruned, ropes, most, &mut known);
     if !bushy.is_same(&pruned) {
@@ -227,9 +234,10 @@ fn search(
             pixels.iter().map(|&i| skeleton.pixel(i)).collect::<Vec<_>>(),
             ports.iter().map(|&p| key(p)).collect::<Vec<_>>(),
         );
+        let Known { votes, pairings: known } = &mut *known;
         let found = known.entry(name).or_insert_with(|| {
             let own: Vec<_> = ports.iter().map(|&p| network.ports[p]).collect();
-            Arc::new(pairings(silhouette, skeleton, network, zone, &own))
+            Arc::new(pairings(silhouette, votes, skeleton, network, zone, &own))
         });
         zones.push((ports, Arc::clone(found)));
     }
