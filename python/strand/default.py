@@ -1,10 +1,12 @@
 """The default method: tubes fitted to points and readings of images, compared by what they leave unexplained.
 
-Tubes are better where depth is good, readings where it is not; strands that masks do not show are bridged by
-tubes alone. The likelier of the two is asked first, and the other only if that leaves something unexplained.
+Tubes are better where depth is good, readings where its errors are wide or alike from pixel to pixel. The
+likelier of the two is asked first, and the other only if that leaves something unexplained.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from strand._core import NotEnoughDataError
 from strand.checks import Array
@@ -13,6 +15,7 @@ from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
 from strand.images.method import Read, answer, read
 from strand.stages import Found, Observed, Run
+from strand.tubes.backgrounds import plane_correlations
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
 
@@ -21,6 +24,8 @@ _SURE = 0.35
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
+# neighbouring pixels' errors that are less alike count as independent
+_PLAIN = 0.1
 
 
 def find_chains(observed: Observed, config: Config, run: Run) -> Found:
@@ -67,12 +72,21 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
         what = read(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
+    if _correlated(what):
+        return answer(what, observed, config, run)
     if what.explanations[0].fit.noise > _NARROW:
         found = answer(what, observed, config, run)
         if _certain(found):
             return found
     tubes, tubes_run = _tubes(observed, config, run)
     return _better(what, tubes, tubes_run, observed, config, run)
+
+
+def _correlated(what: Read) -> bool:
+    """Tell whether neighbouring pixels' errors are alike beside the ropes: tubes take that for shape."""
+    images = [(image.depth, float(np.median(image.depth[image.mask]))) for image in what.taken]
+    correlations, followed = plane_correlations(images, 1)
+    return bool(correlations) and correlations[0] + followed > _PLAIN
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:

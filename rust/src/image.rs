@@ -19,11 +19,15 @@ impl<T: Copy> Image<T> {
     pub fn at(&self, x: usize, y: usize) -> T {
         self.values[y * self.width + x]
     }
+}
 
-    /// Sets the value at a column and row.
-    #[inline(always)]
-    pub fn set(&mut self, x: usize, y: usize, value: T) {
-        self.values[y * self.width + x] = value;
+impl Image<bool> {
+    /// Turns blobs of a value to the other, those of the sizes that are chosen; as for [`blobs`].
+    pub fn turn_blobs(&mut self, of: bool, diagonal: bool, chosen: impl Fn(usize) -> bool) {
+        let found = blobs(self, of, diagonal);
+        for run in found.runs.iter().filter(|run| chosen(found.sizes[run.blob])) {
+            self.values[run.row * self.width..][run.begin..run.end].fill(!of);
+        }
     }
 }
 
@@ -40,6 +44,42 @@ impl Image<f32> {
         let above = f64::from(v[k]) * (1.0 - a) + f64::from(v[k + 1]) * a;
         let below = f64::from(v[k + self.width]) * (1.0 - a) + f64::from(v[k + self.width + 1]) * a;
         above * (1.0 - b) + below * b
+    }
+
+    /// Magnified by a whole number, bilinear; beyond the border as on it.
+    pub fn magnified(&self, scale: usize) -> Self {
+        if scale == 1 {
+            return self.clone();
+        }
+        let (w, h) = (self.width * scale, self.height * scale);
+        let mut made = Self::filled(w, h, 0.0);
+        // the first of two pixels, and the second one's weight
+        let between = |i: usize, count: usize| {
+            let x = ((i as f64 + 0.5) / scale as f64 - 0.5).clamp(0.0, (count - 1) as f64);
+            let first = (x as usize).min(count - 2);
+            (first, x - first as f64)
+        };
+        let columns: Vec<(usize, f64)> = (0..w).map(|x| between(x, self.width)).collect();
+        let wide = |y: usize, to: &mut Vec<f64>| {
+            let from = &self.values[y * self.width..(y + 1) * self.width];
+            to.clear();
+            to.extend(
+                columns.iter().map(|&(i, a)| f64::from(from[i]) * (1.0 - a) + f64::from(from[i + 1]) * a),
+            );
+        };
+        let (mut above, mut below, mut current) = (Vec::new(), Vec::new(), usize::MAX);
+        for (y, to) in made.values.chunks_exact_mut(w).enumerate() {
+            let (j, b) = between(y, self.height);
+            if j != current {
+                wide(j, &mut above);
+                wide(j + 1, &mut below);
+                current = j;
+            }
+            for ((value, above), below) in to.iter_mut().zip(&above).zip(&below) {
+                *value = (above * (1.0 - b) + below * b) as f32;
+            }
+        }
+        made
     }
 
     /// Smoothed with a Gaussian of this standard deviation, pixels; the border is repeated.
@@ -83,132 +123,151 @@ impl Image<f32> {
     }
 }
 
-/// Blobs of pixels with one value: their number for each pixel, from 1 on, 0 elsewhere, and how many pixels each has.
+/// Pixels beside each other in a row that belong to one blob.
+#[derive(Debug, Clone)]
+pub struct Run {
+    pub row: usize,
+    /// The first column, and the one after the last.
+    pub begin: usize,
+    pub end: usize,
+    pub blob: usize,
+}
+
+/// Blobs of pixels with one value, numbered as they appear row by row.
 pub struct Blobs {
-    pub numbers: Image<u32>,
-    /// Element 0 is unused.
+    pub runs: Vec<Run>,
+    /// How many pixels each has.
     pub sizes: Vec<usize>,
 }
 
 /// Connected pixels whose value is `of`; diagonal neighbours are connected if `diagonal`.
 pub fn blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
-    let (w, h) = (image.width, image.height);
-    let mut numbers = Image::filled(w, h, 0u32);
-    let mut sizes = vec![0];
-    let mut open = Vec::new();
-    for start in 0..w * h {
-        if image.values[start] != of || numbers.values[start] != 0 {
-            continue;
+    let reach = usize::from(diagonal);
+    let mut runs: Vec<Run> = Vec::new();
+    // each run's parent in a tree of runs that touch; roots are their own
+    let mut parents: Vec<usize> = Vec::new();
+    let mut above = 0..0;
+    for (row, values) in image.values.chunks_exact(image.width.max(1)).enumerate() {
+        let first = runs.len();
+        let mut near = above.start;
+        let mut begin = next(values, 0, of);
+        while begin < values.len() {
+            let end = next(values, begin, !of);
+            let number = runs.len();
+            parents.push(number);
+            while near < above.end && runs[near].end + reach <= begin {
+                near += 1;
+            }
+            let mut touching = near;
+            while touching < above.end && runs[touching].begin < end + reach {
+                let (a, b) = (root(&mut parents, touching), root(&mut parents, number));
+                parents[a.max(b)] = a.min(b);
+                touching += 1;
+            }
+            runs.push(Run { row, begin, end, blob: 0 });
+            begin = next(values, end, of);
         }
-        let number = sizes.len() as u32;
-        let mut size = 0;
-        numbers.values[start] = number;
-        open.push(start);
-        while let Some(k) = open.pop() {
-            size += 1;
-            for_neighbors(k, w, h, diagonal, |n| {
-                if image.values[n] == of && numbers.values[n] == 0 {
-                    numbers.values[n] = number;
-                    open.push(n);
-                }
-            });
-        }
-        sizes.push(size);
+        above = first..runs.len();
     }
-    Blobs { numbers, sizes }
+    let mut sizes = Vec::new();
+    for i in 0..runs.len() {
+        // a root is the first of its runs
+        runs[i].blob = match parents[i] {
+            parent if parent == i => {
+                sizes.push(0);
+                sizes.len() - 1
+            }
+            parent => runs[parent].blob,
+        };
+        sizes[runs[i].blob] += runs[i].end - runs[i].begin;
+    }
+    Blobs { runs, sizes }
 }
 
-/// Calls with the place of each neighbour of a pixel inside the image.
-#[inline(always)]
-pub fn for_neighbors(k: usize, w: usize, h: usize, diagonal: bool, mut call: impl FnMut(usize)) {
-    let (x, y) = (k % w, k / w);
-    let (left, right, up, down) = (x > 0, x + 1 < w, y > 0, y + 1 < h);
-    if up {
-        call(k - w);
+/// The first place from one on with a value; the end if there is none.
+fn next(values: &[bool], from: usize, value: bool) -> usize {
+    const MANY: usize = 32;
+    let mut at = from;
+    // without a way out early, many at once
+    while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value)) {
+        at += MANY;
     }
-    if left {
-        call(k - 1);
+    values[at..].iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
+}
+
+/// The root of a run's tree, whose branches it shortens.
+fn root(parents: &mut [usize], mut i: usize) -> usize {
+    while parents[i] != i {
+        parents[i] = parents[parents[i]];
+        i = parents[i];
     }
-    if right {
-        call(k + 1);
-    }
-    if down {
-        call(k + w);
-    }
-    if diagonal {
-        if up && left {
-            call(k - w - 1);
-        }
-        if up && right {
-            call(k - w + 1);
-        }
-        if down && left {
-            call(k + w - 1);
-        }
-        if down && right {
-            call(k + w + 1);
-        }
-    }
+    i
 }
 
 /// Distance of each pixel that is `of` from the nearest pixel that is not, between pixel centres; 0 elsewhere.
 ///
 /// Exact (Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*): columns, then the lower envelope of
-/// parabolas along each run of a row. Distances above `most` may be found too great, but not below `most`.
+/// parabolas along each run of a row. Distances above `most` may be found wrong, but not below `most`.
 pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
     let (w, h) = (image.width, image.height);
     let far = most.max(1) as u32 + 1;
     // distance along the column, at most `far`
     let mut along = vec![0u32; w * h];
-    for y in 0..h {
-        for x in 0..w {
-            let k = y * w + x;
-            if image.values[k] == of {
-                along[k] = if y == 0 { far } else { (along[k - w] + 1).min(far) };
-            }
+    for (to, &value) in along[..w].iter_mut().zip(&image.values[..w]) {
+        *to = if value == of { far } else { 0 };
+    }
+    for y in 1..h {
+        let (above, here) = along[(y - 1) * w..(y + 1) * w].split_at_mut(w);
+        for ((to, &before), &value) in here.iter_mut().zip(&*above).zip(&image.values[y * w..]) {
+            *to = if value == of { (before + 1).min(far) } else { 0 };
         }
     }
     for y in (0..h.saturating_sub(1)).rev() {
-        for x in 0..w {
-            let k = y * w + x;
-            along[k] = along[k].min(along[k + w] + 1);
+        let (here, below) = along[y * w..(y + 2) * w].split_at_mut(w);
+        for (to, &before) in here.iter_mut().zip(&*below) {
+            *to = (*to).min(before + 1);
         }
     }
     let mut found = Image::filled(w, h, 0.0f32);
     let (mut sites, mut starts) = (Vec::new(), Vec::new());
-    for y in 0..h {
+    for (y, values) in image.values.chunks_exact(w).enumerate() {
         let (from, to) = (&along[y * w..(y + 1) * w], &mut found.values[y * w..(y + 1) * w]);
-        let mut x = 0;
-        while x < w {
-            if from[x] == 0 {
-                x += 1;
-                continue;
-            }
-            let begin = x;
-            while x < w && from[x] > 0 {
-                x += 1;
-            }
+        let mut begin = next(values, 0, of);
+        while begin < w {
+            let end = next(values, begin, !of);
             // pixels of other value beside the run stand for all beyond them
-            envelope(from, begin.saturating_sub(1), (x + 1).min(w), &mut sites, &mut starts);
-            let mut k = 0;
-            for (x, value) in to.iter_mut().enumerate().take(x).skip(begin) {
-                while k + 1 < sites.len() && starts[k + 1] <= x as f32 {
-                    k += 1;
-                }
-                let away = x as f32 - sites[k] as f32;
-                let down = from[sites[k]] as f32;
-                *value = (away * away + down * down).sqrt();
+            envelope(from, begin.saturating_sub(1), (end + 1).min(w), far, &mut sites, &mut starts);
+            if sites.is_empty() {
+                to[begin..end].fill(far as f32);
             }
+            for (k, &site) in sites.iter().enumerate() {
+                let first = starts[k].ceil().max(begin as f32) as usize;
+                let last = starts.get(k + 1).map_or(end, |next| (next.ceil().max(0.0) as usize).min(end));
+                let down = (from[site] * from[site]) as f32;
+                for x in first..last {
+                    let away = x as f32 - site as f32;
+                    to[x] = (away * away + down).sqrt();
+                }
+            }
+            begin = next(values, end, of);
         }
     }
     found
 }
 
-/// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest.
-fn envelope(g: &[u32], begin: usize, end: usize, sites: &mut Vec<usize>, starts: &mut Vec<f32>) {
+/// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest;
+/// those with g(i) = `far` are left out.
+fn envelope(
+    g: &[u32],
+    begin: usize,
+    end: usize,
+    far: u32,
+    sites: &mut Vec<usize>,
+    starts: &mut Vec<f32>,
+) {
     sites.clear();
     starts.clear();
-    for i in begin..end {
+    for i in (begin..end).filter(|&i| g[i] < far) {
         let high = |i: usize| (i * i) as f32 + (g[i] * g[i]) as f32;
         loop {
             let Some(&last) = sites.last() else {

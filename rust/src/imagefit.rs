@@ -54,7 +54,7 @@ pub struct RopeView<'a> {
     /// Its mask.
     pub silhouette: &'a Silhouette,
     /// Its depth on the mask.
-    pub medians: Medians,
+    pub medians: &'a Medians,
     /// Its intrinsics.
     pub pinhole: Pinhole,
     /// Where it stood: camera to world.

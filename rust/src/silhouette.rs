@@ -2,8 +2,8 @@
 //!
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
-use crate::image::{Image, blobs, distances};
-use crate::readings::shown_radius;
+use crate::image::{Image, Run, blobs, distances};
+use crate::readings::{shown_radius, skeleton};
 
 /// A place on a mask's edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,8 +23,12 @@ pub struct Silhouette {
     pub radius_px: f64,
     /// The edge, about a place a pixel.
     pub boundary: Vec<Edge>,
+    /// The mask, a margin around it.
+    pub(crate) mask: Image<bool>,
     /// The mask, magnified.
     pub(crate) inside: Image<bool>,
+    /// Its skeleton: places in the magnified image.
+    pub(crate) skeleton: Vec<usize>,
     /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
     pub(crate) depth: Image<f32>,
     /// Signed distance, positive inside, original pixels.
@@ -57,25 +61,14 @@ impl Silhouette {
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
         let (origin, small, ragged) = without_specks(mask, width, radius_px * radius_px)?;
         let (w, h) = (small.width, small.height);
-        let small = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px);
+        let large = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale);
         let (bw, bh) = (w * scale, h * scale);
-        let mut inside = Image::filled(bw, bh, false);
-        let place = |i: usize| (i as f64 + 0.5) / scale as f64 - 0.5;
-        for y in 0..bh {
-            for x in 0..bw {
-                inside.values[y * bw + x] = small.between(place(x), place(y)) > 0.5;
-            }
-        }
+        let values = large.values.iter().map(|&value| value > 0.5).collect();
+        let mut inside = Image { width: bw, height: bh, values };
         let area = radius_px * radius_px * (scale * scale) as f64;
         let filled = (HOLE + ragged * RAGGED_HOLE) * area;
-        let holes = blobs(&inside, false, false);
-        for (value, &hole) in inside.values.iter_mut().zip(&holes.numbers.values) {
-            *value |= hole != 0 && (holes.sizes[hole as usize] as f64) < filled;
-        }
-        let specks = blobs(&inside, true, true);
-        for (value, &speck) in inside.values.iter_mut().zip(&specks.numbers.values) {
-            *value &= speck != 0 && specks.sizes[speck as usize] as f64 >= SPECK * area;
-        }
+        inside.turn_blobs(false, false, |size| (size as f64) < filled);
+        inside.turn_blobs(true, true, |size| (size as f64) < SPECK * area);
         if !inside.values.contains(&true) {
             return None;
         }
@@ -90,7 +83,11 @@ impl Silhouette {
             *inner = (*inner - 0.5).max(0.0) / step;
         }
         let smooth = signed.smoothed(1.0);
-        let mut made = Self { radius_px, boundary: Vec::new(), inside, depth, signed, smooth, scale, origin };
+        let mask = centers_inside(&signed, scale);
+        let skeleton = skeleton(&inside);
+        let boundary = Vec::new();
+        let mut made =
+            Self { radius_px, boundary, mask, inside, skeleton, depth, signed, smooth, scale, origin };
         made.find_boundary(w, h);
         Some(made)
     }
@@ -107,7 +104,7 @@ impl Silhouette {
             1
         };
         let mut made = Self::new(mask, width, radius_px, scale)?;
-        let shown = shown_radius(&made)?;
+        let shown = shown_radius(&made.skeleton, &made.depth)?;
         if (shown - radius_px).abs() < 1.5 {
             made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
         }
@@ -118,11 +115,18 @@ impl Silhouette {
     /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {
         let step = ((self.radius_px / 4.0).round() as usize).max(1);
+        let near = 0.5 * step as f64;
+        // no pixel's distance is off by more at the place beside it
+        let nearly = (near + 1.0) as f32;
+        let middle = (self.scale - 1) / 2;
         for y in (0..h).step_by(step) {
             for x in (0..w).step_by(step) {
+                if self.signed.at(x * self.scale + middle, y * self.scale + middle).abs() > nearly {
+                    continue;
+                }
                 let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
                 let away = self.distance(at);
-                if away.abs() > 0.5 * step as f64 {
+                if away.abs() > near {
                     continue;
                 }
                 let gradient = self.gradient(at);
@@ -155,15 +159,6 @@ impl Silhouette {
         ]
     }
 
-    /// Original pixels inside.
-    pub fn pixels(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let (w, h) = (self.inside.width / self.scale, self.inside.height / self.scale);
-        (0..w * h).filter_map(move |k| {
-            let at = [(k % w) as f64 + self.origin[0], (k / w) as f64 + self.origin[1]];
-            (self.distance(at) > 0.0).then_some(at)
-        })
-    }
-
     /// Original column and row of the first pixel that is kept, and how many of each are.
     pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
         (self.origin, [self.inside.width / self.scale, self.inside.height / self.scale])
@@ -184,6 +179,23 @@ impl Silhouette {
     }
 }
 
+/// Which pixels' centres are inside, by the signed distances of a magnified image.
+fn centers_inside(signed: &Image<f32>, scale: usize) -> Image<bool> {
+    let (w, h) = (signed.width / scale, signed.height / scale);
+    // the first and last of the magnified pixels that are at the centre
+    let (first, last) = ((scale - 1) / 2, scale / 2);
+    let mut mask = Image::filled(w, h, false);
+    for (y, row) in mask.values.chunks_exact_mut(w).enumerate() {
+        let line = |y: usize| &signed.values[y * signed.width..(y + 1) * signed.width];
+        let (above, below) = (line(y * scale + first), line(y * scale + last));
+        for (x, value) in row.iter_mut().enumerate() {
+            let (i, j) = (x * scale + first, x * scale + last);
+            *value = above[i] + above[j] + below[i] + below[j] > 0.0;
+        }
+    }
+    mask
+}
+
 /// The mask without specks, cut to what is left of it, with a margin; the column and row of its corner; and how ragged it is,
 /// from 0 to 1.
 fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
@@ -192,16 +204,14 @@ fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2],
     }
     let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
     let found = blobs(&whole, true, true);
-    let kept = |number: u32| number != 0 && found.sizes[number as usize] as f64 >= SPECK * square;
+    let kept = |run: &Run| found.sizes[run.blob] as f64 >= SPECK * square;
     let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
     let mut counts = [0usize; 2];
-    for (y, row) in found.numbers.values.chunks_exact(width).enumerate() {
-        for (x, &number) in row.iter().enumerate().filter(|&(_, &n)| n != 0) {
-            counts[usize::from(kept(number))] += 1;
-            if kept(number) {
-                low = [low[0].min(x), low[1].min(y)];
-                high = [high[0].max(x), high[1].max(y)];
-            }
+    for run in &found.runs {
+        counts[usize::from(kept(run))] += run.end - run.begin;
+        if kept(run) {
+            low = [low[0].min(run.begin), low[1].min(run.row)];
+            high = [high[0].max(run.end - 1), high[1].max(run.row)];
         }
     }
     if low[0] == usize::MAX {
@@ -209,13 +219,12 @@ fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2],
     }
     let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
     let mut cut = Image::filled(w, h, false);
-    for y in low[1]..=high[1] {
-        for x in low[0]..=high[0] {
-            cut.set(x - low[0] + PAD, y - low[1] + PAD, kept(found.numbers.at(x, y)));
-        }
+    for run in found.runs.iter().filter(|run| kept(run)) {
+        let start = (run.row - low[1] + PAD) * w + PAD - low[0];
+        cut.values[start + run.begin..start + run.end].fill(true);
     }
     let holes = blobs(&cut, false, false);
-    let lost: usize = holes.sizes.iter().skip(1).filter(|&&size| (size as f64) < square).sum();
+    let lost: usize = holes.sizes.iter().filter(|&&size| (size as f64) < square).sum();
     let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
     let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
     let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];

@@ -12,6 +12,10 @@ use crate::geometry::advance;
 
 /// Fewest depths on their own, away from other strands, that noise is judged by.
 const FEWEST: usize = 10;
+/// Samples this near to a chain's end are its tip.
+const TIP: usize = 2;
+/// An end lies over or under a strand if the opposite order costs more than this.
+const LIES_OVER: f64 = 8.0;
 /// Least and most noise, radii.
 const NOISE: (f64, f64) = (0.15, 2.0);
 
@@ -98,7 +102,19 @@ pub fn lift(
     let found = overlaps(&pairs, &places, &numbers);
     let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma, start: &x };
     let decided = evidence.decide(&found);
-    let order: Vec<Option<bool>> = decided.iter().map(|d| Some(d.0)).collect();
+    // an end beside a strand touches it rather than crosses it, unless depth says otherwise
+    let at_end = |i: usize| {
+        let range = &ranges[numbers[i] as usize];
+        i < range.start + TIP || i + TIP >= range.end
+    };
+    let order: Vec<Option<bool>> = found
+        .iter()
+        .zip(&decided)
+        .map(|(overlap, &(first, margin))| {
+            let touches = overlap.sides.iter().flatten().any(|&i| at_end(i));
+            (!touches || margin > LIES_OVER).then_some(first)
+        })
+        .collect();
     let (x, _) = evidence.solve(&found, &order, 5);
 
     let lifted = |i: usize| {
@@ -116,7 +132,9 @@ pub fn lift(
     let crossings = found
         .iter()
         .zip(decided)
-        .map(|(overlap, (first_on_top, margin))| Crossing {
+        .zip(&order)
+        .filter(|(_, order)| order.is_some())
+        .map(|((overlap, (first_on_top, margin)), _)| Crossing {
             pairs: overlap.pairs.iter().map(|p| p.0.map(place)).collect(),
             first_on_top,
             margin,

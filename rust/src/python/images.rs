@@ -313,7 +313,7 @@ impl RopeImages {
             .iter()
             .map(|v| RopeView {
                 silhouette: &v.silhouette,
-                medians: v.medians.clone(),
+                medians: &v.medians,
                 pinhole: v.pinhole,
                 pose: v.pose,
                 size: v.size,

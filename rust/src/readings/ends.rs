@@ -10,7 +10,7 @@ const SHARE: f64 = 0.35;
 /// A rope's end is searched this far beyond the skeleton's, radii.
 const REACH: f64 = 7.0;
 /// An end that another strand hides lies this far under it, radii.
-const UNDER: f64 = 1.0;
+const UNDER: f64 = 0.75;
 /// What it costs to lead an end on to mask that nothing covers: its turning, for each radius of its way, and what each
 /// squared radius of that mask is worth; and how far it may be, radii.
 const LED_TURN: f64 = 3.0;
@@ -111,11 +111,13 @@ fn unexplained(silhouette: &Silhouette, path: &[Place], i: usize, others: &[Plac
     let rr = silhouette.radius_px;
     let (a, b) = (path[i - 1], path[(i + 1).min(path.len() - 1)]);
     let t = unit([b[0] - a[0], b[1] - a[1]]);
+    let covers = 1.15 * rr + 0.4;
     let shown = [-0.7, -0.35, 0.0, 0.35, 0.7]
         .iter()
         .filter(|&&offset| {
             let x = [path[i][0] - offset * rr * t[1], path[i][1] + offset * rr * t[0]];
-            silhouette.distance(x) > 0.0 && !others.iter().any(|&o| apart(x, o) < 1.15 * rr + 0.4)
+            silhouette.distance(x) > 0.0
+                && !others.iter().any(|o| (x[0] - o[0]).powi(2) + (x[1] - o[1]).powi(2) < covers * covers)
         })
         .count();
     shown as f64 / 5.0

@@ -1,7 +1,7 @@
 //! Curves through zones: from port to port, fitted to the mask's edge.
 
 use super::network::{Network, Port, Skeleton};
-use super::planar::{Place, apart, bending, hermite, length, resampled, smoothed, unit};
+use super::planar::{Place, apart, bending, hermite, length, longest_step, nearest_node, resampled, smoothed, unit};
 use crate::banded::Bordered;
 use crate::silhouette::{Edge, Silhouette};
 
@@ -14,6 +14,8 @@ pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
 const EDGE_SD: f64 = 0.25;
 const EDGE_SHARE: f64 = 0.5;
+/// Edges that want the axis farther than this from a curve at first are not its own, radii.
+const FARTHEST: f64 = 4.0;
 /// Nodes on each side of the last nearest one that are asked.
 const NEAR: usize = 5;
 /// What bending, its change, and tube outside the mask cost.
@@ -55,18 +57,20 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
     let mut high = [f64::NEG_INFINITY; 2];
     for x in p {
         for c in 0..2 {
-            low[c] = low[c].min(x[c] - 3.0 * rr);
-            high[c] = high[c].max(x[c] + 3.0 * rr);
+            low[c] = low[c].min(x[c] - FARTHEST * rr);
+            high[c] = high[c].max(x[c] + FARTHEST * rr);
         }
     }
-    let edges: Vec<(Place, Edge)> = silhouette
+    let mut x = p.to_vec();
+    let step = longest_step(&x).max(1e-9);
+    // edges that may be the curve's, where they want its axis, and the nearest node
+    let mut edges: Vec<(Place, Edge, usize)> = silhouette
         .boundary
         .iter()
-        .filter(|e| (0..2).all(|c| e.at[c] > low[c] && e.at[c] < high[c]))
         .map(|e| ([e.at[0] - rr * e.normal[0], e.at[1] - rr * e.normal[1]], *e))
+        .filter(|(vote, _)| (0..2).all(|c| vote[c] > low[c] && vote[c] < high[c]))
+        .filter_map(|(vote, e)| Some((vote, e, nearest_node(vote, &x, step, FARTHEST * rr)?.0)))
         .collect();
-    let mut x = p.to_vec();
-    let mut nearest = vec![usize::MAX; edges.len()];
     for iteration in 0..8 {
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
         let mut matrix = Bordered::zeros(2 * n, 0);
@@ -101,12 +105,9 @@ pub fn fitted(silhouette: &Silhouette, p: &[Place], anchors: &[f64]) -> Vec<Plac
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
-        for ((vote, edge), last) in edges.iter().zip(&mut nearest) {
+        for (vote, edge, last) in &mut edges {
             // nodes move little: the nearest one is near the last nearest one
-            let range = match *last {
-                usize::MAX => 0..n,
-                k => k.saturating_sub(NEAR)..(k + NEAR + 1).min(n),
-            };
+            let range = last.saturating_sub(NEAR)..(*last + NEAR + 1).min(n);
             let mut least = f64::INFINITY;
             let mut k = 0;
             for i in range {

@@ -1,7 +1,7 @@
 //! What a mask's skeleton says: stretches where one strand is seen, zones where strands merge, and ports between them.
 
 use super::planar::{Place, apart, length, resampled, smoothed};
-use super::skeleton::{Net, skeleton, thin};
+use super::skeleton::{Net, Pixel, thin};
 use crate::image::Image;
 use crate::silhouette::Silhouette;
 
@@ -58,9 +58,8 @@ pub struct Network {
 }
 
 /// The rope's radius as a skeleton shows it, pixels: the 30th percentile of its distances from the edge.
-pub fn shown_radius(silhouette: &Silhouette) -> Option<f64> {
-    let mut widths: Vec<f32> =
-        skeleton(&silhouette.inside).iter().map(|&k| silhouette.depth.values[k]).collect();
+pub fn shown_radius(skeleton: &[usize], depth: &Image<f32>) -> Option<f64> {
+    let mut widths: Vec<f32> = skeleton.iter().map(|&k| depth.values[k]).collect();
     if widths.is_empty() {
         return None;
     }
@@ -76,8 +75,8 @@ impl Skeleton {
         let scale = silhouette.scale as f64;
         let width = silhouette.inside.width;
         let mut numbers = Image::filled(width, silhouette.inside.height, 0u32);
-        let mut lines = Image::filled(width, silhouette.inside.height, false);
-        let mut pixels = skeleton(&silhouette.inside);
+        let mut lines = Image::filled(width, silhouette.inside.height, Pixel::Empty);
+        let mut pixels = silhouette.skeleton.clone();
         let depth_at = |k: usize| f64::from(silhouette.depth.values[k]);
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
@@ -92,12 +91,9 @@ impl Skeleton {
             }
             let left: Vec<usize> =
                 net.pixels.iter().zip(&kept).filter(|&(_, &k)| k).map(|(&k, _)| k).collect();
-            for &k in &left {
-                lines.values[k] = true;
-            }
             pixels = thin(&mut lines, left.clone());
             for &k in &left {
-                lines.values[k] = false;
+                lines.values[k] = Pixel::Empty;
             }
         };
         let place = |k: usize| silhouette.original(k % width, k / width);
@@ -158,6 +154,11 @@ impl Skeleton {
             }
             return Network { segments, ports, zones, stubs };
         }
+    }
+
+    /// Whether two are the same lines, and so the same zones.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.net.pixels == other.net.pixels
     }
 
     /// The place of a pixel in the magnified image.

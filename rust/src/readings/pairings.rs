@@ -46,8 +46,13 @@ struct Region {
     step: f64,
     width: usize,
     height: usize,
-    inside: Vec<bool>,
+    /// The number of each pixel among those that are to be covered; `NONE` of others.
+    numbers: Vec<u32>,
+    /// How many are to be covered.
+    count: usize,
 }
+
+const NONE: u32 = u32::MAX;
 
 impl Region {
     /// The mask around a zone, without what segments cover.
@@ -66,10 +71,10 @@ impl Region {
         let origin = [low[0].floor(), low[1].floor()];
         let width = ((high[0] - origin[0]) / step) as usize + 2;
         let height = ((high[1] - origin[1]) / step) as usize + 2;
-        let mut region = Self { origin, step, width, height, inside: vec![false; width * height] };
+        let mut region = Self { origin, step, width, height, numbers: Vec::new(), count: 0 };
         let mut inside = vec![false; width * height];
         for &i in zone.iter().step_by(silhouette.scale) {
-            region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * rr, |k| inside[k] = true);
+            region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * rr, &mut inside, true);
         }
         for (k, value) in inside.iter_mut().enumerate() {
             *value = *value && silhouette.distance(region.place(k)) > 0.0;
@@ -77,10 +82,14 @@ impl Region {
         for (segment, &stub) in network.segments.iter().zip(&network.stubs) {
             let near = |p: &Place| (0..2).all(|c| p[c] > low[c] && p[c] < high[c]);
             if !stub && segment.points.iter().any(near) {
-                region.stamp(&segment.points, 1.2 * rr + 0.3, |k| inside[k] = false);
+                region.stamp(&segment.points, 1.2 * rr + 0.3, &mut inside, false);
             }
         }
-        region.inside = inside;
+        region.numbers = vec![NONE; inside.len()];
+        for (number, _) in region.numbers.iter_mut().zip(&inside).filter(|(_, inside)| **inside) {
+            *number = region.count as u32;
+            region.count += 1;
+        }
         region
     }
 
@@ -91,8 +100,17 @@ impl Region {
         ]
     }
 
-    /// Calls with the pixels within a distance of a polyline.
-    fn stamp(&self, p: &[Place], reach: f64, mut call: impl FnMut(usize)) {
+    /// Sets the pixels within a distance of a polyline.
+    fn stamp(&self, p: &[Place], reach: f64, pixels: &mut [bool], value: bool) {
+        self.visit(p, reach, |k, is_near| {
+            if pixels[k] != value && is_near() {
+                pixels[k] = value;
+            }
+        });
+    }
+
+    /// Calls with the pixels that may be within a distance of a polyline, and with what says whether they are.
+    fn visit(&self, p: &[Place], reach: f64, mut call: impl FnMut(usize, &dyn Fn() -> bool)) {
         for pair in p.windows(2) {
             let ends = |c: usize, count: usize| {
                 let (a, b) = (pair[0][c].min(pair[1][c]) - reach, pair[0][c].max(pair[1][c]) + reach);
@@ -105,24 +123,26 @@ impl Region {
             let square = (d[0] * d[0] + d[1] * d[1]).max(1e-12);
             for y in top..bottom {
                 for x in left..right {
-                    let k = y * self.width + x;
-                    let e = self.place(k);
-                    let e = [e[0] - pair[0][0], e[1] - pair[0][1]];
-                    let t = ((e[0] * d[0] + e[1] * d[1]) / square).clamp(0.0, 1.0);
-                    if (e[0] - t * d[0]).powi(2) + (e[1] - t * d[1]).powi(2) <= reach * reach {
-                        call(k);
-                    }
+                    call(y * self.width + x, &|| {
+                        let e = [
+                            self.origin[0] + self.step * x as f64 - pair[0][0],
+                            self.origin[1] + self.step * y as f64 - pair[0][1],
+                        ];
+                        let t = ((e[0] * d[0] + e[1] * d[1]) / square).clamp(0.0, 1.0);
+                        (e[0] - t * d[0]).powi(2) + (e[1] - t * d[1]).powi(2) <= reach * reach
+                    });
                 }
             }
         }
     }
 
-    /// Which of its pixels a curve covers.
+    /// Which of its pixels a curve covers, by number.
     fn covered(&self, p: &[Place], reach: f64) -> Vec<u64> {
-        let mut bits = vec![0; self.inside.len().div_ceil(64)];
-        self.stamp(p, reach, |k| {
-            if self.inside[k] {
-                bits[k / 64] |= 1 << (k % 64);
+        let mut bits = vec![0u64; self.count.div_ceil(64)];
+        self.visit(p, reach, |k, is_near| {
+            let number = self.numbers[k] as usize;
+            if self.numbers[k] != NONE && bits[number / 64] >> (number % 64) & 1 == 0 && is_near() {
+                bits[number / 64] |= 1 << (number % 64);
             }
         });
         bits
@@ -130,14 +150,10 @@ impl Region {
 
     /// The area that none of some covers, squared pixels.
     fn uncovered(&self, covers: &[&Vec<u64>]) -> f64 {
-        let inside = |word: usize| {
-            let end = self.inside.len().min(64 * word + 64);
-            self.inside[64 * word..end].iter().enumerate().fold(0u64, |w, (i, &v)| w | u64::from(v) << i)
-        };
-        let left: u32 = (0..self.inside.len().div_ceil(64))
-            .map(|word| covers.iter().fold(inside(word), |w, c| w & !c[word]).count_ones())
+        let covered: u32 = (0..self.count.div_ceil(64))
+            .map(|word| covers.iter().fold(0, |w, c| w | c[word]).count_ones())
             .sum();
-        f64::from(left) * self.step * self.step
+        (self.count - covered as usize) as f64 * self.step * self.step
     }
 }
 
@@ -175,8 +191,19 @@ pub fn pairings(
     }
     let region = Region::new(silhouette, skeleton, network, &network.zones[zone]);
     let covers: Vec<Vec<u64>> = joints.iter().map(|j| region.covered(&j.link.full, 1.2 * rr + 0.3)).collect();
+    let mut least = vec![f64::INFINITY; ports.len()];
+    for joint in &joints {
+        match joint.ports {
+            (a, None) => least[a] = least[a].min(joint.link.cost),
+            (a, Some(b)) => {
+                least[a] = least[a].min(0.5 * joint.link.cost);
+                least[b] = least[b].min(0.5 * joint.link.cost);
+            }
+        }
+    }
     let mut search = Search {
         joints: &joints,
+        least: &least,
         region: &region,
         covers: &covers,
         rr,
@@ -186,20 +213,21 @@ pub fn pairings(
     };
     let all: Vec<usize> = (0..ports.len()).collect();
     search.join(&all, &mut Vec::new(), 0.0);
-    let mut ways = search.ways;
-    ways.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    ways.truncate(KEPT);
+    let ways = search.ways;
     Pairings { joints, ways }
 }
 
 /// The enumeration of ways.
 struct Search<'a> {
     joints: &'a [Joint],
+    /// What each port adds to the cost at least.
+    least: &'a [f64],
     region: &'a Region,
     covers: &'a [Vec<u64>],
     rr: f64,
     kisses: HashMap<(usize, usize), f64>,
     tried: usize,
+    /// The best so far, the best first.
     ways: Vec<Way>,
 }
 
@@ -210,13 +238,22 @@ impl Search<'_> {
         if self.tried > TRIED {
             return;
         }
+        let at_least = cost + rest.iter().map(|&port| self.least[port]).sum::<f64>();
+        if self.ways.len() == KEPT && at_least - 1e-9 > self.ways[KEPT - 1].cost {
+            return;
+        }
         let Some(&a) = rest.first() else {
             let kisses = self.kisses(chosen);
             let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
             let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
             let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
             let bare = UNCOVERED * self.region.uncovered(&covers) / (self.rr * self.rr);
-            self.ways.push(Way { cost: cost + kisses + bare, fixed, joints: chosen.clone() });
+            let cost = cost + kisses + bare;
+            let rank = self.ways.partition_point(|way| way.cost <= cost);
+            if rank < KEPT {
+                self.ways.insert(rank, Way { cost, fixed, joints: chosen.clone() });
+                self.ways.truncate(KEPT);
+            }
             return;
         };
         let mut options: Vec<(f64, usize)> = self

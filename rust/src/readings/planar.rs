@@ -116,12 +116,38 @@ pub fn bending(p: &[Place], radius: f64) -> (f64, f64) {
     (sum(&[1.0, -2.0, 1.0]) / square / h.powi(3), sum(&[-1.0, 3.0, -3.0, 1.0]) / square / h.powi(5))
 }
 
+/// The longest step between nodes.
+pub fn longest_step(p: &[Place]) -> f64 {
+    p.windows(2).map(|w| apart(w[0], w[1])).fold(0.0, f64::max)
+}
+
+/// The node nearest to a place, and its distance; none if none is nearer than `within`.
+///
+/// `step` is the longest between nodes: from one that is far, as many are left out as cannot be near.
+#[inline]
+pub fn nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Option<(usize, f64)> {
+    let (mut least, mut found) = (within, None);
+    let mut i = 0;
+    while i < p.len() {
+        let away = apart(x, p[i]);
+        if away < least {
+            (least, found) = (away, Some(i));
+        }
+        i += (((away - least) / step) as usize).max(1);
+    }
+    found.map(|i| (i, least))
+}
+
 /// The least distance between the nodes of two polylines.
 pub fn nearest(p: &[Place], q: &[Place]) -> f64 {
-    let least = |x: &Place| {
-        q.iter().map(|y| (x[0] - y[0]).powi(2) + (x[1] - y[1]).powi(2)).fold(f64::INFINITY, f64::min)
-    };
-    p.iter().map(least).fold(f64::INFINITY, f64::min).sqrt()
+    let step = longest_step(q).max(1e-9);
+    let mut least = f64::INFINITY;
+    for &x in p {
+        if let Some((_, away)) = nearest_node(x, q, step, least) {
+            least = away;
+        }
+    }
+    least
 }
 
 /// Whether two polylines cross.
@@ -139,18 +165,4 @@ pub fn crossing(a: Place, b: Place, c: Place, d: Place) -> Option<(f64, f64)> {
     let t = (w[0] * y[1] - w[1] * y[0]) / across;
     let u = (w[0] * x[1] - w[1] * x[0]) / across;
     ((0.0..1.0).contains(&t) && (0.0..1.0).contains(&u)).then_some((t, u))
-}
-
-/// The distance of a place from a polyline's line segments.
-pub fn distance(x: Place, p: &[Place]) -> f64 {
-    p.windows(2)
-        .map(|w| {
-            let d = [w[1][0] - w[0][0], w[1][1] - w[0][1]];
-            let e = [x[0] - w[0][0], x[1] - w[0][1]];
-            let square = d[0] * d[0] + d[1] * d[1];
-            let t = if square > 0.0 { ((e[0] * d[0] + e[1] * d[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-            (e[0] - t * d[0]).powi(2) + (e[1] - t * d[1]).powi(2)
-        })
-        .fold(f64::INFINITY, f64::min)
-        .sqrt()
 }

@@ -1,12 +1,14 @@
 //! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
 
 use super::links::{FIT_BENDING, smoothness};
-use super::planar::{Place, length, norm, unit};
+use super::planar::{Place, length, unit};
 use crate::banded::Bordered;
 use crate::silhouette::Silhouette;
 
 /// Reach of edges that no chain explains yet, by iteration, radii.
 const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
+/// Edges are asked at least this far from chains, radii.
+const NEAR: f64 = 1.2;
 /// An edge is explained by a chain that runs this near to where it wants the axis, radii.
 const EXPLAINED: f64 = 0.8;
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
@@ -94,7 +96,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         i == starts[k] || i + 1 == starts[k] + chains[k].len()
     };
     for reach in REACH {
-        let lookup = Lookup::new(&nodes, 2.0 * rr);
+        let lookup = Lookup::new(&nodes, NEAR * rr);
         let tangents: Vec<Place> = (0..nodes.len())
             .map(|i| {
                 let (first, last) =
@@ -107,16 +109,24 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
         for edge in &silhouette.boundary {
             let vote = [edge.at[0] - rr * edge.normal[0], edge.at[1] - rr * edge.normal[1]];
-            let mut best: Option<(f64, usize, f64)> = None;
-            lookup.visit(vote, reach.max(1.2) * rr, |i| {
-                let d = [vote[0] - nodes[i][0], vote[1] - nodes[i][1]];
-                let away = norm(d);
-                let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
-                let residual = (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / rr;
-                if along < 0.45 && away < reach.max(1.2) * rr && best.is_none_or(|b| away < b.0) {
-                    best = Some((away, i, residual));
-                }
-            });
+            let nearest = |within: f64| {
+                let mut best: Option<(f64, usize, f64)> = None;
+                lookup.visit(vote, within, |i| {
+                    let d = [vote[0] - nodes[i][0], vote[1] - nodes[i][1]];
+                    let square = d[0] * d[0] + d[1] * d[1];
+                    if square >= best.map_or(within * within, |b| b.0) {
+                        return;
+                    }
+                    let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
+                    if along < 0.45 {
+                        best = Some((square, i, (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / rr));
+                    }
+                });
+                best
+            };
+            // most edges have a chain beside them
+            let near = nearest(NEAR * rr);
+            let best = if near.is_none() && reach > NEAR { nearest(reach * rr) } else { near };
             let Some((_, i, residual)) = best else { continue };
             if is_end(i) {
                 continue;

@@ -9,7 +9,7 @@ use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, pairings};
 use super::planar::{Place, apart, cleaned, length, resampled, unit};
 use super::refine::refined;
-use crate::image::{Image, blobs};
+use crate::image::blobs;
 use crate::parallel;
 use crate::silhouette::Silhouette;
 
@@ -57,12 +57,15 @@ type Known = BTreeMap<(Vec<usize>, Vec<(usize, usize, usize)>), Arc<Pairings>>;
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let rr = silhouette.radius_px;
     let mut known = Known::new();
-    let mut found = of_skeleton(silhouette, SPURS[0], ropes, most, &mut known);
-    found.extend(of_skeleton(silhouette, SPURS[1], ropes, most, &mut known).into_iter().map(|r| Reading {
-        cost: r.cost + TIPS,
-        fixed: r.fixed + TIPS,
-        ..r
-    }));
+    let [pruned, bushy] = SPURS.map(|spur| Skeleton::new(silhouette, spur));
+    let mut found = of_skeleton(silhouette, &pruned, ropes, most, &mut known);
+    if !bushy.is_same(&pruned) {
+        found.extend(of_skeleton(silhouette, &bushy, ropes, most, &mut known).into_iter().map(|r| Reading {
+            cost: r.cost + TIPS,
+            fixed: r.fixed + TIPS,
+            ..r
+        }));
+    }
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Reading> = Vec::new();
     for reading in found {
@@ -101,38 +104,33 @@ fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
 /// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
 fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
     let rr = silhouette.radius_px;
-    let ([left, top], [width, height]) = silhouette.frame();
-    let mut bare = Image::filled(width, height, false);
-    for [u, v] in silhouette.pixels() {
-        bare.set((u - left) as usize, (v - top) as usize, true);
-    }
-    for chain in chains {
-        for x in chain {
-            let reach = 1.2 * rr + 0.3;
-            let range = |c: usize, low: f64, count: usize| {
-                let first = (x[c] - reach - low).ceil().max(0.0) as usize;
-                (first, ((x[c] + reach - low).floor().max(-1.0) + 1.0).min(count as f64) as usize)
-            };
-            let ((u0, u1), (v0, v1)) = (range(0, left, width), range(1, top, height));
-            for v in v0..v1 {
-                for u in u0..u1 {
-                    let d = [u as f64 + left - x[0], v as f64 + top - x[1]];
-                    if d[0] * d[0] + d[1] * d[1] <= reach * reach {
-                        bare.set(u, v, false);
-                    }
-                }
-            }
+    let ([left, top], _) = silhouette.frame();
+    let mut bare = silhouette.mask.clone();
+    let reach = 1.2 * rr + 0.3;
+    // from the first to before the last
+    let range = |low: f64, high: f64, count: usize| {
+        let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
+        (low.ceil().max(0.0) as usize).min(last)..last
+    };
+    for x in chains.iter().flatten() {
+        let (u, v) = (x[0] - left, x[1] - top);
+        for row in range(v - reach, v + reach, bare.height) {
+            let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
+            let start = row * bare.width;
+            let columns = range(u - half, u + half, bare.width);
+            bare.values[start + columns.start..start + columns.end].fill(false);
         }
     }
     let found = blobs(&bare, true, true);
     let mut sums = vec![[0.0; 2]; found.sizes.len()];
-    for (k, &number) in found.numbers.values.iter().enumerate() {
-        sums[number as usize][0] += (k % width) as f64 + left;
-        sums[number as usize][1] += (k / width) as f64 + top;
+    for run in &found.runs {
+        let count = (run.end - run.begin) as f64;
+        sums[run.blob][0] += count * (0.5 * (run.begin + run.end - 1) as f64 + left);
+        sums[run.blob][1] += count * (run.row as f64 + top);
     }
     let mut stretches = Vec::new();
     let mut total = 0.0;
-    for (number, &size) in found.sizes.iter().enumerate().skip(1) {
+    for (number, &size) in found.sizes.iter().enumerate() {
         let area = size as f64 / (rr * rr);
         total += area;
         if area > BARE {
@@ -145,12 +143,11 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
 fn of_skeleton(
     silhouette: &Silhouette,
-    spur: f64,
+    skeleton: &Skeleton,
     ropes: Option<usize>,
     most: usize,
     known: &mut Known,
 ) -> Vec<Reading> {
-    let skeleton = Skeleton::new(silhouette, spur);
     let rr = silhouette.radius_px;
     let plain = skeleton.read(rr, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
@@ -162,14 +159,14 @@ fn of_skeleton(
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut seen = HashSet::from([plain.zones.clone()]);
-    let mut found = search(silhouette, &skeleton, &plain, ropes, most, known);
+    let mut found = search(silhouette, skeleton, &plain, ropes, most, known);
     let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
     for path in hidden {
         let network = skeleton.read(rr, true, &path);
         if seen.insert(network.zones.clone()) {
             let more = if path.is_empty() { 0.0 } else { HIDDEN };
             found.extend(
-                search(silhouette, &skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
+                search(silhouette, skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
                     cost: r.cost + more,
                     fixed: r.fixed + more,
                     ..r

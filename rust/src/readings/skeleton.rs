@@ -11,6 +11,14 @@ pub struct Net {
     width: usize,
 }
 
+/// A pixel of a mask that is thinned: one of it may be listed as a border pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixel {
+    Empty,
+    Inner,
+    Listed,
+}
+
 /// A line of pixels, and the groups at its two ends.
 pub struct Line {
     /// Numbers of pixels, in order.
@@ -29,37 +37,37 @@ fn ring(k: usize, w: usize) -> [usize; 8] {
 ///
 /// `border` are its pixels that may be at its edge. Zhang and Suen, *A fast parallel algorithm for thinning digital
 /// patterns*, on a list of border pixels.
-pub fn thin(mask: &mut Image<bool>, mut border: Vec<usize>) -> Vec<usize> {
+pub fn thin(mask: &mut Image<Pixel>, mut border: Vec<usize>) -> Vec<usize> {
     let w = mask.width;
     let values = &mut mask.values;
-    let mut listed = vec![false; values.len()];
     for &k in &border {
-        listed[k] = true;
+        values[k] = Pixel::Listed;
     }
+    let around = |values: &[Pixel], k: usize| ring(k, w).map(|n| values[n] != Pixel::Empty);
     let mut removed = Vec::new();
     loop {
         let mut changed = false;
         for second in [false, true] {
             removed.clear();
             for &k in &border {
-                if values[k] && removable(&ring(k, w).map(|n| values[n]), second) {
+                if values[k] != Pixel::Empty && removable(&around(values, k), second) {
                     removed.push(k);
                 }
             }
             for &k in &removed {
-                values[k] = false;
+                values[k] = Pixel::Empty;
             }
             for &k in &removed {
                 for n in ring(k, w) {
-                    if values[n] && !listed[n] {
-                        listed[n] = true;
+                    if values[n] == Pixel::Inner {
+                        values[n] = Pixel::Listed;
                         border.push(n);
                     }
                 }
             }
             changed |= !removed.is_empty();
         }
-        border.retain(|&k| values[k]);
+        border.retain(|&k| values[k] != Pixel::Empty);
         if !changed {
             break;
         }
@@ -67,10 +75,12 @@ pub fn thin(mask: &mut Image<bool>, mut border: Vec<usize>) -> Vec<usize> {
     border.sort_unstable();
     // the corners of staircases
     for &k in &border {
-        let p = ring(k, w).map(|n| values[n]);
-        values[k] = p.iter().filter(|&&v| v).count() < 2 || !simple(&p);
+        let p = around(values, k);
+        if p.iter().filter(|&&v| v).count() >= 2 && simple(&p) {
+            values[k] = Pixel::Empty;
+        }
     }
-    border.retain(|&k| values[k]);
+    border.retain(|&k| values[k] != Pixel::Empty);
     border
 }
 
@@ -98,7 +108,8 @@ pub fn skeleton(mask: &Image<bool>) -> Vec<usize> {
     let border = (w..values.len() - w)
         .filter(|&k| values[k] && !(values[k - 1] && values[k + 1] && values[k - w] && values[k + w]))
         .collect();
-    thin(&mut mask.clone(), border)
+    let pixels = values.iter().map(|&v| if v { Pixel::Inner } else { Pixel::Empty }).collect();
+    thin(&mut Image { width: w, height: mask.height, values: pixels }, border)
 }
 
 impl Net {
