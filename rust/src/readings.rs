@@ -17,6 +17,6 @@ mod tests;
 
 pub use ends::extended;
 pub use network::shown_radius;
-pub use skeleton::skeleton;
 pub use planar::resampled;
 pub use search::{cost, readings};
+pub use skeleton::skeleton;

@@ -2,7 +2,7 @@
 //!
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
-use crate::image::{Image, Run, blobs, distances};
+use crate::image::{Blobs, Image, Run, blobs, distances};
 use crate::readings::{shown_radius, skeleton};
 
 /// A place on a mask's edge.
@@ -50,6 +50,8 @@ const RAGGED_HOLE: f64 = 1.0;
 /// Standard deviation of the smoothing, pixels; and more for a ragged mask, radii.
 const SMOOTH: f64 = 0.6;
 const RAGGED_SMOOTH: f64 = 0.3;
+/// Fewest pixels of a hole that a segmenter left.
+const LEAST_HOLE: usize = 4;
 /// A mask of which specks and holes are this share is ragged.
 const RAGGED: f64 = 0.04;
 
@@ -224,11 +226,26 @@ fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2],
         cut.values[start + run.begin..start + run.end].fill(true);
     }
     let holes = blobs(&cut, false, false);
-    let lost: usize = holes.sizes.iter().filter(|&&size| (size as f64) < square).sum();
+    let lost: usize = compact(&holes).filter(|&size| (size as f64) < square).sum();
     let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
     let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
     let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
     Some((origin, Image { width: w, height: h, values }, ragged))
+}
+
+/// Sizes of blobs that are about as wide as long: what is narrow is a gap between strands rather than a bit that a
+/// segmenter lost.
+fn compact(found: &Blobs) -> impl Iterator<Item = usize> {
+    let mut boxes = vec![[usize::MAX, 0, usize::MAX, 0]; found.sizes.len()];
+    for run in &found.runs {
+        let [left, right, top, bottom] = boxes[run.blob];
+        boxes[run.blob] =
+            [left.min(run.begin), right.max(run.end), top.min(run.row), bottom.max(run.row + 1)];
+    }
+    boxes.into_iter().zip(&found.sizes).filter_map(|([left, right, top, bottom], &size)| {
+        let long = (right - left).max(bottom - top);
+        (size >= LEAST_HOLE && 2 * long * long <= 5 * size).then_some(size)
+    })
 }
 
 #[cfg(test)]

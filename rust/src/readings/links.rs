@@ -1,7 +1,9 @@
 //! Curves through zones: from port to port, fitted to the mask's edge.
 
 use super::network::{Network, Port, Skeleton};
-use super::planar::{Place, apart, bending, hermite, length, longest_step, nearest_node, resampled, smoothed, unit};
+use super::planar::{
+    Place, apart, bending, hermite, length, longest_step, nearest_node, resampled, smoothed, unit,
+};
 use crate::banded::Bordered;
 use crate::silhouette::{Edge, Silhouette};
 
