@@ -98,7 +98,7 @@ fn removable(p: &[bool; 8], second: bool) -> bool {
     let count = p.iter().filter(|&&v| v).count();
     let rises = (0..8).filter(|&i| !p[i] && p[(i + 1) % 8]).count();
     let [n, _, e, _, s, _, w, _] = *p;
-    let side = if second { (n && e && w) || (n && s && w) } else { (n && e && s) || (e && s && w) };
+    let side = if second { n && w && (e || s) } else { e && s && (n || w) };
     (2..=6).contains(&count) && rises == 1 && !side
 }
 
