@@ -83,7 +83,7 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
 
 
 def _correlated(what: Read) -> bool:
-    """Tell whether errors of neighbouring pixels are alike, as the surroundings show: tubes take that for shape."""
+    """Tell whether neighbouring pixels' errors are alike beside the ropes: tubes take that for shape."""
     images = [(image.depth, image.depth[image.mask]) for image in what.taken]
     correlations, followed = plane_correlations(
         [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1

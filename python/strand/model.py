@@ -29,16 +29,29 @@ from strand.sensor import Sensor
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
 
-DOUBTS = ("join", "rival", "end", "left out", "noise", "prior", "points", "mask", "order", "uncovered", "count", "length", "ring")
+DOUBTS = (
+    "join",
+    "rival",
+    "end",
+    "left out",
+    "noise",
+    "prior",
+    "points",
+    "mask",
+    "order",
+    "uncovered",
+    "count",
+    "length",
+    "ring",
+)
 """Kinds of doubt.
 
 "join": the segments there may belong together otherwise; "rival": another way to join all of them costs
 hardly more; "end": the rope may end elsewhere; "left out": a segment became part of no rope; "noise": it is
 wide against the rope; "prior": the answer explains the points worse than one without what was known
 beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
-from what is around it; "order": depth hardly tells which strand is on top at a crossing; "uncovered": ropes and masks
-do not cover each other; "count", "length", "ring": the ropes are not as
-they are known to be.
+from what is around it; "order": depth hardly tells which strand is on top at a crossing; "uncovered": ropes
+and masks do not cover each other; "count", "length", "ring": the ropes are not as they are known to be.
 """
 
 WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "radius", "unused view")

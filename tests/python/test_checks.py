@@ -111,6 +111,7 @@ ACCEPTED = {
     ("Alternative", "chains", "[]"),
     ("render_depth", "chains", "[]"),
     ("scene", "name", "None"),
+    ("scene", "noise", "None"),
     *((name, argument, "-1.5") for name, argument in SIGNED),
 }
 

@@ -13,10 +13,11 @@ from strand.images.comparison import Explanation
 from strand.model import Doubt
 from strand.tubes.hypotheses import alike
 
-# doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of this much
-# more for the other order is worth a factor of e in the odds
+# doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
+# this much more for the other order is worth a factor of e in the odds
 _ALWAYS, _ORDER, _ORDER_SCALE = 0.05, 0.5, 5.0
-# an end this near to another strand may lie under it, radii; how much doubt that is, and over which distance it grows
+# an end this near to another strand may lie under it, radii; how much doubt that is, and over which
+# distance it grows
 _NEAR_END, _END, _END_SCALE = 3.2, 0.3, 1.2
 # doubt for each squared radius of mask that nothing covers beyond what is usual, and of tube outside masks
 _UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
@@ -56,9 +57,9 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
 def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple[Doubt, ...]:
     """Say what speaks against the best explanation, and how much.
 
-    Rivals that cost hardly more, orders at crossings that depth hardly tells, ends next to other strands, mask that
-    no rope covers, ropes outside of masks, and noise that is wide against the ropes. The weights were set on random
-    ropes before imitated cameras.
+    Rivals that cost hardly more, orders at crossings that depth hardly tells, ends next to other
+    strands, mask that no rope covers, ropes outside of masks, and noise that is wide against the ropes.
+    The weights were set on random ropes before imitated cameras.
 
     Parameters
     ----------
@@ -80,10 +81,10 @@ def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple
         reason = f"another way to explain the images costs {more:.1f} more"
         place = _difference(fit.nodes, rivals[1].fit.nodes, radius)
         found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason, place))
-    for place, margin in fit.crossings:
+    for crossing, margin in fit.crossings:
         amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
         reason = f"depth hardly tells it (margin {margin:.1f})"
-        found.append(Doubt("order", amount, "which strand is on top", reason, np.array(place)))
+        found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += _of_ends(fit.nodes, radius)
     uncovered, outside = fit.misfit[:2]
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)

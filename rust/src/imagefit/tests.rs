@@ -46,7 +46,7 @@ impl Image {
     pub fn rope_view(&self) -> RopeView<'_> {
         RopeView {
             silhouette: &self.silhouette,
-            medians: self.medians.clone(),
+            medians: &self.medians,
             pinhole: self.pinhole,
             pose: self.pose,
             size: SIZE,
