@@ -100,7 +100,7 @@ impl Silhouette {
     ///
     /// The radius is corrected by what the mask shows, which is a little eaten or grown.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
-        let scale = if radius_px < 4.5 {
+        let scale = if radius_px < 6.0 {
             3
         } else if radius_px < 10.0 {
             2
