@@ -21,6 +21,8 @@ from strand.tubes.method import find_chains as find_tubes
 
 # an answer this sure is not compared
 _SURE = 0.35
+# where tubes find the noise narrower than this, in radii, they are taken at their word
+_WIDE = 0.3
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
@@ -56,15 +58,21 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 
 def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     tubes, tubes_run = _tubes(observed, config, run)
-    if tubes is not None and _certain(tubes):
+    if tubes is not None and tubes.stages["fit"].sigma < _WIDE * observed.radii.values[0]:
         return _accepted(tubes, tubes_run, run)
+    images_run = Run(run.progress, run.timings)
     try:
-        what = read(observed, config, run)
+        what = read(observed, config, images_run)
     except NotEnoughDataError:
         if tubes is None:
             raise
         return _accepted(tubes, tubes_run, run)
-    return _better(what, tubes, tubes_run, observed, config, run)
+    if tubes is not None:
+        return _better(what, tubes, tubes_run, observed, config, run)
+    found = answer(what, observed, config, images_run)
+    if not _certain(found):
+        raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
+    return _accepted(found, images_run, run)
 
 
 def _images_first(observed: Observed, config: Config, run: Run) -> Found:
@@ -72,13 +80,14 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
         what = read(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
-    if _correlated(what):
-        return answer(what, observed, config, run)
-    if what.explanations[0].fit.noise > _NARROW:
-        found = answer(what, observed, config, run)
-        if _certain(found):
-            return found
+    images_run = Run(run.progress, run.timings)
+    found = answer(what, observed, config, images_run)
+    wide = what.explanations[0].fit.noise > _NARROW
+    if _correlated(what) or (wide and _certain(found)):
+        return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
+    if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
+        return _accepted(tubes, tubes_run, run)
     return _better(what, tubes, tubes_run, observed, config, run)
 
 
@@ -105,8 +114,17 @@ def _accepted(found: Found, own: Run, run: Run) -> Found:
     return found
 
 
+def _plain(tubes: Found) -> bool:
+    """Tell whether tubes find the errors of neighbouring pixels independent."""
+    return tubes.sensor is None or not tubes.sensor.correlation
+
+
+def _confidence(found: Found) -> float:
+    return confidence(found.doubts or ())
+
+
 def _certain(found: Found) -> bool:
-    return confidence(found.doubts or ()) >= _SURE
+    return _confidence(found) >= _SURE
 
 
 def _better(
@@ -125,12 +143,12 @@ def _better(
         what.table,
         what.held,
         config,
+        observed,
     )
     best = compared[0]
     same = best.reading is rival or _alike(best.fit.nodes, ropes, radius)
-    plain = tubes.sensor is None or not tubes.sensor.correlation
     ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
-    if ring or (same and plain and best.fit.noise <= _NARROW):
+    if ring or (same and _plain(tubes) and best.fit.noise <= _NARROW):
         return _accepted(tubes, tubes_run, run)
     return answer(Read(what.images, what.table, what.held, compared, what.taken), observed, config, run)
 

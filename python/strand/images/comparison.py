@@ -10,6 +10,10 @@ import numpy as np
 from strand._core import ImageFit, RopeImages
 from strand.checks import Array
 from strand.config import Config
+from strand.evidence.prior import contradiction
+from strand.evidence.visibility import Visibility, visibility_from
+from strand.polyline import path_length, runs
+from strand.stages import Observed
 
 Table = tuple[Array, float] | None
 """A plane's unit normal n towards the cameras, and n.x on it, metres."""
@@ -19,6 +23,13 @@ Table = tuple[Array, float] | None
 _UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
 # and each rope
 _ROPE = 6.0
+# each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through, in
+# stretches of so many nodes
+_LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
+# nodes of fits are so far apart, in radii
+_STEP = 0.5
+# tube outside of masks from which on ropes may bridge gaps
+_BRIDGED = 2.0
 # readings of each view, and how much more than the best a reading may cost to be fitted; two always are
 READINGS, _MORE = 6, 12.0
 # steps of the first fit
@@ -77,7 +88,12 @@ def likely_readings(images: RopeImages, ropes: int | None) -> list[Reading]:
 
 
 def explained(
-    images: RopeImages, readings: Sequence[Reading], table: Table, held: int, config: Config
+    images: RopeImages,
+    readings: Sequence[Reading],
+    table: Table,
+    held: int,
+    config: Config,
+    observed: Observed,
 ) -> list[Explanation]:
     """Fit readings to all views and compare them.
 
@@ -102,8 +118,36 @@ def explained(
     costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += _ROPE * np.array([len(reading.chains) for reading, _ in pairs])
+    costs += [_contradiction(fit, observed) for _, fit in pairs]
+    if outside[costs.argmin()] > _BRIDGED:
+        visibility = visibility_from(observed.whole, [view.pose for view in observed.whole], observed.views)
+        costs += [_seen_through(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
+
+
+def _contradiction(fit: ImageFit, observed: Observed) -> float:
+    """Return what ropes cost that are not as long as they are known to be."""
+    prior = observed.prior
+    if not prior.lengths:
+        return 0.0
+    radius = float(observed.radii.values[0])
+    lengths = [float(path_length(nodes)[-1]) for nodes in fit.nodes]
+    return sum(
+        min(_LENGTH * contradiction(length, true, radius), _MOST)
+        for length, true in zip(lengths, prior.expected(lengths), strict=True)
+    )
+
+
+def _seen_through(fit: ImageFit, visibility: Visibility, observed: Observed) -> float:
+    """Return what stretches of rope cost that cameras saw through."""
+    radius = float(observed.radii.values[0])
+    cost = 0.0
+    for nodes in fit.nodes:
+        for start, stop in runs(visibility.free(nodes, radius)):
+            if stop - start >= _STRETCH:
+                cost += _FREE * _STEP * (stop - start)
+    return cost
 
 
 def refitted(images: RopeImages, fit: ImageFit, table: Table, held: int, config: Config) -> ImageFit:

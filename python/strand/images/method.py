@@ -16,6 +16,7 @@ from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
 from strand.model import Alternative
 from strand.stages import Found, Observed, Run
+from strand.tubes.warnings import about_answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
     with run.stage("readings"):
         readings = [r for r in likely_readings(images, observed.prior.ropes) if r.chains]
     with run.stage("explain"):
-        found = explained(images, readings, table, held, config)
+        found = explained(images, readings, table, held, config, observed)
     if not found:
         raise NotEnoughDataError("views: the masks show no rope with depth; is the radius right, in metres?")
     return Read(images, table, held, found, taken)
@@ -75,8 +76,10 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
     uncertain = doubts(rivals, fit, radius)
+    chains = sorted(chains, key=lambda chain: -chain.length)
+    run.warnings.extend(about_answer(chains, uncertain, None, observed.bounds, config.linking))
     return Found(
-        sorted(chains, key=lambda chain: -chain.length),
+        chains,
         poses=corrected_poses([view.pose for view in observed.views], fit.corrections),
         pose_sd=[np.full(6, np.nan) for _ in observed.views],
         stages={},

@@ -46,7 +46,7 @@ def about_fit(
 def about_answer(
     chains: Sequence[Chain],
     doubts: Sequence[Doubt],
-    visibility: Visibility,
+    visibility: Visibility | None,
     bounds: Bounds | None,
     config: Linking,
 ) -> Iterator[ModelWarning]:
