@@ -21,8 +21,12 @@ from strand.tubes.method import find_chains as find_tubes
 
 # an answer this sure is not compared
 _SURE = 0.35
-# where tubes find the noise narrower than this, in radii, they are taken at their word
+# where the noise is narrower than this, in radii, as tubes find it and neighbours show it, tubes are taken at
+# their word
 _WIDE = 0.3
+# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every so many
+# rows are asked
+_SCATTERED, _EVERY = 0.55, 8
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
@@ -57,8 +61,16 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 
 
 def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
+    radius = float(observed.radii.values[0])
+    scatter = _scatter(observed) / radius
+    if scatter > _SCATTERED:
+        try:
+            return answer(read(observed, config, run), observed, config, run)
+        except NotEnoughDataError:
+            return find_tubes(observed, config, run)
     tubes, tubes_run = _tubes(observed, config, run)
-    if tubes is not None and tubes.stages["fit"].sigma < _WIDE * observed.radii.values[0]:
+    narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
+    if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)):
         return _accepted(tubes, tubes_run, run)
     images_run = Run(run.progress, run.timings)
     try:
@@ -89,6 +101,21 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
         return _accepted(tubes, tubes_run, run)
     return _better(what, tubes, tubes_run, observed, config, run)
+
+
+def _scatter(observed: Observed) -> float:
+    """Return how far depths scatter about their neighbours' in the median view, metres; 0 without images."""
+    found = []
+    for view in observed.whole:
+        if view.image is None:
+            return 0.0
+        z = view.image.depth[::_EVERY]
+        z = np.where(z > 0, z, np.nan)
+        # slopes cancel in second differences
+        bends = np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])
+        bends = bends[np.isfinite(bends)]
+        found.append(1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0)
+    return float(np.median(found))
 
 
 def _correlated(what: Read) -> bool:

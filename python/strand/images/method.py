@@ -12,6 +12,7 @@ from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
 from strand.images.nodes import as_chains, corrected_poses
+from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
 from strand.model import Alternative
@@ -48,16 +49,26 @@ class Read:
 
 
 def read(observed: Observed, config: Config, run: Run) -> Read:
-    """Read the images and compare the readings."""
+    """Read the images and compare the readings.
+
+    Views without masks are cut from their table by smoothed heights.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the images show no rope with depth.
+    """
     radius = float(observed.radii.values[0])
     held = len(observed.views) // 2
     with run.stage("images"):
         taken = rope_images(observed.views, observed.whole, observed.bounds)
+        table = table_plane(taken, held, radius)
+        if not any(view.mask is not None for view in observed.whole):
+            taken = raised(taken, table, observed.bounds, radius)
         try:
             images = prepared(taken, radius)
         except ValueError as error:
             raise NotEnoughDataError(f"views: {error}") from error
-        table = table_plane(taken, held, radius)
     with run.stage("readings"):
         readings = [r for r in likely_readings(images, observed.prior.ropes) if r.chains]
     with run.stage("explain"):

@@ -1,0 +1,91 @@
+"""Ropes told from their table in depth that is too noisy to cut pixel by pixel: where a smoothed height stands out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from strand.checks import Array, Bounds
+from strand.images.seen import RopeImage
+
+# the smoothing's standard deviation, and where a rope's edge is: at half of its mean height; in radii
+_SMOOTH, _EDGE = 0.45, 0.85
+# single heights are cut off here, in radii
+_LOWEST, _HIGHEST = -2.0, 4.0
+# share of the smoothed pixels that must have depth
+_SEEN = 0.3
+
+
+def raised(
+    images: Sequence[RopeImage], table: tuple[Array, float] | None, bounds: Bounds | None, radius: float
+) -> list[RopeImage]:
+    """Return images with masks of what stands out from a table.
+
+    Parameters
+    ----------
+    images : sequence of RopeImage
+    table : ((3,) ndarray, float) or None
+        Its unit normal n and n.x, metres; without one the images stay as they are.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    list of RopeImage
+        One in which nothing stands out stays as it is.
+    """
+    if table is None:
+        return list(images)
+    found = []
+    for image in images:
+        mask = _standing_out(image, table, bounds, radius)
+        found.append(replace(image, mask=mask) if mask.any() else image)
+    return found
+
+
+def _standing_out(
+    image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
+) -> np.ndarray:
+    normal, offset = table
+    height, width = image.depth.shape
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    seen = (image.depth > 0) & np.isfinite(image.depth)
+    z = np.where(seen, image.depth, 0.0)
+    v, u = np.mgrid[:height, :width]
+    points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=-1)
+    world = points @ image.pose[:3, :3].T + image.pose[:3, 3]
+    above = world @ normal - offset
+    if bounds is not None:
+        # where a rope's axis would be, whatever the noise says
+        axis = world + (radius - above)[..., None] * normal
+        seen &= ((axis > bounds[0] - radius) & (axis < bounds[1] + radius)).all(axis=-1)
+    if not seen.any():
+        return np.zeros_like(image.mask)
+    across = radius * fx / float(np.median(z[seen]))
+    kernel = _gaussian(max(_SMOOTH * across, 0.6))
+    heights = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)
+    shares = _convolved(seen.astype(np.float64), kernel)
+    smooth = _convolved(heights, kernel) / np.maximum(shares, 1e-9)
+    return (smooth > _EDGE * radius) & (shares > _SEEN)
+
+
+def _gaussian(deviation: float) -> Array:
+    reach = int(np.ceil(3.0 * deviation))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
+    return np.asarray(kernel / kernel.sum())
+
+
+def _convolved(image: Array, kernel: Array) -> Array:
+    """Convolve along rows and columns; nothing lies beyond the border."""
+    reach = len(kernel) // 2
+    for axis in (0, 1):
+        padding = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
+        padded = np.pad(image, padding)
+        length = image.shape[axis]
+        parts = [weight * np.take(padded, range(k, k + length), axis) for k, weight in enumerate(kernel)]
+        image = np.sum(parts, axis=0)
+    return image
