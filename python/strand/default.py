@@ -24,8 +24,8 @@ _SURE = 0.35
 # where the noise is narrower than this, in radii, as tubes find it and neighbours show it, tubes are taken at
 # their word
 _WIDE = 0.3
-# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every so many
-# rows are asked
+# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every
+# so many rows are asked
 _SCATTERED, _EVERY = 0.55, 8
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely

@@ -23,8 +23,8 @@ Table = tuple[Array, float] | None
 _UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
 # and each rope
 _ROPE = 6.0
-# each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through, in
-# stretches of so many nodes
+# each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through,
+# in stretches of so many nodes
 _LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
 # nodes of fits are so far apart, in radii
 _STEP = 0.5

@@ -50,7 +50,9 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
     radius = across * scale
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        chains = [nodes for _, _, chains, _ in prepared([image], radius).readings(None, 1) for nodes in chains]
+        chains = [
+            nodes for _, _, chains, _ in prepared([image], radius).readings(None, 1) for nodes in chains
+        ]
         if not chains:
             break
         length = sum(float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) for nodes in chains)

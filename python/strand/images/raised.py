@@ -1,4 +1,4 @@
-"""Ropes told from their table in depth that is too noisy to cut pixel by pixel: where a smoothed height stands out."""
+"""Ropes told from their table in noisy depth: where a smoothed height stands out."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ impl Votes {
 /// Moves a polyline so that the mask's edge is a radius away, its tube is in the mask and it bends little.
 ///
 /// `anchors`: how much each node is held, in units of 1/radius². None if the curve would be no part of a good reading.
-fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
+pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
     let rr = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / rr;

@@ -1,7 +1,7 @@
 //! Masks that are drawn, whose ropes are known.
 
 use super::ends::extended;
-use super::links::fitted;
+use super::links::{Votes, fitted};
 use super::planar::{self, Place, apart, length, resampled};
 use super::search::{Reading, cost, readings};
 use super::skeleton::skeleton;
@@ -144,7 +144,7 @@ fn a_curve_is_fitted_to_an_arc() {
         .enumerate()
         .map(|(i, x)| [x[0] + 3.0 * (i as f64).sin(), x[1] + 3.0 * (2.0 * i as f64).cos()])
         .collect();
-    let found = fitted(&seen, &start, &vec![0.0; start.len()]);
+    let found = fitted(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()]).unwrap();
     for x in &found[4..found.len() - 4] {
         let off = (x[0] - 120.0).hypot(x[1] - 60.0) - 70.0;
         assert!(off.abs() < 0.1 * RR, "{off}");

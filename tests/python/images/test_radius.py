@@ -1,0 +1,67 @@
+"""The radius that masks show, and ropes told from their table where depth is noisy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import strand
+from strand._core import NotEnoughDataError
+from strand.images.radius import shown_radius
+from strand.images.raised import raised
+from strand.images.seen import rope_images
+from strand.images.table import table_plane
+from strand.synthetic import Segmentation, scene
+
+
+@pytest.mark.parametrize("camera", ["d435", "tof"])
+@pytest.mark.parametrize("radius", [0.003, 0.006])
+def test_exact_masks_show_the_radius(camera, radius):
+    made = scene("loop", seed=3, radius=radius, views=1, camera=camera, mask=Segmentation(), size=(640, 480))
+    images = rope_images(made.views, made.views, None)
+    (found,), (sd,) = shown_radius(images)
+    assert found == pytest.approx(radius, rel=0.15)
+    assert abs(found - radius) < 2.0 * sd
+
+
+def test_a_mask_without_rope_shows_no_radius():
+    made = scene("arc", views=1, camera="zed", mask=Segmentation(), size=(320, 240))
+    (image,) = rope_images(made.views, made.views, None)
+    with pytest.raises(NotEnoughDataError, match="no rope"):
+        shown_radius([dataclasses.replace(image, mask=np.zeros_like(image.mask))])
+
+
+def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
+    made = scene("arc", seed=1, views=1, camera="d435", mask=Segmentation(), size=(320, 240))
+    model = strand.reconstruct(made.views, ropes=1)
+    assert model.chains[0].radius == pytest.approx(made.radius, rel=0.2)
+    assert model.chains[0].radius_sd > 0.0
+    assert "radius" in {warning.kind for warning in model.warnings}
+
+
+def test_what_stands_out_of_a_table_is_rope():
+    made = scene("loop", seed=1, views=1, noise=0.8 * 0.0042, size=(320, 240))
+    still = scene("loop", seed=1, views=1, noise=1e-5, size=(320, 240))
+    views = made.views
+    low, high = made.bounds
+    points = [view.crop(made.bounds) for view in views]
+    images = rope_images(points, views, made.bounds)
+    table = table_plane(images, 0, made.radius)
+    assert table is not None
+    (image,) = raised(images, table, made.bounds, made.radius)
+    true = rope_images([view.crop(still.bounds) for view in still.views], still.views, still.bounds)[0].mask
+    both = np.count_nonzero(image.mask & true)
+    assert both > 0.8 * np.count_nonzero(true)
+    assert both > 0.75 * np.count_nonzero(image.mask)
+    # pixel by pixel it is lost in the table's noise
+    assert np.count_nonzero(images[0].mask & true) < 0.75 * np.count_nonzero(images[0].mask)
+    assert raised(images, None, made.bounds, made.radius)[0] is images[0]
+
+
+def test_wide_plain_noise_is_read_as_an_image(measure):
+    made = scene("loop", seed=1, views=3, noise=0.8 * 0.0042, size=(320, 240))
+    model = strand.reconstruct(made.views, made.radius, made.bounds)
+    assert "readings" in model.timings
+    assert measure(model, made.truth, made.radius).right
