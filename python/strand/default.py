@@ -27,6 +27,8 @@ _WIDE = 0.3
 # where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every
 # so many rows are asked
 _SCATTERED, _EVERY = 0.55, 8
+# a reading that finds so much more noise than depths scatter by, in radii, is wrong
+_MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
@@ -80,6 +82,9 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
             raise
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
+        # medians scatter less than single depths, unless the images are read wrong too
+        if what.explanations[0].fit.noise > scatter + _MISREAD:
+            return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
     found = answer(what, observed, config, images_run)
     if not _certain(found):

@@ -190,7 +190,9 @@ impl Seen {
     /// Depth where no other strand hides the sample; its noise and the view's bias in radii.
     pub fn add_depth(&self, scene: &Scene, noise: f64, bias: f64, sums: &mut Sums) {
         let unit = STEP / scene.sensor.correlation / (noise * noise);
-        for i in (0..self.places.len()).filter(|&i| self.visible[i]) {
+        // beyond a rope's end there is table
+        let shown = |i: usize| self.visible[i] && !scene.curves.samples[i].capped;
+        for i in (0..self.places.len()).filter(|&i| shown(i)) {
             let observed = scene.view.medians.at(self.image[i]);
             let place = self.places[i];
             let cosine = dot(self.spatial[i], place).powi(2) / dot(place, place);

@@ -56,6 +56,11 @@ pub fn lift(
     let mut grid = Grid::default();
     grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * rr));
     let mut weights: Vec<f64> = depths.iter().map(|z| f64::from(u8::from(z.is_finite()))).collect();
+    // beyond a rope's end there is table
+    for range in ranges.iter().filter(|range| range.len() > 4 * TIP) {
+        weights[range.start..range.start + TIP].fill(0.0);
+        weights[range.end - TIP..range.end].fill(0.0);
+    }
     let mut owned = weights.clone();
     let mut mixed = vec![false; places.len()];
     grid.pairs(&places, reach, |i, j, _| {

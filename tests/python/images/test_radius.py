@@ -45,7 +45,6 @@ def test_what_stands_out_of_a_table_is_rope():
     made = scene("loop", seed=1, views=1, noise=0.8 * 0.0042, size=(320, 240))
     still = scene("loop", seed=1, views=1, noise=1e-5, size=(320, 240))
     views = made.views
-    low, high = made.bounds
     points = [view.crop(made.bounds) for view in views]
     images = rope_images(points, views, made.bounds)
     table = table_plane(images, 0, made.radius)
