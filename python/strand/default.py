@@ -13,9 +13,8 @@ from strand.checks import Array
 from strand.config import Config
 from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
-from strand.images.method import Read, answer, read
+from strand.images.method import PLAIN, Read, answer, neighbours_alike, read
 from strand.stages import Found, Observed, Run
-from strand.tubes.backgrounds import plane_correlations
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
 
@@ -32,8 +31,6 @@ _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
-# neighbouring pixels' errors that are less alike count as independent
-_PLAIN = 0.1
 
 
 def find_chains(observed: Observed, config: Config, run: Run) -> Found:
@@ -100,7 +97,7 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
     images_run = Run(run.progress, run.timings)
     found = answer(what, observed, config, images_run)
     wide = what.explanations[0].fit.noise > _NARROW
-    if _correlated(what) or (wide and _certain(found)):
+    if neighbours_alike(what) > PLAIN or (wide and _certain(found)):
         return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
@@ -121,15 +118,6 @@ def _scatter(observed: Observed) -> float:
         bends = bends[np.isfinite(bends)]
         found.append(1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0)
     return float(np.median(found))
-
-
-def _correlated(what: Read) -> bool:
-    """Tell whether neighbouring pixels' errors are alike beside the ropes: tubes take that for shape."""
-    images = [(image.depth, image.depth[image.mask]) for image in what.taken]
-    correlations, followed = plane_correlations(
-        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
-    )
-    return bool(correlations) and correlations[0] + followed > _PLAIN
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:

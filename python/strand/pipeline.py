@@ -92,7 +92,9 @@ def reconstruct(
     keep_stages : bool
         Keep the arrays between the stages, in `Model.stages`: "raw", "filtered" and "registered" (a tuple of
         (N, 3) arrays, one for each view used); "arcs" (what was seen of the ropes before they were linked)
-        and "fit" (a `TubeFit`); or, of the published method, "normals", "axis_points" (M, 3), "traced"
+        and "fit" (a `TubeFit`); of an answer read from images instead of these "readings" (the nodes of all
+        ropes of the readings that were compared, (M, 3) arrays); or,
+        of the published method, "normals", "axis_points" (M, 3), "traced"
         (chains before the split), "separation" (d* along each), "cuts" (its nodes that were cut at) and
         "segments".
     progress : callable, optional

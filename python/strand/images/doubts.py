@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import ImageFit
+from strand.chain import Chain
 from strand.checks import Array
 from strand.evidence.confidence import SCALE
 from strand.images.comparison import Explanation
 from strand.model import Doubt
+from strand.polyline import runs
 from strand.tubes.hypotheses import alike
 
 # doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
@@ -23,6 +25,8 @@ _NEAR_END, _END, _END_SCALE = 3.2, 0.3, 1.2
 _UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
 # doubt for each radius of noise beyond what is narrow
 _NOISE, _NARROW = 3.0, 0.21
+# doubt for each radius of a stretch without depth beyond what a strand on top hides
+_BARE, _USUAL_BARE = 0.05, 6.0
 # ends are apart from their own rope beyond this many nodes
 _OWN = 16
 # where the nearest place of a rival jumps by more than this, it is joined otherwise, nodes
@@ -54,7 +58,9 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
     return kept
 
 
-def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple[Doubt, ...]:
+def doubts(
+    rivals: Sequence[Explanation], fit: ImageFit, chains: Sequence[Chain], radius: float
+) -> tuple[Doubt, ...]:
     """Say what speaks against the best explanation, and how much.
 
     Rivals that cost hardly more, orders at crossings that depth hardly tells, ends next to other
@@ -67,6 +73,8 @@ def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple
         The best explanation and others by which the ropes run otherwise, the best first.
     fit : ImageFit
         The last fit of the best.
+    chains : sequence of Chain
+        Made of it.
     radius : float
         Metres.
 
@@ -86,6 +94,7 @@ def doubts(rivals: Sequence[Explanation], fit: ImageFit, radius: float) -> tuple
         reason = f"depth hardly tells it (margin {margin:.1f})"
         found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += _of_ends(fit.nodes, radius)
+    found += _of_stretches(chains)
     uncovered, outside = fit.misfit[:2]
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
     amount += _OUTSIDE * max(outside - _USUAL_OUTSIDE, 0.0)
@@ -107,6 +116,21 @@ def _of_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
             away = float(np.linalg.norm(others - end, axis=1).min()) / radius
             amount = _END * min(max((_NEAR_END - away) / _END_SCALE, 0.0), 1.0)
             yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
+
+
+def _of_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
+    """Doubts about stretches without depth: only the mask says where they are."""
+    for chain in chains:
+        if chain.points_seen is None:
+            continue
+        spacing = chain.length / len(chain.points)
+        for start, stop in runs(chain.points_seen == 0):
+            length = (stop - start) * spacing
+            amount = _BARE * max(length / chain.radius - _USUAL_BARE, 0.0)
+            reason = f"{length * 1e3:.0f} mm of rope have no depth"
+            yield Doubt(
+                "points", amount, "how far away the rope is", reason, chain.points[(start + stop) // 2]
+            )
 
 
 def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float) -> Array | None:

@@ -16,8 +16,16 @@ from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
 from strand.model import Alternative
+from strand.pose import moved
+from strand.sensor import Sensor
 from strand.stages import Found, Observed, Run
+from strand.tubes.backgrounds import plane_correlations
 from strand.tubes.warnings import about_answer
+
+PLAIN = 0.1
+"""Errors of neighbouring pixels that are less alike count as independent."""
+
+_MOST_ALIKE = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +94,38 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         fit = refitted(what.images, best.fit, what.table, what.held, config)
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
-    uncertain = doubts(rivals, fit, radius)
+    uncertain = doubts(rivals, fit, chains, radius)
     chains = sorted(chains, key=lambda chain: -chain.length)
     run.warnings.extend(about_answer(chains, uncertain, None, observed.bounds, config.linking))
+    poses = corrected_poses([view.pose for view in observed.views], fit.corrections)
     return Found(
         chains,
-        poses=corrected_poses([view.pose for view in observed.views], fit.corrections),
+        poses=poses,
         pose_sd=[np.full(6, np.nan) for _ in observed.views],
-        stages={},
+        stages={
+            "registered": tuple(
+                moved(view.points, pose) for view, pose in zip(observed.views, poses, strict=True)
+            ),
+            "readings": tuple(nodes for one in what.explanations for nodes in one.fit.nodes),
+        },
         doubts=uncertain,
+        sensor=Sensor(sd=fit.noise * radius, correlation=_correlation(what)),
         alternatives=tuple(
             Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in rivals[1:4]
         ),
     )
+
+
+def neighbours_alike(what: Read) -> float:
+    """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
+    images = [(image.depth, image.depth[image.mask]) for image in what.taken]
+    correlations, followed = plane_correlations(
+        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
+    )
+    return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
+
+
+def _correlation(what: Read) -> float:
+    """Return the length of `Sensor.correlation`, pixels: neighbours have exp(-1 / (4 c^2))."""
+    alike = neighbours_alike(what)
+    return float((-0.25 / np.log(alike)) ** 0.5) if alike > PLAIN else 0.0

@@ -88,6 +88,14 @@ def write_figures(
             "8-segments.png": lambda: segments(model),
             "9-strings.png": lambda: ropes(model, centrelines),
         }
+    elif stages_of(model) == "images":
+        figures = {
+            "1-raw.png": lambda: raw(model),
+            "2-filtered.png": lambda: filtered(model),
+            "3-registered.png": lambda: registered(model),
+            "4-ropes.png": lambda: ropes(model, centrelines),
+            "5-uncertainty.png": lambda: uncertainty(model),
+        }
     else:
         figures = {
             "1-raw.png": lambda: raw(model),

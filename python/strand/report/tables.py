@@ -26,6 +26,15 @@ STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
         "fit": None,
         "ends": "chains",
     },
+    "images": {
+        "extract": "raw",
+        "radius": None,
+        "filter": "filtered",
+        "images": "registered",
+        "readings": None,
+        "explain": "readings",
+        "fit images": "chains",
+    },
     "published": {
         "extract": "raw",
         "filter": "filtered",
@@ -40,6 +49,7 @@ STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
 # what each method makes of the points on the way to whole ropes, by its name in Model.stages
 COUNTED = {
     "tubes": {"arcs": "arcs seen", "chains": "whole ropes"},
+    "images": {"readings": "ropes in the readings compared", "chains": "whole ropes"},
     "published": {
         "traced": "chains traced",
         "segments": "segments after the split",
@@ -87,7 +97,7 @@ class Accuracy:
 
 
 def stages_of(model: Model) -> str:
-    """Return the method of a model that holds its stages.
+    """Return whose stages a model holds: "tubes", "images" if these were read, or "published".
 
     Raises
     ------
@@ -96,7 +106,7 @@ def stages_of(model: Model) -> str:
     """
     if not model.stages or model.method not in STAGE_ARRAYS:
         raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
-    return model.method
+    return "images" if "readings" in model.stages else model.method
 
 
 def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
