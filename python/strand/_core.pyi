@@ -42,6 +42,7 @@ __all__ = [
     "register_in_turn",
     "rope_extents",
     "set_num_threads",
+    "shown_radius",
     "spline_places",
     "spline_through",
     "straighten",
