@@ -116,22 +116,22 @@ def test_real_frames_are_depths_in_metres():
 def test_scenes_that_are_not_right_are_counted_and_drawn(tmp_path):
     """Two scenes of a folder, one of them with the truth of another rope."""
     for i, camera in enumerate(("tof", "d435")):
-        made = strand.synthetic.scene("straight", camera=camera, views=1, noise=2e-4, seed=4)
+        made = strand.synthetic.scene("arc", camera=camera, views=1, noise=2e-4, seed=4)
         truth = made.truth if i == 0 else (made.truth[0] + 0.05,)
-        dataclasses.replace(made, truth=truth).save(tmp_path / f"straight_{camera}_1v.npz")
+        dataclasses.replace(made, truth=truth).save(tmp_path / f"arc_{camera}_1v.npz")
     done = run("sensors.py", tmp_path, "--pictures", tmp_path / "drawn", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines() if "|" in line
     ]
     scenes = {row[0]: row[1:] for row in rows if len(row) == 8}
-    assert scenes["straight_tof_1v"][0] == "right"
-    assert scenes["straight_d435_1v"][0] == "wrong"
+    assert scenes["arc_tof_1v"][0] == "right"
+    assert scenes["arc_d435_1v"][0] == "wrong"
     summary = {row[0]: row[1:4] for row in rows if len(row) == 11}
     assert summary["tof"] == ["1", "1", "1"]
     assert summary["d435"] == ["1", "0", "0"]
     assert summary["1 of a scene"] == summary["all"] == ["2", "1", "1"]
-    assert [path.name for path in (tmp_path / "drawn").iterdir()] == ["straight_d435_1v.png"]
+    assert [path.name for path in (tmp_path / "drawn").iterdir()] == ["arc_d435_1v.png"]
 
 
 def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
