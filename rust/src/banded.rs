@@ -10,37 +10,41 @@ use crate::simd::kernel;
 
 /// Entries of a row left of and on the diagonal: three control points and its own coordinates.
 pub const WIDTH: usize = 12;
+/// The same of nodes in a plane: three nodes before and its own coordinates.
+pub const PLANAR: usize = 8;
+/// Rows that are factored together.
+const TOGETHER: usize = 4;
 
 /// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]], A banded with n rows, D dense with m.
 #[derive(Debug, Clone)]
-pub struct Bordered {
-    /// Row i of A: columns i + 1 − WIDTH to i.
-    band: Vec<[f64; WIDTH]>,
+pub struct Bordered<const W: usize = WIDTH> {
+    /// Row i of A: columns i + 1 − W to i.
+    band: Vec<[f64; W]>,
     /// C, row by row.
     border: Vec<f64>,
     corner: DMatrix<f64>,
 }
 
 /// A factored [`Bordered`].
-pub struct Factor {
+pub struct Factor<const W: usize = WIDTH> {
     /// L of A = L Lᵀ, with the reciprocals of its diagonal.
-    band: Vec<[f64; WIDTH]>,
+    band: Vec<[f64; W]>,
     /// W = L⁻¹ C, row by row.
     border: Vec<f64>,
     /// Of the Schur complement D − Wᵀ W.
     corner: Cholesky<f64, Dyn>,
 }
 
-impl Bordered {
+impl<const W: usize> Bordered<W> {
     /// A zero matrix with `n` banded and `m` bordering rows.
     pub fn zeros(n: usize, m: usize) -> Self {
-        Self { band: vec![[0.0; WIDTH]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
+        Self { band: vec![[0.0; W]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
     }
 
-    /// Adds to an entry of A; `row` ≥ `column` > `row` − WIDTH.
+    /// Adds to an entry of A; `row` ≥ `column` > `row` − W.
     #[inline]
     pub fn add_band(&mut self, row: usize, column: usize, value: f64) {
-        self.band[row][column + WIDTH - 1 - row] += value;
+        self.band[row][column + W - 1 - row] += value;
     }
 
     /// Adds to neighbouring entries of a row of C, from a column on.
@@ -59,7 +63,7 @@ impl Bordered {
     }
 
     /// Cholesky factors; none if the matrix is not positive definite.
-    pub fn factor(mut self) -> Option<Factor> {
+    pub fn factor(mut self) -> Option<Factor<W>> {
         let m = self.corner.nrows();
         // row by row
         let mut taken = vec![0.0; m * m];
@@ -75,63 +79,142 @@ impl Bordered {
     }
 }
 
-kernel! {
-    /// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
-    fn eliminate<S>(_, band: &mut [[f64; WIDTH]], border: &mut [f64], product: &mut [f64]) -> bool {
-        let m = border.len() / band.len().max(1);
-        for i in 0..band.len() {
-            let low = i.saturating_sub(WIDTH - 1);
-            let (above, rest) = band.split_at_mut(i);
-            let row = &mut rest[0];
-            for j in low..i {
-                let start = low.max(j.saturating_sub(WIDTH - 1));
-                let mut sum = row[j + WIDTH - 1 - i];
-                for k in start..j {
-                    sum -= row[k + WIDTH - 1 - i] * above[j][k + WIDTH - 1 - j];
-                }
-                // the diagonal holds reciprocals
-                row[j + WIDTH - 1 - i] = sum * above[j][WIDTH - 1];
-            }
-            let left: f64 = row[low + WIDTH - 1 - i..WIDTH - 1].iter().map(|l| l * l).sum();
-            let square = row[WIDTH - 1] - left;
-            if square <= 0.0 || !square.is_finite() {
-                return false;
-            }
-            row[WIDTH - 1] = square.sqrt().recip();
-            let (done, rest) = border.split_at_mut(i * m);
-            let edge = &mut rest[..m];
-            for k in low..i {
-                let l = row[k + WIDTH - 1 - i];
-                for (x, above) in edge.iter_mut().zip(&done[k * m..(k + 1) * m]) {
-                    *x -= l * above;
-                }
-            }
-            for x in edge.iter_mut() {
-                *x *= row[WIDTH - 1];
-            }
-            for a in 0..m {
-                let x = edge[a];
-                for (sum, y) in product[a * m..=a * m + a].iter_mut().zip(&edge[..=a]) {
-                    *sum += x * y;
-                }
-            }
-        }
-        true
+/// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
+fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
+    // as flat numbers, so that the kernels need no width
+    match W {
+        WIDTH => eliminate_wide(band.as_flattened_mut(), border, product),
+        PLANAR => eliminate_planar(band.as_flattened_mut(), border, product),
+        _ => eliminate_rows(band, border, product),
     }
 }
 
-impl Factor {
+kernel! {
+    /// [`eliminate`] for rows of `WIDTH`.
+    fn eliminate_wide<S>(_, band: &mut [f64], border: &mut [f64], product: &mut [f64]) -> bool {
+        eliminate_rows::<WIDTH>(band.as_chunks_mut().0, border, product)
+    }
+}
+
+kernel! {
+    /// [`eliminate`] for rows of `PLANAR`.
+    fn eliminate_planar<S>(_, band: &mut [f64], border: &mut [f64], product: &mut [f64]) -> bool {
+        eliminate_rows::<PLANAR>(band.as_chunks_mut().0, border, product)
+    }
+}
+
+#[inline(always)]
+fn eliminate_rows<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
+    let n = band.len();
+    let together = n / TOGETHER * TOGETHER;
+    for i in (0..together).step_by(TOGETHER) {
+        if !factor_rows::<TOGETHER, W>(band, i) {
+            return false;
+        }
+    }
+    for i in together..n {
+        if !factor_rows::<1, W>(band, i) {
+            return false;
+        }
+    }
+    let m = border.len() / n.max(1);
+    for i in 0..if m > 0 { n } else { 0 } {
+        let (done, rest) = border.split_at_mut(i * m);
+        let edge = &mut rest[..m];
+        for k in i.saturating_sub(W - 1)..i {
+            let l = band[i][k + W - 1 - i];
+            for (x, above) in edge.iter_mut().zip(&done[k * m..(k + 1) * m]) {
+                *x -= l * above;
+            }
+        }
+        for x in edge.iter_mut() {
+            *x *= band[i][W - 1];
+        }
+        for a in 0..m {
+            let x = edge[a];
+            for (sum, y) in product[a * m..=a * m + a].iter_mut().zip(&edge[..=a]) {
+                *sum += x * y;
+            }
+        }
+    }
+    true
+}
+
+/// Factors rows i to i + R, those above are; each alone would wait for its own last entry.
+#[inline(always)]
+fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) -> bool {
+    let (above, rest) = band.split_at_mut(i);
+    let rows = &mut rest[..R];
+    // by column: those of the rows above, from i + 1 − W on, and their own; zeros outside the band
+    let (mut old, mut own) = ([[0.0; R]; W], [[0.0; R]; R]);
+    for r in 0..R {
+        for c in r..W - 1 {
+            old[c][r] = rows[r][c - r];
+        }
+        for c in 0..=r {
+            own[c][r] = rows[r][W - 1 + c - r];
+        }
+    }
+    let mut squares = [0.0; R];
+    let first = (W - 1).saturating_sub(i);
+    // the diagonal holds reciprocals
+    let above = &above[i - (W - 1 - first)..];
+    for c in first..W - 1 {
+        let l = old[c].map(|x| x * above[c - first][W - 1]);
+        old[c] = l;
+        for d in c + 1..W - 1 {
+            let factor = above[d - first][W - 1 + c - d];
+            for r in 0..R {
+                old[d][r] -= l[r] * factor;
+            }
+        }
+        for s in 0..R {
+            for r in s + 1..R {
+                own[s][r] -= l[r] * l[s];
+            }
+        }
+        for r in 0..R {
+            squares[r] += l[r] * l[r];
+        }
+    }
+    for s in 0..R {
+        let square = own[s][s] - squares[s];
+        if square <= 0.0 || !square.is_finite() {
+            return false;
+        }
+        own[s][s] = square.sqrt().recip();
+        for r in s + 1..R {
+            own[s][r] *= own[s][s];
+            for t in s + 1..r {
+                own[t][r] -= own[s][r] * own[s][t];
+            }
+            squares[r] += own[s][r] * own[s][r];
+        }
+    }
+    for r in 0..R {
+        for c in r..W - 1 {
+            rows[r][c - r] = old[c][r];
+        }
+        for c in 0..=r {
+            rows[r][W - 1 + c - r] = own[c][r];
+        }
+    }
+    true
+}
+
+impl<const W: usize> Factor<W> {
     /// Solves for a right-hand side: the unknowns of the band, and those of the border.
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (band.len(), border.len());
         let mut x = band.to_vec();
         // zeros before the first other entry stay zeros
         let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
-        for i in start..n {
-            for k in i.saturating_sub(WIDTH - 1)..i {
-                x[i] -= self.band[i][k + WIDTH - 1 - i] * x[k];
+        for k in start..n {
+            x[k] *= self.band[k][W - 1];
+            let value = x[k];
+            for i in k + 1..n.min(k + W) {
+                x[i] -= self.band[i][k + W - 1 - i] * value;
             }
-            x[i] *= self.band[i][WIDTH - 1];
         }
         let mut rest = DVector::from_column_slice(border);
         for i in start..n {
@@ -146,10 +229,10 @@ impl Factor {
             }
         }
         for i in (0..n).rev() {
-            x[i] *= self.band[i][WIDTH - 1];
+            x[i] *= self.band[i][W - 1];
             let value = x[i];
-            for k in i.saturating_sub(WIDTH - 1)..i {
-                x[k] -= self.band[i][k + WIDTH - 1 - i] * value;
+            for k in i.saturating_sub(W - 1)..i {
+                x[k] -= self.band[i][k + W - 1 - i] * value;
             }
         }
         (x, y.iter().copied().collect())
@@ -164,9 +247,9 @@ impl Factor {
     ///
     /// Of A alone by Takahashi's recurrence, which needs no entry outside the band; the border adds
     /// (A⁻¹C) S⁻¹ (A⁻¹C)ᵀ, S the Schur complement.
-    pub fn inverse(&self) -> (Vec<[f64; WIDTH]>, DMatrix<f64>) {
+    pub fn inverse(&self) -> (Vec<[f64; W]>, DMatrix<f64>) {
         let m = self.corner.l_dirty().nrows();
-        let mut inverse = vec![[0.0; WIDTH]; self.band.len()];
+        let mut inverse = vec![[0.0; W]; self.band.len()];
         let mut rows = self.border.clone();
         invert(&self.band, &mut inverse, &mut rows);
         let lower = self.corner.l();
@@ -177,9 +260,9 @@ impl Factor {
             }
         }
         for (i, entries) in inverse.iter_mut().enumerate().filter(|_| m > 0) {
-            for j in i.saturating_sub(WIDTH - 1)..=i {
+            for j in i.saturating_sub(W - 1)..=i {
                 let (x, y) = (&rows[i * m..(i + 1) * m], &rows[j * m..(j + 1) * m]);
-                entries[j + WIDTH - 1 - i] += x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+                entries[j + W - 1 - i] += x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
             }
         }
         (inverse, self.border_inverse())
@@ -187,24 +270,24 @@ impl Factor {
 }
 
 /// The entries of (LLᵀ)⁻¹ inside the band, and L⁻ᵀW in the place of W.
-fn invert(band: &[[f64; WIDTH]], inverse: &mut [[f64; WIDTH]], rows: &mut [f64]) {
+fn invert<const W: usize>(band: &[[f64; W]], inverse: &mut [[f64; W]], rows: &mut [f64]) {
     let n = band.len();
     let m = rows.len() / n.max(1);
     for i in (0..n).rev() {
-        let scale = band[i][WIDTH - 1];
-        let end = n.min(i + WIDTH);
+        let scale = band[i][W - 1];
+        let end = n.min(i + W);
         for j in (i..end).rev() {
             let mut sum = if i == j { scale } else { 0.0 };
             for k in i + 1..end {
                 let (late, early) = (k.max(j), k.min(j));
-                sum -= band[k][i + WIDTH - 1 - k] * inverse[late][early + WIDTH - 1 - late];
+                sum -= band[k][i + W - 1 - k] * inverse[late][early + W - 1 - late];
             }
-            inverse[j][i + WIDTH - 1 - j] = sum * scale;
+            inverse[j][i + W - 1 - j] = sum * scale;
         }
         let (first, later) = rows.split_at_mut((i + 1) * m);
         let row = &mut first[i * m..];
         for k in i + 1..end {
-            let l = band[k][i + WIDTH - 1 - k];
+            let l = band[k][i + W - 1 - k];
             for (x, below) in row.iter_mut().zip(&later[(k - i - 1) * m..(k - i) * m]) {
                 *x -= l * below;
             }

@@ -3,7 +3,7 @@
 use super::lookup::Lookup;
 use super::network::{Network, Port, Skeleton};
 use super::planar::{Place, apart, bending, hermite, length, resampled, smoothed, unit};
-use crate::banded::Bordered;
+use crate::banded::{Bordered, PLANAR};
 use crate::silhouette::{Edge, Silhouette};
 
 /// Nodes of a curve are this far apart, radii.
@@ -104,7 +104,7 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
             return None;
         }
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
-        let mut matrix = Bordered::zeros(2 * n, 0);
+        let mut matrix = Bordered::<PLANAR>::zeros(2 * n, 0);
         let mut right = vec![0.0; 2 * n];
         for i in 0..n {
             for (k, &weight) in smooth[i].iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::links::{FIT_BENDING, smoothness};
 use super::lookup::Lookup;
 use super::planar::{Place, length, unit};
-use crate::banded::Bordered;
+use crate::banded::{Bordered, PLANAR};
 use crate::silhouette::Silhouette;
 
 /// Reach of edges that no chain explains yet, by iteration, radii.
@@ -45,7 +45,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                 unit([b[0] - a[0], b[1] - a[1]])
             })
             .collect();
-        let mut systems: Vec<(Bordered, Vec<f64>)> =
+        let mut systems: Vec<(Bordered<PLANAR>, Vec<f64>)> =
             chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
         for edge in &silhouette.boundary {
             let vote = [edge.at[0] - rr * edge.normal[0], edge.at[1] - rr * edge.normal[1]];
@@ -130,7 +130,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
 }
 
 /// Adds a residual of a node along a direction to a chain's normal equations.
-fn add(system: &mut (Bordered, Vec<f64>), i: usize, along: Place, residual: f64, weight: f64) {
+fn add(system: &mut (Bordered<PLANAR>, Vec<f64>), i: usize, along: Place, residual: f64, weight: f64) {
     system.0.add_band(2 * i, 2 * i, weight * along[0] * along[0]);
     system.0.add_band(2 * i + 1, 2 * i + 1, weight * along[1] * along[1]);
     system.0.add_band(2 * i + 1, 2 * i, weight * along[0] * along[1]);
