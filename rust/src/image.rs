@@ -1,5 +1,8 @@
 //! Images of small integers and reals, and what is counted in them: blobs, distances.
 
+use crate::parallel;
+use crate::simd::kernel;
+
 /// An image of `width` columns, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image<T> {
@@ -46,39 +49,11 @@ impl Image<f32> {
         above * (1.0 - b) + below * b
     }
 
-    /// Magnified by a whole number, bilinear; beyond the border as on it.
-    pub fn magnified(&self, scale: usize) -> Self {
-        if scale == 1 {
-            return self.clone();
-        }
+    /// Where it is above a level when magnified by a whole number, bilinear; beyond the border as on it.
+    pub fn magnified(&self, scale: usize, level: f32) -> Image<bool> {
         let (w, h) = (self.width * scale, self.height * scale);
-        let mut made = Self::filled(w, h, 0.0);
-        // the first of two pixels, and the second one's weight
-        let between = |i: usize, count: usize| {
-            let x = ((i as f64 + 0.5) / scale as f64 - 0.5).clamp(0.0, (count - 1) as f64);
-            let first = (x as usize).min(count - 2);
-            (first, x - first as f64)
-        };
-        let columns: Vec<(usize, f64)> = (0..w).map(|x| between(x, self.width)).collect();
-        let wide = |y: usize, to: &mut Vec<f64>| {
-            let from = &self.values[y * self.width..(y + 1) * self.width];
-            to.clear();
-            to.extend(
-                columns.iter().map(|&(i, a)| f64::from(from[i]) * (1.0 - a) + f64::from(from[i + 1]) * a),
-            );
-        };
-        let (mut above, mut below, mut current) = (Vec::new(), Vec::new(), usize::MAX);
-        for (y, to) in made.values.chunks_exact_mut(w).enumerate() {
-            let (j, b) = between(y, self.height);
-            if j != current {
-                wide(j, &mut above);
-                wide(j + 1, &mut below);
-                current = j;
-            }
-            for ((value, above), below) in to.iter_mut().zip(&above).zip(&below) {
-                *value = (above * (1.0 - b) + below * b) as f32;
-            }
-        }
+        let mut made = Image::filled(w, h, false);
+        parallel::rows(&mut made.values, w, |first, part| magnify(self, scale, level, first, part));
         made
     }
 
@@ -89,37 +64,77 @@ impl Image<f32> {
             (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp() as f32).collect();
         let sum = kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>();
         kernel.iter_mut().for_each(|k| *k /= sum);
-        let (w, h) = (self.width, self.height);
-        let mut rows = vec![0.0f32; w * h];
+        let mut values = vec![0.0f32; self.values.len()];
+        parallel::rows(&mut values, self.width, |first, part| smooth(self, &kernel, first, part));
+        Self { width: self.width, height: self.height, values }
+    }
+}
+
+kernel! {
+    /// Fills the rows of [`Image::magnified`] from one on.
+    fn magnify<S>(_, image: &Image<f32>, scale: usize, level: f32, first: usize, to: &mut [bool]) {
+        let w = image.width * scale;
+        // the first of two pixels, and the second one's weight
+        let between = |i: usize, count: usize| {
+            let x = ((i as f64 + 0.5) / scale as f64 - 0.5).clamp(0.0, (count - 1) as f64);
+            let first = (x as usize).min(count - 2);
+            (first, x - first as f64)
+        };
+        let columns: Vec<(usize, f64)> = (0..w).map(|x| between(x, image.width)).collect();
+        let (mut above, mut below, mut current) = (vec![0.0; w], vec![0.0; w], usize::MAX);
+        for (n, to) in to.chunks_exact_mut(w).enumerate() {
+            let (j, b) = between(first + n, image.height);
+            if j != current {
+                for (row, wide) in [(j, &mut above), (j + 1, &mut below)] {
+                    let from = &image.values[row * image.width..(row + 1) * image.width];
+                    for (value, &(i, a)) in wide.iter_mut().zip(&columns) {
+                        *value = f64::from(from[i]) * (1.0 - a) + f64::from(from[i + 1]) * a;
+                    }
+                }
+                current = j;
+            }
+            for ((value, above), below) in to.iter_mut().zip(&above).zip(&below) {
+                *value = (above * (1.0 - b) + below * b) as f32 > level;
+            }
+        }
+    }
+}
+
+kernel! {
+    /// Smooths the rows of an image from one on, by half of a symmetric kernel; the border is repeated.
+    fn smooth<S>(_, image: &Image<f32>, kernel: &[f32], first: usize, to: &mut [f32]) {
+        let (w, h, reach) = (image.width, image.height, kernel.len() - 1);
+        // smoothed along rows: these, and as many beside them as are needed
+        let from = first.saturating_sub(reach);
+        let until = (first + to.len() / w + reach).min(h);
+        let mut rows = vec![0.0f32; (until - from) * w];
         let mut padded = vec![0.0f32; w + 2 * reach];
-        for (from, to) in self.values.chunks_exact(w).zip(rows.chunks_exact_mut(w)) {
-            padded[..reach].fill(from[0]);
-            padded[reach..reach + w].copy_from_slice(from);
-            padded[reach + w..].fill(from[w - 1]);
-            for x in 0..w {
-                to[x] = kernel[0] * padded[reach + x];
+        for (values, row) in image.values[from * w..].chunks_exact(w).zip(rows.chunks_exact_mut(w)) {
+            padded[..reach].fill(values[0]);
+            padded[reach..reach + w].copy_from_slice(values);
+            padded[reach + w..].fill(values[w - 1]);
+            for (value, x) in row.iter_mut().zip(&padded[reach..]) {
+                *value = kernel[0] * x;
             }
             for (i, k) in kernel.iter().enumerate().skip(1) {
-                for x in 0..w {
-                    to[x] += k * (padded[reach + x - i] + padded[reach + x + i]);
+                for ((value, a), b) in row.iter_mut().zip(&padded[reach - i..]).zip(&padded[reach + i..]) {
+                    *value += k * (a + b);
                 }
             }
         }
-        let mut values = vec![0.0f32; w * h];
-        for y in 0..h {
-            let to = &mut values[y * w..(y + 1) * w];
-            for (x, value) in to.iter_mut().enumerate() {
-                *value = kernel[0] * rows[y * w + x];
+        for (n, to) in to.chunks_exact_mut(w).enumerate() {
+            let row = |y: usize| &rows[(y - from) * w..][..w];
+            let y = first + n;
+            for (value, x) in to.iter_mut().zip(row(y)) {
+                *value = kernel[0] * x;
             }
             for (i, k) in kernel.iter().enumerate().skip(1) {
-                let above = &rows[y.saturating_sub(i) * w..][..w];
-                let below = &rows[(y + i).min(h - 1) * w..][..w];
-                for x in 0..w {
-                    to[x] += k * (above[x] + below[x]);
+                let (above, below) = (row(y.saturating_sub(i)), row((y + i).min(h - 1)));
+                for ((value, a), b) in to.iter_mut().zip(above).zip(below) {
+                    *value += k * (a + b);
                 }
             }
         }
-        Self { width: w, height: h, values }
     }
 }
 
@@ -214,46 +229,70 @@ pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
     let far = most.max(1) as u32 + 1;
     // distance along the column, at most `far`
     let mut along = vec![0u32; w * h];
-    for (to, &value) in along[..w].iter_mut().zip(&image.values[..w]) {
-        *to = if value == of { far } else { 0 };
-    }
-    for y in 1..h {
-        let (above, here) = along[(y - 1) * w..(y + 1) * w].split_at_mut(w);
-        for ((to, &before), &value) in here.iter_mut().zip(&*above).zip(&image.values[y * w..]) {
-            *to = if value == of { (before + 1).min(far) } else { 0 };
-        }
-    }
-    for y in (0..h.saturating_sub(1)).rev() {
-        let (here, below) = along[y * w..(y + 2) * w].split_at_mut(w);
-        for (to, &before) in here.iter_mut().zip(&*below) {
-            *to = (*to).min(before + 1);
-        }
-    }
+    along_columns(image, of, far, &mut along);
     let mut found = Image::filled(w, h, 0.0f32);
-    let (mut sites, mut starts) = (Vec::new(), Vec::new());
-    for (y, values) in image.values.chunks_exact(w).enumerate() {
-        let (from, to) = (&along[y * w..(y + 1) * w], &mut found.values[y * w..(y + 1) * w]);
-        let mut begin = next(values, 0, of);
-        while begin < w {
-            let end = next(values, begin, !of);
-            // pixels of other value beside the run stand for all beyond them
-            envelope(from, begin.saturating_sub(1), (end + 1).min(w), far, &mut sites, &mut starts);
-            if sites.is_empty() {
-                to[begin..end].fill(far as f32);
+    parallel::rows(&mut found.values, w, |first, part| {
+        let (mut sites, mut starts) = (Vec::new(), Vec::new());
+        for (n, to) in part.chunks_exact_mut(w).enumerate() {
+            let row = (first + n) * w..(first + n + 1) * w;
+            nearest_of_row(&image.values[row.clone()], &along[row], of, far, to, &mut sites, &mut starts);
+        }
+    });
+    found
+}
+
+kernel! {
+    /// Distance of each pixel that is `of` from the nearest one of its column that is not, at most `far`.
+    fn along_columns<S>(_, image: &Image<bool>, of: bool, far: u32, along: &mut [u32]) {
+        let (w, h) = (image.width, image.height);
+        for (to, &value) in along[..w].iter_mut().zip(&image.values[..w]) {
+            *to = if value == of { far } else { 0 };
+        }
+        for y in 1..h {
+            let (above, here) = along[(y - 1) * w..(y + 1) * w].split_at_mut(w);
+            for ((to, &before), &value) in here.iter_mut().zip(&*above).zip(&image.values[y * w..]) {
+                *to = if value == of { (before + 1).min(far) } else { 0 };
             }
-            for (k, &site) in sites.iter().enumerate() {
-                let first = starts[k].ceil().max(begin as f32) as usize;
-                let last = starts.get(k + 1).map_or(end, |next| (next.ceil().max(0.0) as usize).min(end));
-                let down = (from[site] * from[site]) as f32;
-                for x in first..last {
-                    let away = x as f32 - site as f32;
-                    to[x] = (away * away + down).sqrt();
-                }
+        }
+        for y in (0..h.saturating_sub(1)).rev() {
+            let (here, below) = along[y * w..(y + 2) * w].split_at_mut(w);
+            for (to, &before) in here.iter_mut().zip(&*below) {
+                *to = (*to).min(before + 1);
             }
-            begin = next(values, end, of);
         }
     }
-    found
+}
+
+/// Distances of a row's pixels that are `of`, from those along the columns.
+fn nearest_of_row(
+    values: &[bool],
+    from: &[u32],
+    of: bool,
+    far: u32,
+    to: &mut [f32],
+    sites: &mut Vec<usize>,
+    starts: &mut Vec<f32>,
+) {
+    let w = values.len();
+    let mut begin = next(values, 0, of);
+    while begin < w {
+        let end = next(values, begin, !of);
+        // pixels of other value beside the run stand for all beyond them
+        envelope(from, begin.saturating_sub(1), (end + 1).min(w), far, sites, starts);
+        if sites.is_empty() {
+            to[begin..end].fill(far as f32);
+        }
+        for (k, &site) in sites.iter().enumerate() {
+            let first = starts[k].ceil().max(begin as f32) as usize;
+            let last = starts.get(k + 1).map_or(end, |next| (next.ceil().max(0.0) as usize).min(end));
+            let down = (from[site] * from[site]) as f32;
+            for x in first..last {
+                let away = x as f32 - site as f32;
+                to[x] = (away * away + down).sqrt();
+            }
+        }
+        begin = next(values, end, of);
+    }
 }
 
 /// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest;

@@ -24,6 +24,10 @@ static WANTED_THREADS: AtomicUsize = AtomicUsize::new(0);
 /// More threads than any machine can use here; tens of thousands would take minutes to start.
 const MOST_THREADS: usize = 256;
 
+/// Values of an image that are worked on at a time, and fewest rows: some need what is beside them.
+const VALUES: usize = 1 << 16;
+const FEWEST_ROWS: usize = 32;
+
 /// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core.
 ///
 /// Results do not depend on it.
@@ -48,6 +52,11 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
+/// Runs `work` in the pool that already runs, or in this process'.
+fn within<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    if rayon::current_thread_index().is_some() { work() } else { run(work) }
+}
+
 /// Results of some work on each of several things, in parallel.
 #[cfg(feature = "python")]
 pub(crate) fn each<T: Sync, R: Send>(
@@ -59,10 +68,19 @@ pub(crate) fn each<T: Sync, R: Send>(
 
 /// What some work makes of each of several things, in parallel; where a pool already runs, in that.
 pub(crate) fn map<T: Sync, R: Send>(things: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
-    if rayon::current_thread_index().is_some() {
-        return things.par_iter().map(work).collect();
-    }
-    run(|| things.par_iter().map(work).collect())
+    within(|| things.par_iter().map(work).collect())
+}
+
+/// What two pieces of work make, in parallel.
+pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    within(|| rayon::join(a, b))
+}
+
+/// Works on an image's rows, in parallel: on stretches of them, given the number of the first.
+pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
+    let many = (VALUES / width.max(1)).max(FEWEST_ROWS);
+    let stretches = values.par_chunks_mut(many * width.max(1)).enumerate();
+    within(|| stretches.for_each(|(k, part)| work(k * many, part)));
 }
 
 /// The pool of this process with the wanted number of threads.

@@ -3,6 +3,7 @@
 //! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
 
 use crate::image::{Blobs, Image, Run, blobs, distances};
+use crate::parallel;
 use crate::readings::{shown_radius, skeleton};
 
 /// A place on a mask's edge.
@@ -65,10 +66,8 @@ impl Silhouette {
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
         let (origin, small, ragged) = without_specks(mask, width, radius_px * radius_px)?;
         let (w, h) = (small.width, small.height);
-        let large = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale);
-        let (bw, bh) = (w * scale, h * scale);
-        let values = large.values.iter().map(|&value| value > 0.5).collect();
-        let mut inside = Image { width: bw, height: bh, values };
+        let bh = h * scale;
+        let mut inside = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale, 0.5);
         let area = radius_px * radius_px * (scale * scale) as f64;
         let filled = (HOLE + ragged * RAGGED_HOLE) * area;
         inside.turn_blobs(false, false, |size| (size as f64) < filled);
@@ -77,17 +76,17 @@ impl Silhouette {
             return None;
         }
         let reach = ((FAR * radius_px + 4.0) * scale as f64).ceil() as usize;
-        let mut depth = distances(&inside, true, bh);
-        let outside = distances(&inside, false, reach);
+        let (skeleton, (mut depth, mut signed)) = parallel::both(
+            || skeleton(&inside),
+            || parallel::both(|| distances(&inside, true, bh), || distances(&inside, false, reach)),
+        );
         let step = scale as f32;
-        let mut signed = Image::filled(bw, bh, 0.0f32);
-        for ((value, inner), outer) in signed.values.iter_mut().zip(&mut depth.values).zip(&outside.values) {
+        for (outer, inner) in signed.values.iter_mut().zip(&mut depth.values) {
             // the edge runs between the pixels
-            *value = if *inner > 0.0 { *inner - 0.5 } else { 0.5 - *outer } / step;
+            *outer = if *inner > 0.0 { *inner - 0.5 } else { 0.5 - *outer } / step;
             *inner = (*inner - 0.5).max(0.0) / step;
         }
         let smooth = signed.smoothed(1.0);
-        let skeleton = skeleton(&inside);
         let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
         let mut made =
             Self { radius_px, boundary, mask, inside, skeleton, depth, signed, smooth, scale, origin };

@@ -134,15 +134,16 @@ impl Seen {
         let unit = EDGE_SHARE / rr / (EDGE_NOISE * EDGE_NOISE);
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
-                match self.grid.nearest(edge.at, reach) {
+                match self.grid.nearest(edge.at, reach, None) {
                     Some(k) => self.nearest[b] = k as u32,
                     None => continue,
                 }
             }
             let normal = edge.normal;
-            let radius = self.radii[self.nearest[b] as usize];
+            let last = self.nearest[b] as usize;
+            let radius = self.radii[last];
             let vote = [edge.at[0] - radius * normal[0], edge.at[1] - radius * normal[1]];
-            let Some(k) = self.grid.nearest(vote, 1.5 * limit * rr) else {
+            let Some(k) = self.grid.nearest(vote, 1.5 * limit * rr, Some((last, self.image[last]))) else {
                 self.nearest[b] = u32::MAX;
                 continue;
             };

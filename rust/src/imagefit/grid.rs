@@ -16,8 +16,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Sorts places into cells of a frame: its corner and sizes. What lies outside is in the cells of its border, so
-    /// places less than a cell apart are in neighbouring cells everywhere.
+    /// Sorts places into cells of a frame: its corner and sizes. What lies outside is in the cells of its border.
     pub fn fill(&mut self, places: &[Place2], frame: (Place2, [usize; 2]), cell: f64) {
         self.origin = frame.0;
         self.inverse = 1.0 / cell;
@@ -54,24 +53,30 @@ impl Grid {
         })
     }
 
-    /// What lies in the cell of a place and around it, row by row of cells.
+    /// What lies in the cells within a reach of a place, row by row of cells.
     #[inline(always)]
-    pub fn around(&self, at: Place2) -> impl Iterator<Item = &[(u32, Place2)]> {
-        let [x, y] = self.cell(at);
-        let (low, high) = (x.saturating_sub(1), (x + 1).min(self.size[0] - 1));
-        (y.saturating_sub(1)..=(y + 1).min(self.size[1] - 1)).map(move |row| {
-            let start = self.starts[row * self.size[0] + low] as usize;
-            let end = self.starts[row * self.size[0] + high + 1] as usize;
+    pub fn around(&self, at: Place2, reach: f64) -> impl Iterator<Item = &[(u32, Place2)]> {
+        let [left, top] = self.cell(at.map(|x| x - reach));
+        let [right, bottom] = self.cell(at.map(|x| x + reach));
+        (top..=bottom).map(move |row| {
+            let start = self.starts[row * self.size[0] + left] as usize;
+            let end = self.starts[row * self.size[0] + right + 1] as usize;
             &self.items[start..end]
         })
     }
 
-    /// The nearest place, if one is within `reach`, at most a cell.
+    /// The nearest place, if one is within `reach`. A place that is near, and its number, shorten the search.
     #[inline]
-    pub fn nearest(&self, at: Place2, reach: f64) -> Option<usize> {
+    pub fn nearest(&self, at: Place2, reach: f64, near: Option<(usize, Place2)>) -> Option<usize> {
         let mut best = reach * reach;
         let mut found = None;
-        for run in self.around(at) {
+        if let Some((k, place)) = near {
+            let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
+            if d < best {
+                (best, found) = (d, Some(k));
+            }
+        }
+        for run in self.around(at, best.sqrt()) {
             for &(i, place) in run {
                 let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
                 if d < best {
@@ -83,10 +88,10 @@ impl Grid {
         found
     }
 
-    /// Calls with all pairs i < j of places nearer than `reach`, at most a cell, and their squared distance.
+    /// Calls with all pairs i < j of places nearer than `reach`, and their squared distance.
     pub fn pairs(&self, places: &[Place2], reach: f64, mut call: impl FnMut(usize, usize, f64)) {
         for (i, &at) in places.iter().enumerate() {
-            for run in self.around(at) {
+            for run in self.around(at, reach) {
                 for &(j, place) in run {
                     let d = (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2);
                     if j as usize > i && d < reach * reach {
@@ -118,7 +123,8 @@ mod tests {
             let at = place(1000 + i);
             let full = (0..300).min_by(|&a, &b| square(places[a], at).total_cmp(&square(places[b], at)));
             let full = full.filter(|&k| square(places[k], at) < 16.0);
-            assert_eq!(grid.nearest(at, 4.0), full);
+            assert_eq!(grid.nearest(at, 4.0, None), full);
+            assert_eq!(grid.nearest(at, 4.0, Some((5 * i, places[5 * i]))), full);
         }
         let mut found = Vec::new();
         grid.pairs(&places, 3.5, |i, j, _| found.push([i, j]));

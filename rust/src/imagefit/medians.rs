@@ -2,6 +2,7 @@
 
 use super::Place2;
 use crate::depth::has_return;
+use crate::parallel;
 use crate::silhouette::Silhouette;
 
 /// Radius of a disc, as part of the rope's.
@@ -53,32 +54,30 @@ impl Medians {
             }
         }
         let mut values = vec![f32::NAN; size[0] * size[1]];
-        let mut seen = Vec::with_capacity(disc.len());
-        for (k, value) in values.iter_mut().enumerate() {
-            // steps are whole pixels
-            let (x, y) = (step as usize * (k % size[0]), step as usize * (k / size[0]));
-            if x >= frame[0] || y >= frame[1] || silhouette.pixel_distance(x, y) < -reach {
-                continue;
-            }
-            seen.clear();
-            for [a, b] in &disc {
-                let (u, v) = (x as i64 + a, y as i64 + b);
-                if u >= 0 && v >= 0 && (u as usize) < frame[0] && (v as usize) < frame[1] {
-                    let z = returns[v as usize * frame[0] + u as usize];
-                    if !z.is_nan() {
-                        seen.push(z);
+        parallel::rows(&mut values, size[0], |first, part| {
+            let mut seen = Vec::with_capacity(disc.len());
+            for (k, value) in part.iter_mut().enumerate() {
+                // steps are whole pixels
+                let (x, y) = (step as usize * (k % size[0]), step as usize * (first + k / size[0]));
+                if x >= frame[0] || y >= frame[1] || silhouette.pixel_distance(x, y) < -reach {
+                    continue;
+                }
+                seen.clear();
+                for [a, b] in &disc {
+                    let (u, v) = (x as i64 + a, y as i64 + b);
+                    if u >= 0 && v >= 0 && (u as usize) < frame[0] && (v as usize) < frame[1] {
+                        let z = returns[v as usize * frame[0] + u as usize];
+                        if !z.is_nan() {
+                            seen.push(z);
+                        }
                     }
                 }
+                if seen.len() >= FEWEST {
+                    *value = median(&mut seen);
+                }
             }
-            if seen.len() >= FEWEST {
-                *value = median(&mut seen);
-            }
-        }
-        let inside = (0..frame[0] * frame[1])
-            .map(|k| [origin[0] + (k % frame[0]) as f64, origin[1] + (k / frame[0]) as f64])
-            .map(|at| silhouette.distance(at) > 0.0)
-            .collect();
-        Self { origin, step, size, values, frame, inside }
+        });
+        Self { origin, step, size, values, frame, inside: silhouette.mask.values.clone() }
     }
 
     /// Whether a pixel lies inside the silhouette.

@@ -122,10 +122,10 @@ impl RopeImages {
     ) -> PyResult<Vec<(f64, usize, Vec<PlacesArray<'py>>, usize)>> {
         let found = py.detach(|| {
             parallel::each(&self.views, |view| {
-                let found = readings::readings(&view.silhouette, ropes, most).into_iter();
-                Ok(found
-                    .map(|r| (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings))
-                    .collect::<Vec<_>>())
+                let found = readings::readings(&view.silhouette, ropes, most);
+                Ok(parallel::map(&found, |r| {
+                    (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings)
+                }))
             })
         })?;
         let mut answer = Vec::new();
@@ -332,15 +332,13 @@ fn prepared(
     pose: RigidMotion,
     radius: f64,
 ) -> Option<Prepared> {
-    let mut seen: Vec<f64> =
-        depth.iter().zip(mask).filter(|&(&z, &m)| m && z > 0.0 && z.is_finite()).map(|(&z, _)| z).collect();
-    if seen.is_empty() {
+    let pixels: Vec<usize> =
+        (0..depth.len()).filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite()).collect();
+    if pixels.is_empty() {
         return None;
     }
-    let covered = (0..depth.len())
-        .filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite())
-        .map(|k| [(k % size[0]) as f64, (k / size[0]) as f64])
-        .collect();
+    let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
+    let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
     let middle = seen.len() / 2;
     let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
     let silhouette = Silhouette::of_rope(mask, size[0], pinhole.focal[0] * radius / far)?;

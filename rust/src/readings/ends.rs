@@ -68,6 +68,10 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
     let recent = &base[base.len() - 24.min(base.len())..];
     let (curvature, span) = curvature(recent);
     let mut best: Option<(f64, Vec<Place>)> = None;
+    let first = base.len().saturating_sub(32).max(2);
+    // as far as the path does not bend all ways are the same
+    let straight: Vec<f64> =
+        (first..base.len() - 1).map(|i| unexplained(silhouette, base, i, &near)).collect();
     let as_before = [0.0, 0.5, 1.0].map(|share| share * curvature);
     let more = BENDS.map(|bend| 0.5 * curvature + bend / rr);
     for bend in as_before.into_iter().chain(more) {
@@ -78,12 +82,12 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
             let x = path[path.len() - 1];
             path.push([x[0] + angle.cos() * STEP * rr, x[1] + angle.sin() * STEP * rr]);
         }
-        let first = base.len().saturating_sub(32).max(2).min(path.len() - 1);
         let stop = (first..path.len())
             .find(|&i| silhouette.distance(path[i]) <= 0.2)
             .map_or(path.len() - first, |i| i - first);
-        let shares: Vec<f64> =
-            (first..first + stop).map(|i| unexplained(silhouette, &path, i, &near)).collect();
+        let known = straight.len().min(stop);
+        let more = (first + known..first + stop).map(|i| unexplained(silhouette, &path, i, &near));
+        let shares: Vec<f64> = straight[..known].iter().copied().chain(more).collect();
         let Some(good) = last_shown(&shares) else { continue };
         let explained: f64 = shares[..=good].iter().sum();
         let end = if good + 2 >= stop { good } else { (good + (UNDER / STEP) as usize).min(stop - 1) };
@@ -112,12 +116,14 @@ fn unexplained(silhouette: &Silhouette, path: &[Place], i: usize, others: &[Plac
     let (a, b) = (path[i - 1], path[(i + 1).min(path.len() - 1)]);
     let t = unit([b[0] - a[0], b[1] - a[1]]);
     let covers = 1.15 * rr + 0.4;
+    let reach = covers + 0.71 * rr;
+    let apart = |x: Place, o: Place| (x[0] - o[0]).powi(2) + (x[1] - o[1]).powi(2);
+    let near: Vec<Place> = others.iter().filter(|o| apart(path[i], **o) < reach * reach).copied().collect();
     let shown = [-0.7, -0.35, 0.0, 0.35, 0.7]
         .iter()
         .filter(|&&offset| {
             let x = [path[i][0] - offset * rr * t[1], path[i][1] + offset * rr * t[0]];
-            silhouette.distance(x) > 0.0
-                && !others.iter().any(|o| (x[0] - o[0]).powi(2) + (x[1] - o[1]).powi(2) < covers * covers)
+            silhouette.distance(x) > 0.0 && !near.iter().any(|&o| apart(x, o) < covers * covers)
         })
         .count();
     shown as f64 / 5.0
