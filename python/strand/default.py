@@ -13,7 +13,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
-from strand.images.method import PLAIN, Read, answer, neighbours_alike, read
+from strand.images.method import PLAIN, Read, answer, read
 from strand.stages import Found, Observed, Run
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
@@ -97,7 +97,7 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
     images_run = Run(run.progress, run.timings)
     found = answer(what, observed, config, images_run)
     wide = what.explanations[0].fit.noise > _NARROW
-    if neighbours_alike(what) > PLAIN or (wide and _certain(found)):
+    if what.neighbours_alike > PLAIN or (wide and _certain(found)):
         return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):

@@ -13,7 +13,7 @@ from strand.evidence.confidence import SCALE
 from strand.images.comparison import Explanation
 from strand.model import Doubt
 from strand.polyline import runs
-from strand.tubes.hypotheses import alike
+from strand.tubes.hypotheses import Course, courses, same_courses
 
 # doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
 # this much more for the other order is worth a factor of e in the odds
@@ -50,12 +50,12 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
     list of Explanation
         The best first.
     """
-    kept: list[Explanation] = []
+    kept: list[tuple[Explanation, list[Course]]] = []
     for one in explanations:
-        mine = [(nodes, False) for nodes in one.fit.nodes]
-        if not any(alike(mine, [(nodes, False) for nodes in other.fit.nodes], radius) for other in kept):
-            kept.append(one)
-    return kept
+        mine = courses([(nodes, False) for nodes in one.fit.nodes])
+        if not any(same_courses(mine, theirs, radius) for _, theirs in kept):
+            kept.append((one, mine))
+    return [one for one, _ in kept]
 
 
 def doubts(
@@ -113,7 +113,7 @@ def _of_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
             others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
             if not len(others):
                 continue
-            away = float(np.linalg.norm(others - end, axis=1).min()) / radius
+            away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
             amount = _END * min(max((_NEAR_END - away) / _END_SCALE, 0.0), 1.0)
             yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
 
@@ -139,9 +139,9 @@ def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float)
     number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
     farthest: tuple[float, Array] | None = None
     for nodes in chains:
-        apart = np.linalg.norm(nodes[:, None] - theirs[None], axis=2)
-        nearest = apart.argmin(axis=1)
-        away = apart.min(axis=1)
+        squares = sum((nodes[:, k, None] - theirs[:, k]) ** 2 for k in range(3))
+        nearest = squares.argmin(axis=1)
+        away = np.sqrt(squares.min(axis=1))
         k = int(away.argmax())
         if away[k] > 1.5 * radius and (farthest is None or away[k] > farthest[0]):
             farthest = float(away[k]), nodes[k]

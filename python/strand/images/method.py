@@ -15,6 +15,7 @@ from strand.images.nodes import as_chains, corrected_poses
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
+from strand.lazy import lazy
 from strand.model import Alternative
 from strand.pose import moved
 from strand.sensor import Sensor
@@ -47,6 +48,15 @@ class Read:
     held: int
     explanations: list[Explanation]
     taken: list[RopeImage]
+
+    @lazy
+    def neighbours_alike(self) -> float:
+        """How alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
+        images = [(image.depth, image.depth[image.mask]) for image in self.taken]
+        correlations, followed = plane_correlations(
+            [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
+        )
+        return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
     def projected(self, points: Array) -> Array:
         """(M, 2) Columns and rows of points of the world in the view that is held, pixels."""
@@ -116,16 +126,7 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     )
 
 
-def neighbours_alike(what: Read) -> float:
-    """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
-    images = [(image.depth, image.depth[image.mask]) for image in what.taken]
-    correlations, followed = plane_correlations(
-        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
-    )
-    return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
-
-
 def _correlation(what: Read) -> float:
     """Return the length of `Sensor.correlation`, pixels: neighbours have exp(-1 / (4 c^2))."""
-    alike = neighbours_alike(what)
+    alike = what.neighbours_alike
     return float((-0.25 / np.log(alike)) ** 0.5) if alike > PLAIN else 0.0

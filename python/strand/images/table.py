@@ -49,16 +49,19 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
         return None
     offsets = (normals * corners).sum(axis=1)
     # a part of the points tells planes apart
-    near = np.abs(points[::_EACH] @ normals.T - offsets) < _SCATTER * radius
-    best = int(near.sum(axis=0).argmax())
+    away = normals @ points[::_EACH].T
+    away -= offsets[:, None]
+    near = np.abs(away, out=away) < _SCATTER * radius
+    best = int(np.count_nonzero(near, axis=1).argmax())
     on = np.abs(points @ normals[best] - offsets[best]) < _SCATTER * radius
     if np.count_nonzero(on) < _SHARE * len(points):
         return None
     for _ in range(3):
-        middle = points[on].mean(axis=0)
-        away = points - middle
-        normal = np.linalg.eigh(away[on].T @ away[on])[1][:, 0]
-        on = np.abs(away @ normal) < _SCATTER * radius
+        own = points[on]
+        middle = own.mean(axis=0)
+        own -= middle
+        normal = np.linalg.eigh(own.T @ own)[1][:, 0]
+        on = np.abs((points - middle) @ normal) < _SCATTER * radius
         if np.count_nonzero(on) < 100:
             return None
     if normal @ (image.pose[:3, 3] - middle) < 0:
@@ -75,13 +78,16 @@ def _beside(image: RopeImage, radius: float) -> Array:
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)
-    v, u = (part.ravel() for part in np.mgrid[top:bottom:step, left:right:step])
-    z = image.depth[v, u]
+    z = image.depth[top:bottom:step, left:right:step]
     kept = (z > 0) & np.isfinite(z)
-    for dv in (-_EDGE, 0, _EDGE):
-        for du in (-_EDGE, 0, _EDGE):
-            kept &= ~image.mask[np.clip(v + dv, 0, height - 1), np.clip(u + du, 0, width - 1)]
-    u, v, z = u[kept], v[kept], z[kept]
+    steps = (-_EDGE, 0, _EDGE)
+    beside = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
+    for du in steps:
+        columns = image.mask[:, np.clip(np.arange(left, right, step) + du, 0, width - 1)]
+        for rows in beside:
+            kept &= ~columns[rows]
+    v, u = np.nonzero(kept)
+    v, u, z = top + step * v, left + step * u, z[kept]
     (fx, fy), (cx, cy) = image.focal, image.centre
     points = np.column_stack([(u - cx) * z / fx, (v - cy) * z / fy, z])
     return np.asarray(points @ image.pose[:3, :3].T + image.pose[:3, 3])

@@ -29,6 +29,10 @@ _MOST = 200
 _DOUBT, _TRIES = 8.0, 4
 
 
+Course = tuple[Array, float, bool]
+"""(33, 3) places evenly along a chain, its length, metres, and whether it is closed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One way to make ropes of arcs.
@@ -235,25 +239,33 @@ def without_prior(scored: Sequence[ScoredHypothesis]) -> float:
 
 def alike(some: Chains, others: Chains, radius: float) -> bool:
     """Tell whether two sets of chains run through the same places in the same order."""
+    return same_courses(courses(some), courses(others), radius)
+
+
+def courses(chains: Chains) -> list[Course]:
+    """Return what `same_courses` compares of chains."""
+    found = []
+    for nodes, closed in chains:
+        s = path_length(nodes)
+        at = np.linspace(0.0, s[-1], 33)
+        places = np.stack([np.interp(at, s, nodes[:, k]) for k in range(3)], axis=1)
+        found.append((places, float(s[-1]), closed))
+    return found
+
+
+def same_courses(some: Sequence[Course], others: Sequence[Course], radius: float) -> bool:
+    """Tell whether two sets of chains run through the same places in the same order, as `alike` does."""
     if len(some) != len(others):
         return False
-    left = [(_places(nodes), path_length(nodes)[-1], closed) for nodes, closed in others]
-    for nodes, closed in some:
-        places, length = _places(nodes), path_length(nodes)[-1]
+    left = list(others)
+    for places, length, closed in some:
         for k, (theirs, their_length, their_closed) in enumerate(left):
-            apart = min(
-                np.linalg.norm(places - theirs, axis=1).max(),
-                np.linalg.norm(places - theirs[::-1], axis=1).max(),
-            )
-            if closed == their_closed and abs(length - their_length) < 4.0 * radius and apart < 4.0 * radius:
+            if closed != their_closed or abs(length - their_length) >= 4.0 * radius:
+                continue
+            away = (((places - way) ** 2).sum(axis=1).max() for way in (theirs, theirs[::-1]))
+            if min(away) < (4.0 * radius) ** 2:
                 del left[k]
                 break
         else:
             return False
     return True
-
-
-def _places(nodes: Array) -> Array:
-    """(33, 3) Places evenly along a chain."""
-    s = path_length(nodes)
-    return np.stack([np.interp(np.linspace(0.0, s[-1], 33), s, nodes[:, k]) for k in range(3)], axis=1)
