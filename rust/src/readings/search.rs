@@ -52,11 +52,13 @@ struct Lead {
     turned: bool,
 }
 
-/// What readings of one silhouette share.
-struct Known {
-    votes: Votes,
-    /// So that a zone that looks the same in two readings is worked out once.
-    pairings: BTreeMap<ZoneName, Arc<Pairings>>,
+/// One reading of a skeleton, and what it costs more than others.
+struct Candidate<'a> {
+    skeleton: &'a Skeleton,
+    network: Network,
+    more: f64,
+    /// For each zone its ports, and the number of its pairings among all that are known.
+    zones: Vec<(Vec<usize>, usize)>,
 }
 
 /// What a zone is known by: its pixels, and of its ports the end, the middle and the length of their segments.
@@ -65,24 +67,45 @@ type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let rr = silhouette.radius_px;
-    let mut known = Known { votes: Votes::new(silhouette), pairings: BTreeMap::new() };
-    let [pruned, bushy] = SPURS.map(|spur| Skeleton::new(silhouette, spur));
-    let mut found = of_skeleton(silhouette, &pruned, ropes, most, &mut known);
-    if !bushy.is_same(&pruned) {
-        found.extend(of_skeleton(silhouette, &bushy, ropes, most, &mut known).into_iter().map(|r| Reading {
-            cost: r.cost + TIPS,
-            fixed: r.fixed + TIPS,
-            ..r
-        }));
+    let votes = Votes::new(silhouette);
+    let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(silhouette, spur));
+    let [pruned, bushy] = [&skeletons[0], &skeletons[1]];
+    let different = if bushy.is_same(pruned) { vec![] } else { vec![(bushy, TIPS)] };
+    let ways = parallel::map(&[vec![(pruned, 0.0)], different].concat(), |&(skeleton, more)| {
+        candidates(skeleton, rr, more)
+    });
+    let mut candidates: Vec<Candidate> = ways.into_iter().flatten().collect();
+    // a zone that looks the same in two of them is worked out once
+    let mut numbers: BTreeMap<ZoneName, usize> = BTreeMap::new();
+    let mut places: Vec<(usize, usize)> = Vec::new();
+    for (number, candidate) in candidates.iter_mut().enumerate() {
+        for zone in 0..candidate.network.zones.len() {
+            let (ports, name) = named(candidate.skeleton, &candidate.network, zone);
+            let known = *numbers.entry(name).or_insert_with(|| {
+                places.push((number, zone));
+                places.len() - 1
+            });
+            candidate.zones.push((ports, known));
+        }
     }
+    let pairings = parallel::map(&places, |&(number, zone)| {
+        let Candidate { skeleton, network, zones, .. } = &candidates[number];
+        let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
+        Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own))
+    });
+    let found = parallel::map(&candidates, |candidate| search(rr, candidate, &pairings, ropes, most));
+    let mut found = found.concat();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Reading> = Vec::new();
+    let mut courses: Vec<Vec<Vec<Place>>> = Vec::new();
     for reading in found {
         if kept.len() >= most {
             break;
         }
-        if !kept.iter().any(|k| alike(&k.chains, &reading.chains, rr)) {
+        let course = course(&reading.chains);
+        if !courses.iter().any(|k| alike(k, &course, rr)) {
             kept.push(reading);
+            courses.push(course);
         }
     }
     let mut kept = parallel::map(&kept, |reading| settled(silhouette, reading));
@@ -150,14 +173,8 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
 }
 
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
-fn of_skeleton(
-    silhouette: &Silhouette,
-    skeleton: &Skeleton,
-    ropes: Option<usize>,
-    most: usize,
-    known: &mut Known,
-) -> Vec<Reading> {
-    let rr = silhouette.radius_px;
+fn candidates(skeleton: &Skeleton, rr: f64, tips: f64) -> Vec<Candidate<'_>> {
+    let of = |network, more| Candidate { skeleton, network, more, zones: Vec::new() };
     let plain = skeleton.read(rr, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
         .segments
@@ -168,79 +185,63 @@ fn of_skeleton(
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut seen = HashSet::from([plain.zones.clone()]);
-    let mut found = search(silhouette, skeleton, &plain, ropes, most, known);
+    let mut found = vec![of(plain, tips)];
     let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
     for path in hidden {
         let network = skeleton.read(rr, true, &path);
         if seen.insert(network.zones.clone()) {
-            let more = if path.is_empty() { 0.0 } else { HIDDEN };
-            found.extend(
-                search(silhouette, skeleton, &network, ropes, most, known).into_iter().map(|r| Reading {
-                    cost: r.cost + more,
-                    fixed: r.fixed + more,
-                    ..r
-                }),
-            );
+            found.push(of(network, if path.is_empty() { tips } else { HIDDEN + tips }));
         }
     }
     found
 }
 
+/// The ports of a zone, in an order that does not depend on the reading, and what it is known by.
+fn named(skeleton: &Skeleton, network: &Network, zone: usize) -> (Vec<usize>, ZoneName) {
+    let key = |p: usize| {
+        let port = network.ports[p];
+        let path = &network.segments[port.segment].path;
+        let end = path[if port.end == 0 { 0 } else { path.len() - 1 }];
+        (skeleton.pixel(end), skeleton.pixel(path[path.len() / 2]), path.len())
+    };
+    let mut ports: Vec<usize> =
+        (0..network.ports.len()).filter(|&p| network.ports[p].zone as usize == zone + 1).collect();
+    ports.sort_by_key(|&p| (key(p), p));
+    let pixels = network.zones[zone].iter().map(|&i| skeleton.pixel(i)).collect();
+    let keys = ports.iter().map(|&p| key(p)).collect();
+    (ports, (pixels, keys))
+}
+
+/// Chains by length, as places that [`alike`] compares.
+fn course(chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
+    let mut chains: Vec<(f64, &Vec<Place>)> = chains.iter().map(|c| (length(c), c)).collect();
+    chains.sort_by(|x, y| x.0.total_cmp(&y.0));
+    chains.iter().map(|(long, c)| resampled(c, (long / 80.0).max(1e-6))).collect()
+}
+
 /// Whether two readings run through the same places in the same order, to a radius.
 fn alike(a: &[Vec<Place>], b: &[Vec<Place>], rr: f64) -> bool {
-    let sorted = |chains: &[Vec<Place>]| {
-        let mut chains: Vec<(f64, Vec<Place>)> = chains
-            .iter()
-            .map(|c| (length(c), c))
-            .map(|(long, c)| (long, resampled(c, (long / 80.0).max(1e-6))))
-            .collect();
-        chains.sort_by(|x, y| x.0.total_cmp(&y.0));
-        chains
-    };
     a.len() == b.len()
-        && sorted(a).iter().zip(&sorted(b)).all(|((_, p), (_, q))| {
+        && a.iter().zip(b).all(|(p, q)| {
             let n = p.len().min(q.len());
-            let away = |turned: bool| {
-                (0..n)
-                    .map(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }))
-                    .fold(0.0, f64::max)
+            let near = |turned: bool| {
+                (0..n).all(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= rr)
             };
-            away(false).min(away(true)) <= rr
+            near(false) || near(true)
         })
 }
 
 /// Ways through all zones of one reading of the skeleton, the cheapest first.
 fn search(
-    silhouette: &Silhouette,
-    skeleton: &Skeleton,
-    network: &Network,
+    rr: f64,
+    candidate: &Candidate,
+    pairings: &[Arc<Pairings>],
     ropes: Option<usize>,
     most: usize,
-    known: &mut Known,
 ) -> Vec<Reading> {
-    let rr = silhouette.radius_px;
-    let mut zones: Vec<(Vec<usize>, Arc<Pairings>)> = Vec::new();
-    for (zone, pixels) in network.zones.iter().enumerate() {
-        let key = |p: usize| {
-            let port = network.ports[p];
-            let path = &network.segments[port.segment].path;
-            let end = path[if port.end == 0 { 0 } else { path.len() - 1 }];
-            (skeleton.pixel(end), skeleton.pixel(path[path.len() / 2]), path.len())
-        };
-        let mut ports: Vec<usize> =
-            (0..network.ports.len()).filter(|&p| network.ports[p].zone as usize == zone + 1).collect();
-        ports.sort_by_key(|&p| (key(p), p));
-        let name = (
-            pixels.iter().map(|&i| skeleton.pixel(i)).collect::<Vec<_>>(),
-            ports.iter().map(|&p| key(p)).collect::<Vec<_>>(),
-        );
-        let Known { votes, pairings: known } = &mut *known;
-        let found = known.entry(name).or_insert_with(|| {
-            let own: Vec<_> = ports.iter().map(|&p| network.ports[p]).collect();
-            Arc::new(pairings(silhouette, votes, skeleton, network, zone, &own))
-        });
-        zones.push((ports, Arc::clone(found)));
-    }
+    let network = &candidate.network;
+    let zones: Vec<(&[usize], &Arc<Pairings>)> =
+        candidate.zones.iter().map(|(ports, known)| (&ports[..], &pairings[*known])).collect();
     let price = |choice: &[usize]| -> f64 {
         choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
     };
@@ -259,7 +260,7 @@ fn search(
         if chains.iter().any(|c| length(c) > 2.0 * rr) {
             chains.retain(|c| length(c) > 2.0 * rr);
         }
-        let mut more = RING * rings as f64;
+        let mut more = candidate.more + RING * rings as f64;
         if let Some(ropes) = ropes {
             if chains.len() > ropes {
                 let (joined, gaps) = joined(chains, ropes, rr);
@@ -309,7 +310,7 @@ impl Ord for Ordered {
 /// The chains of one choice of ways, and how many were rings.
 fn assembled(
     network: &Network,
-    zones: &[(Vec<usize>, Arc<Pairings>)],
+    zones: &[(&[usize], &Arc<Pairings>)],
     choice: &[usize],
     rr: f64,
 ) -> (Vec<Vec<Place>>, usize) {
