@@ -124,7 +124,7 @@ impl Silhouette {
     /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
     /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {
-        let step = ((self.radius_px / 4.0).round() as usize).max(1);
+        let step = ((self.radius_px / 3.0).round() as usize).max(1);
         let near = 0.5 * step as f64;
         for y in (0..h).step_by(step) {
             for x in (0..w).step_by(step) {
