@@ -64,8 +64,13 @@ impl Image<f32> {
             (0..=reach).map(|i| (-0.5 * (i as f64 / deviation).powi(2)).exp() as f32).collect();
         let sum = kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>();
         kernel.iter_mut().for_each(|k| *k /= sum);
+        self.convolved(&kernel)
+    }
+
+    /// Convolved along rows and columns with a symmetric kernel, from its middle on; the border is repeated.
+    pub fn convolved(&self, kernel: &[f32]) -> Self {
         let mut values = vec![0.0f32; self.values.len()];
-        parallel::rows(&mut values, self.width, |first, part| smooth(self, &kernel, first, part));
+        parallel::rows(&mut values, self.width, |first, part| smooth(self, kernel, first, part));
         Self { width: self.width, height: self.height, values }
     }
 }

@@ -121,7 +121,7 @@ impl Silhouette {
         shown(&Self::new(mask, width, rough, 2)?)
     }
 
-    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a quarter of a thick rope's
+    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a third of a thicker rope's
     /// radius.
     fn find_boundary(&mut self, w: usize, h: usize) {
         let step = ((self.radius_px / 3.0).round() as usize).max(1);

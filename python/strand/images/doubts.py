@@ -139,7 +139,9 @@ def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float)
     number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
     farthest: tuple[float, Array] | None = None
     for nodes in chains:
-        squares = sum((nodes[:, k, None] - theirs[:, k]) ** 2 for k in range(3))
+        squares = np.zeros((len(nodes), len(theirs)))
+        for k in range(3):
+            squares += (nodes[:, k, None] - theirs[:, k]) ** 2
         nearest = squares.argmin(axis=1)
         away = np.sqrt(squares.min(axis=1))
         k = int(away.argmax())

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import strand._core as _core
 from strand.checks import Array, Bounds
 from strand.images.seen import RopeImage
 
@@ -68,24 +69,13 @@ def _standing_out(
     across = radius * fx / float(np.median(z[seen]))
     kernel = _gaussian(max(_SMOOTH * across, 0.6))
     heights = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)
-    shares = _convolved(seen.astype(np.float64), kernel)
-    smooth = _convolved(heights, kernel) / np.maximum(shares, 1e-9)
-    return (smooth > _EDGE * radius) & (shares > _SEEN)
+    shares = _core.convolved(seen.astype(np.float32), kernel)
+    smooth = _core.convolved(heights.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
+    return np.asarray((smooth > _EDGE * radius) & (shares > _SEEN))
 
 
-def _gaussian(deviation: float) -> Array:
+def _gaussian(deviation: float) -> list[float]:
+    """Return a Gaussian's weights from its middle on."""
     reach = int(np.ceil(3.0 * deviation))
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
-    return np.asarray(kernel / kernel.sum())
-
-
-def _convolved(image: Array, kernel: Array) -> Array:
-    """Convolve along rows and columns; nothing lies beyond the border."""
-    reach = len(kernel) // 2
-    for axis in (0, 1):
-        padding = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
-        padded = np.pad(image, padding)
-        length = image.shape[axis]
-        parts = [weight * np.take(padded, range(k, k + length), axis) for k, weight in enumerate(kernel)]
-        image = np.sum(parts, axis=0)
-    return image
+    kernel = np.exp(-0.5 * (np.arange(reach + 1) / deviation) ** 2)
+    return [float(weight) for weight in kernel / (kernel[0] + 2.0 * kernel[1:].sum())]

@@ -81,11 +81,11 @@ def _beside(image: RopeImage, radius: float) -> Array:
     z = image.depth[top:bottom:step, left:right:step]
     kept = (z > 0) & np.isfinite(z)
     steps = (-_EDGE, 0, _EDGE)
-    beside = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
+    down = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
     for du in steps:
-        columns = image.mask[:, np.clip(np.arange(left, right, step) + du, 0, width - 1)]
-        for rows in beside:
-            kept &= ~columns[rows]
+        beside = image.mask[:, np.clip(np.arange(left, right, step) + du, 0, width - 1)]
+        for chosen in down:
+            kept &= ~beside[chosen]
     v, u = np.nonzero(kept)
     v, u, z = top + step * v, left + step * u, z[kept]
     (fx, fy), (cx, cy) = image.focal, image.centre

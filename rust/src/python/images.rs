@@ -9,6 +9,7 @@ use super::arguments::{
 };
 use super::views::image_shape;
 use crate::geometry::RigidMotion;
+use crate::image::Image;
 use crate::imagefit::{self, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
 use crate::silhouette::Silhouette;
 use crate::{Pinhole, Point, parallel, readings};
@@ -351,6 +352,33 @@ fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
         return Err(wrong_shape("hypotheses", "(M, 2), M >= 2", array.shape()));
     }
     Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
+}
+
+/// An image (H, W) in single precision, convolved along rows and columns with a symmetric kernel that is given from its
+/// middle on; beyond the border are zeros.
+#[pyfunction]
+pub(super) fn convolved<'py>(
+    py: Python<'py>,
+    image: PyReadonlyArray2<'_, f32>,
+    kernel: Vec<f32>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let &[height, width] = image.shape() else { unreachable!("two dimensions") };
+    let values = image.as_slice().map_err(|_| PyValueError::new_err("image: expected C order"))?;
+    if kernel.is_empty() || values.is_empty() {
+        return Err(PyValueError::new_err("image, kernel: expected at least one number"));
+    }
+    let found = py.detach(|| {
+        let reach = kernel.len() - 1;
+        let wide = width + 2 * reach;
+        let mut padded = Image::filled(wide, height + 2 * reach, 0.0f32);
+        for (row, from) in values.chunks_exact(width).enumerate() {
+            padded.values[(row + reach) * wide + reach..][..width].copy_from_slice(from);
+        }
+        let found = padded.convolved(&kernel);
+        let rows = found.values.chunks_exact(wide).skip(reach).take(height);
+        rows.flat_map(|row| &row[reach..reach + width]).copied().collect::<Vec<f32>>()
+    });
+    PyArray1::from_vec(py, found).reshape([height, width])
 }
 
 /// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand._core import NotEnoughDataError
+from strand._core import NotEnoughDataError, convolved
 from strand.images.radius import shown_radius
 from strand.images.raised import raised
 from strand.images.seen import rope_images
@@ -57,6 +57,21 @@ def test_what_stands_out_of_a_table_is_rope():
     # pixel by pixel it is lost in the table's noise
     assert np.count_nonzero(images[0].mask & true) < 0.75 * np.count_nonzero(images[0].mask)
     assert raised(images, None, made.bounds, made.radius)[0] is images[0]
+
+
+def test_a_convolution_is_that_of_a_full_sum():
+    image = np.random.default_rng(0).random((70, 50)).astype(np.float32)
+    kernel = [0.4, 0.2, 0.1]
+    found = convolved(image, kernel)
+    padded = np.pad(image, 2)
+    expected = np.zeros(image.shape)
+    for down in range(5):
+        for right in range(5):
+            weight = kernel[abs(down - 2)] * kernel[abs(right - 2)]
+            expected += weight * padded[down : down + 70, right : right + 50]
+    assert found == pytest.approx(expected, abs=1e-6)
+    with pytest.raises(ValueError, match="kernel"):
+        convolved(image, [])
 
 
 def test_wide_plain_noise_is_read_as_an_image(measure):
