@@ -306,53 +306,60 @@ mod tests {
     proptest! {
         #[test]
         fn a_solution_satisfies_the_dense_system(n in 1usize..60, m in 0usize..6, seed in 0u64..1000) {
-            let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
-            let mut random = || {
-                state ^= state << 13;
-                state ^= state >> 7;
-                state ^= state << 17;
-                (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-            };
-            let mut matrix = Bordered::zeros(n, m);
-            let mut dense = DMatrix::<f64>::zeros(n + m, n + m);
-            for i in 0..n + m {
-                for j in 0..=i {
-                    let mut value = random();
-                    if i == j {
-                        value += 20.0;
-                    }
-                    if i >= n && j >= n {
-                        matrix.add_corner(i - n, j - n, value);
-                    } else if i >= n {
-                        matrix.add_border(j, i - n, &[value]);
-                    } else if i - j < WIDTH {
-                        matrix.add_band(i, j, value);
-                    } else {
-                        continue;
-                    }
-                    dense[(i, j)] = value;
-                    dense[(j, i)] = value;
-                }
-            }
-            let right = DVector::from_fn(n + m, |_, _| random());
-            let factor = matrix.factor().unwrap();
-            let (x, y) = factor.solve(&right.as_slice()[..n], &right.as_slice()[n..]);
-            let solution = DVector::from_iterator(n + m, x.into_iter().chain(y));
-            prop_assert!((&dense * solution - right).amax() < 1e-12);
-            let inverse = dense.try_inverse().unwrap();
-            let (band, corner) = factor.inverse();
-            for i in 0..n {
-                for j in i.saturating_sub(WIDTH - 1)..=i {
-                    prop_assert!((band[i][j + WIDTH - 1 - i] - inverse[(i, j)]).abs() < 1e-12);
-                }
-            }
-            prop_assert!((corner - inverse.view((n, n), (m, m))).amax() < 1e-12 || m == 0);
+            solves_dense::<WIDTH>(n, m, seed)?;
+            solves_dense::<PLANAR>(n, m, seed)?;
+            solves_dense::<3>(n, m, seed)?;
         }
+    }
+
+    fn solves_dense<const W: usize>(n: usize, m: usize, seed: u64) -> Result<(), TestCaseError> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
+        let mut random = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let mut matrix = Bordered::<W>::zeros(n, m);
+        let mut dense = DMatrix::<f64>::zeros(n + m, n + m);
+        for i in 0..n + m {
+            for j in 0..=i {
+                let mut value = random();
+                if i == j {
+                    value += 20.0;
+                }
+                if i >= n && j >= n {
+                    matrix.add_corner(i - n, j - n, value);
+                } else if i >= n {
+                    matrix.add_border(j, i - n, &[value]);
+                } else if i - j < W {
+                    matrix.add_band(i, j, value);
+                } else {
+                    continue;
+                }
+                dense[(i, j)] = value;
+                dense[(j, i)] = value;
+            }
+        }
+        let right = DVector::from_fn(n + m, |_, _| random());
+        let factor = matrix.factor().unwrap();
+        let (x, y) = factor.solve(&right.as_slice()[..n], &right.as_slice()[n..]);
+        let solution = DVector::from_iterator(n + m, x.into_iter().chain(y));
+        prop_assert!((&dense * solution - right).amax() < 1e-12);
+        let inverse = dense.try_inverse().unwrap();
+        let (band, corner) = factor.inverse();
+        for i in 0..n {
+            for j in i.saturating_sub(W - 1)..=i {
+                prop_assert!((band[i][j + W - 1 - i] - inverse[(i, j)]).abs() < 1e-12);
+            }
+        }
+        prop_assert!((corner - inverse.view((n, n), (m, m))).amax() < 1e-12 || m == 0);
+        Ok(())
     }
 
     #[test]
     fn a_matrix_that_is_not_positive_definite_has_no_factor() {
-        let mut matrix = Bordered::zeros(3, 0);
+        let mut matrix = Bordered::<WIDTH>::zeros(3, 0);
         for i in 0..3 {
             matrix.add_band(i, i, if i == 1 { -1.0 } else { 1.0 });
         }
