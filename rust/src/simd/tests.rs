@@ -6,6 +6,8 @@ use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 use super::{BATCH, Eight, LANES, Lanes, PORTABLE, Singles, Three, WIDEST, detected, kernel};
+use crate::readings::readings;
+use crate::silhouette::Silhouette;
 use crate::{
     DepthView, IcpOptions, Neighbors, Objective, Pinhole, Point, Residual, RigidMotion, Spline, Tube,
     TubeFitOptions, TubeView, Viewpoints, centerline, count_neighbors, crop_images, estimate_normals,
@@ -168,4 +170,26 @@ fn kernels_answer_alike() {
     let points = tube(3000);
     assert!(!trace_tubes(&points, Viewpoints::One([0.0, 0.0, 100.0]), 1.0, 4).unwrap().is_empty());
     assert_same_with_each(|| answers(&points));
+}
+
+#[test]
+fn masks_are_read_alike() {
+    // a bent strip that crosses itself, magnified
+    let (width, height) = (160, 110);
+    let axis: Vec<[f64; 2]> = (0..400)
+        .map(|i| TAU * f64::from(i) / 400.0)
+        .map(|t| [80.0 + 55.0 * t.sin(), 55.0 + 38.0 * (1.6 * t + 0.3).sin()])
+        .collect();
+    let inside = |k: usize| {
+        let (u, v) = ((k % width) as f64, (k / width) as f64);
+        axis.iter().any(|x| (x[0] - u).powi(2) + (x[1] - v).powi(2) < 25.0)
+    };
+    let mask: Vec<bool> = (0..width * height).map(inside).collect();
+    let read = || {
+        let silhouette = Silhouette::of_rope(&mask, width, 5.0).unwrap();
+        let found = readings(&silhouette, Some(1), 2);
+        assert!(!found.is_empty());
+        format!("{silhouette:?} {found:?}")
+    };
+    assert_same_with_each(read);
 }
