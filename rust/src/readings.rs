@@ -5,6 +5,7 @@
 //! outside the mask, mask that nothing covers.
 
 mod ends;
+mod gaps;
 mod links;
 mod lookup;
 mod network;

@@ -5,6 +5,7 @@
 use crate::image::{Blobs, Image, Run, blobs, distances};
 use crate::parallel;
 use crate::readings::{shown_radius, skeleton};
+use crate::surroundings::{Shown, Surroundings};
 
 /// A place on a mask's edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +41,10 @@ pub struct Silhouette {
     pub(crate) scale: usize,
     /// Original column and row of the magnified image's corner.
     origin: [f64; 2],
+    /// How ragged the mask is, from 0 to 1.
+    pub ragged: f64,
+    /// What depth shows beside it, if that is known.
+    surroundings: Option<Surroundings>,
 }
 
 /// Distances outside the mask are right up to this, and 4 pixels, radii.
@@ -88,8 +93,20 @@ impl Silhouette {
         }
         let smooth = signed.smoothed(1.0);
         let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
-        let mut made =
-            Self { radius_px, boundary, mask, inside, skeleton, depth, signed, smooth, scale, origin };
+        let mut made = Self {
+            radius_px,
+            boundary,
+            mask,
+            inside,
+            skeleton,
+            depth,
+            signed,
+            smooth,
+            scale,
+            origin,
+            ragged,
+            surroundings: None,
+        };
         made.mask.values = (0..w * h).map(|k| made.pixel_distance(k % w, k / w) > 0.0).collect();
         made.find_boundary(w, h);
         Some(made)
@@ -112,6 +129,27 @@ impl Silhouette {
             made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
         }
         Some(made)
+    }
+
+    /// The same with what depth shows beside the ropes.
+    pub fn amid(mut self, surroundings: Option<Surroundings>) -> Self {
+        self.surroundings = surroundings;
+        self
+    }
+
+    /// Whether something before the ropes hides a place.
+    #[inline]
+    pub fn hidden(&self, uv: [f64; 2]) -> bool {
+        self.surroundings.as_ref().is_some_and(|s| s.hidden(uv))
+    }
+
+    /// What depth shows of a place.
+    pub fn shown(&self, uv: [f64; 2]) -> Shown {
+        match &self.surroundings {
+            Some(surroundings) if surroundings.hidden(uv) => Shown::Before,
+            Some(surroundings) => surroundings.at(uv),
+            None => Shown::Unknown,
+        }
     }
 
     /// The radius of the rope that a mask shows, pixels, if nothing is known of it.

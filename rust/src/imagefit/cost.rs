@@ -34,7 +34,8 @@ pub fn add_view(
                 let pixel = [column as i64 + distances.low[0], row as i64 + distances.low[1]];
                 let inside = view.medians.inside(pixel);
                 uncovered += u32::from(far && inside);
-                outside += u32::from(near && !inside);
+                let hidden = || view.silhouette.hidden(pixel.map(|x| x as f64));
+                outside += u32::from(near && !inside && !hidden());
             }
         }
     }

@@ -166,7 +166,7 @@ impl Seen {
         let silhouette = scene.view.silhouette;
         for (i, sample) in scene.curves.samples.iter().enumerate() {
             let missing = INSIDE - silhouette.distance(self.image[i]) / self.radii[i];
-            if missing <= 0.0 || sample.capped {
+            if missing <= 0.0 || sample.capped || silhouette.hidden(self.image[i]) {
                 continue;
             }
             let e = missing.min(3.0);

@@ -9,9 +9,11 @@ use super::arguments::{
 };
 use super::views::image_shape;
 use crate::geometry::RigidMotion;
-use crate::image::Image;
+use crate::image::{Image, blobs};
 use crate::imagefit::{self, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
+use crate::mending::mended;
 use crate::silhouette::Silhouette;
+use crate::surroundings::Surroundings;
 use crate::{Pinhole, Point, parallel, readings};
 
 /// A polyline in an image, (M, 2).
@@ -324,6 +326,9 @@ impl RopeImages {
     }
 }
 
+/// Masks more ragged than this are mended by depth.
+const RAGGED: f64 = 0.25;
+
 /// One view's silhouette and depths; none if its mask shows no rope with depth.
 fn prepared(
     depth: &[f64],
@@ -342,8 +347,26 @@ fn prepared(
     let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
     let middle = seen.len() / 2;
     let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
-    let silhouette = Silhouette::of_rope(mask, size[0], pinhole.focal[0] * radius / far)?;
-    let medians = Medians::new(depth, mask, size[0], &silhouette);
+    let radius_px = pinhole.focal[0] * radius / far;
+    let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
+    let around = Surroundings::new(depth, mask, size[0], &silhouette, radius);
+    let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
+    let mended = ragged.and_then(|around| mended(depth, mask, size[0], &silhouette, around));
+    let (mask, silhouette) = match &mended {
+        Some(mask) => (mask.as_slice(), Silhouette::of_rope(mask, size[0], radius_px)?),
+        None => (mask, silhouette),
+    };
+    let medians = match around.as_ref().filter(|around| around.hides()) {
+        // what hides the ropes is no part of them where a mask is too wide
+        Some(around) => {
+            let at = |k: usize| [(k % size[0]) as f64, (k / size[0]) as f64];
+            let own = |k: usize| !(mask[k] && around.before(at(k), depth[k]));
+            let seen: Vec<f64> = (0..depth.len()).map(|k| if own(k) { depth[k] } else { f64::NAN }).collect();
+            Medians::new(&seen, mask, size[0], &silhouette)
+        }
+        None => Medians::new(depth, mask, size[0], &silhouette),
+    };
+    let silhouette = silhouette.amid(around);
     Some(Prepared { silhouette, medians, pinhole, pose, size, covered })
 }
 
@@ -379,6 +402,17 @@ pub(super) fn convolved<'py>(
         rows.flat_map(|row| &row[reach..reach + width]).copied().collect::<Vec<f32>>()
     });
     PyArray1::from_vec(py, found).reshape([height, width])
+}
+
+/// How many pixels the largest blob of a mask has, diagonal neighbours connected.
+#[pyfunction]
+pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<usize> {
+    let [height, width] = [mask.shape()[0], mask.shape()[1]];
+    let values = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
+    Ok(py.detach(|| {
+        let image = Image { width, height, values: values.to_vec() };
+        blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0)
+    }))
 }
 
 /// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.

@@ -2,6 +2,7 @@
 
 use super::planar::{Place, apart, resampled, unit};
 use crate::silhouette::Silhouette;
+use crate::surroundings::Shown;
 
 /// Nodes are this far apart here, radii.
 const STEP: f64 = 0.25;
@@ -17,6 +18,8 @@ const LED_TURN: f64 = 3.0;
 const LED_LENGTH: f64 = 0.1;
 const LED_GAIN: f64 = 1.5;
 const LED_MOST: f64 = 16.0;
+/// And each radius of it outside the mask, where depth shows that a rope may be.
+const LED_BARE: f64 = 0.5;
 /// Other bends than the rope's last that are tried, over a radius.
 const BENDS: [f64; 6] = [0.1, -0.1, 0.2, -0.2, 0.3, -0.3];
 /// Nodes nearer than this along a chain are no other strand, nodes.
@@ -170,16 +173,14 @@ pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f6
                         (from(back.min(chain.len() - 8)), from(back.min(chain.len() - 8) + 5));
                     let heading = unit([end[0] - before[0], end[1] - before[1]]);
                     let Some(way) = arc(end, heading, goal, rr) else { continue };
-                    if way.iter().any(|&x| silhouette.distance(x) < 0.3 * rr) {
-                        continue;
-                    }
+                    let Some(bare) = bare_price(silhouette, &way) else { continue };
                     let far = apart(end, goal);
                     let turn = {
                         let d = unit([goal[0] - end[0], goal[1] - end[1]]);
                         2.0 * (heading[0] * d[1] - heading[1] * d[0])
                             .atan2(heading[0] * d[0] + heading[1] * d[1])
                     };
-                    let cost = LED_TURN * turn * turn * rr / far + LED_LENGTH * far / rr;
+                    let cost = LED_TURN * turn * turn * rr / far + LED_LENGTH * far / rr + bare;
                     if cost < LED_GAIN * area && best.as_ref().is_none_or(|b| cost < b.0) {
                         let kept: Vec<Place> =
                             (back.min(chain.len() - 8)..chain.len()).rev().map(from).collect();
@@ -197,6 +198,20 @@ pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f6
         }
     }
     chains
+}
+
+/// What it costs that a way leaves the mask, nodes half a radius apart; none if the camera sees through there.
+fn bare_price(silhouette: &Silhouette, way: &[Place]) -> Option<f64> {
+    let mut price = 0.0;
+    for &x in way.iter().filter(|x| silhouette.distance(**x) < 0.3 * silhouette.radius_px) {
+        price += 0.5
+            * match silhouette.shown(x) {
+                Shown::Before => 0.0,
+                Shown::Level => LED_BARE,
+                Shown::Unknown | Shown::Behind => return None,
+            };
+    }
+    Some(price)
 }
 
 /// The arc of a circle that leaves a place in a direction and ends at another; none if it is long or turns too much.

@@ -20,8 +20,8 @@ const FARTHEST: f64 = 3.0;
 /// Nodes on each side of the last nearest one that are asked.
 const NEAR: usize = 3;
 /// What bending, its change, and tube outside the mask cost.
-const BENDING: f64 = 3.0;
-const CHANGE: f64 = 5.0;
+pub const BENDING: f64 = 3.0;
+pub const CHANGE: f64 = 5.0;
 const OUTSIDE: f64 = 1.5;
 const KINK: f64 = 5.0;
 /// A curve that turns more than this between nodes has a kink, radians.
@@ -164,7 +164,7 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
         }
         for (i, &node) in x.iter().enumerate() {
             let missing = 0.9 - silhouette.distance(node) / rr;
-            if missing > 0.0 {
+            if missing > 0.0 && !silhouette.hidden(node) {
                 let g = silhouette.gradient(node);
                 add(i, [-g[0], -g[1]], missing, 4.0 * h);
             }
@@ -275,7 +275,9 @@ pub fn link(
 pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
     let rr = silhouette.radius_px;
     let (bent, change) = bending(p, rr);
-    let outside: f64 = p.iter().map(|&x| (0.8 - silhouette.distance(x) / rr).max(0.0)).sum::<f64>() * STEP;
+    let bare =
+        |x: Place| if silhouette.hidden(x) { 0.0 } else { (0.8 - silhouette.distance(x) / rr).max(0.0) };
+    let outside: f64 = p.iter().map(|&x| bare(x)).sum::<f64>() * STEP;
     let sharp = p.windows(3).any(|w| {
         let (d, e) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
         (d[0] * e[1] - d[1] * e[0]).atan2(d[0] * e[0] + d[1] * e[1]).abs() > SHARPEST

@@ -106,7 +106,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                     }
                 }
                 let missing = 0.9 - silhouette.distance(x[i]) / rr;
-                if missing > 0.0 {
+                if missing > 0.0 && !silhouette.hidden(x[i]) {
                     let g = silhouette.gradient(x[i]);
                     add(&mut system, i, [-g[0], -g[1]], missing, 4.0 * steps[k]);
                 }

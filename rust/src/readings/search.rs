@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::sync::Arc;
 
 use super::ends::led_on;
+use super::gaps::joined;
 use super::links::{TAIL, Votes, curve_cost};
 use super::network::{Network, SPURS, Skeleton};
 use super::pairings::{Pairings, UNCOVERED, pairings};
-use super::planar::{Place, apart, cleaned, length, resampled, unit};
+use super::planar::{Place, apart, cleaned, length, resampled};
 use super::refine::refined;
 use crate::image::blobs;
 use crate::parallel;
@@ -23,8 +24,8 @@ const HIDDEN: f64 = 1.0;
 const BARE: f64 = 0.4;
 /// What a reading costs that keeps short branches of the skeleton.
 const TIPS: f64 = 1.0;
-/// A gap in the mask costs this many times its own cost.
-const GAP: f64 = 3.0;
+/// Ways to join pieces over gaps in the mask that are kept.
+const GAPS: usize = 4;
 /// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
 const STACK: f64 = 25.0;
 const STACKS: usize = 4;
@@ -93,7 +94,7 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
         let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
         Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own))
     });
-    let found = parallel::map(&candidates, |candidate| search(rr, candidate, &pairings, ropes, most));
+    let found = parallel::map(&candidates, |candidate| search(silhouette, candidate, &pairings, ropes, most));
     let mut found = found.concat();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut kept: Vec<Reading> = Vec::new();
@@ -233,12 +234,13 @@ fn alike(a: &[Vec<Place>], b: &[Vec<Place>], rr: f64) -> bool {
 
 /// Ways through all zones of one reading of the skeleton, the cheapest first.
 fn search(
-    rr: f64,
+    silhouette: &Silhouette,
     candidate: &Candidate,
     pairings: &[Arc<Pairings>],
     ropes: Option<usize>,
     most: usize,
 ) -> Vec<Reading> {
+    let rr = silhouette.radius_px;
     let network = &candidate.network;
     let zones: Vec<(&[usize], &Arc<Pairings>)> =
         candidate.zones.iter().map(|(ports, known)| (&ports[..], &pairings[*known])).collect();
@@ -260,20 +262,21 @@ fn search(
         if chains.iter().any(|c| length(c) > 2.0 * rr) {
             chains.retain(|c| length(c) > 2.0 * rr);
         }
-        let mut more = candidate.more + RING * rings as f64;
-        if let Some(ropes) = ropes {
-            if chains.len() > ropes {
-                let (joined, gaps) = joined(chains, ropes, rr);
-                chains = joined;
-                more += GAP * gaps;
-            }
-            more += TOO_FEW * ropes.saturating_sub(chains.len()) as f64;
-        } else {
-            more += ROPE * chains.len() as f64;
-        }
         let fixed: f64 =
             choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
-        found.push(Reading { cost: cost + more, fixed: fixed + more, chains, rings });
+        for way in joined(silhouette, &chains, ropes, ROPE, GAPS) {
+            let number = match ropes {
+                Some(ropes) => TOO_FEW * ropes.saturating_sub(way.chains.len()) as f64,
+                None => ROPE * way.chains.len() as f64,
+            };
+            let more = candidate.more + RING * rings as f64 + number;
+            found.push(Reading {
+                cost: cost + more + way.cost,
+                fixed: fixed + more + way.fixed,
+                chains: way.chains,
+                rings,
+            });
+        }
         for (k, (_, pairings)) in zones.iter().enumerate() {
             if choice[k] + 1 < pairings.ways.len() {
                 let mut next = choice.clone();
@@ -403,56 +406,4 @@ fn walked(
         leave = 1 - port.end;
     }
     points
-}
-
-/// Joins facing ends over gaps in the mask until no more than `ropes` chains are left; and what that costs.
-fn joined(mut chains: Vec<Vec<Place>>, ropes: usize, rr: f64) -> (Vec<Vec<Place>>, f64) {
-    let mut cost = 0.0;
-    while chains.len() > ropes.max(1) {
-        let mut best: Option<(f64, usize, usize, bool, bool)> = None;
-        for i in 0..chains.len() {
-            for j in i + 1..chains.len() {
-                for (turn_first, turn_second) in [(false, false), (false, true), (true, false), (true, true)]
-                {
-                    let more = gap_cost(&chains[i], turn_first, &chains[j], turn_second, rr);
-                    if best.is_none_or(|b| more < b.0) {
-                        best = Some((more, i, j, turn_first, turn_second));
-                    }
-                }
-            }
-        }
-        let Some((more, i, j, turn_first, turn_second)) = best else { break };
-        let second = chains.remove(j);
-        let mut first = chains.remove(i);
-        if turn_first {
-            first.reverse();
-        }
-        if turn_second {
-            first.extend(second.iter().rev());
-        } else {
-            first.extend(&second);
-        }
-        chains.push(cleaned(&first, 0.5 * rr));
-        cost += 1.0 + more;
-    }
-    (chains, cost)
-}
-
-/// What it costs to go on from the last node of one chain to the first of another: turning and length, radii.
-fn gap_cost(first: &[Place], turn_first: bool, second: &[Place], turn_second: bool, rr: f64) -> f64 {
-    let from = |i: usize| {
-        let i = i.min(first.len() - 1);
-        first[if turn_first { i } else { first.len() - 1 - i }]
-    };
-    let to = |i: usize| {
-        let i = i.min(second.len() - 1);
-        second[if turn_second { second.len() - 1 - i } else { i }]
-    };
-    let (a, b) = (from(0), to(0));
-    let (ta, tb) = (unit([a[0] - from(7)[0], a[1] - from(7)[1]]), unit([to(7)[0] - b[0], to(7)[1] - b[1]]));
-    let gap = apart(a, b) / rr;
-    let d = unit([b[0] - a[0], b[1] - a[1]]);
-    let angle = |x: Place, y: Place| (x[0] * y[0] + x[1] * y[1]).clamp(-1.0, 1.0).acos();
-    let (out, into) = if gap > 0.5 { (angle(ta, d), angle(tb, d)) } else { (0.0, angle(ta, tb)) };
-    2.0 * (out * out + into * into) + 0.25 * gap
 }

@@ -1,0 +1,19 @@
+"""Ropes whose masks have gaps, lost bits and bits of the table, and what depth says of them."""
+
+from __future__ import annotations
+
+import pytest
+
+import strand
+from strand.synthetic import rough
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "told"), [("bar", 0, True), ("bar", 2, True), ("bar", 9, False), ("ragged", 6, True)]
+)
+def test_a_rope_behind_a_bar_and_one_in_a_ragged_mask_are_right(kind, seed, told, measure):
+    made = rough(kind, seed)
+    ropes = len(made.truth) if told else None
+    model = strand.reconstruct(made.views, made.radius, made.bounds, ropes=ropes)
+    assert measure(model, made.truth, made.radius).right
+    assert model.confidence < 0.95
