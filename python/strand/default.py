@@ -14,6 +14,7 @@ from strand.config import Config
 from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
+from strand.images.raised import all_masked
 from strand.stages import Found, Observed, Run
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
@@ -55,7 +56,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     if len(observed.radii.values) > 1 or config.linking.rings == "always":
         return find_tubes(observed, config, run)
     if any(view.mask is not None for view in observed.whole):
-        return _images_first(observed, config, run)
+        return _images_first(all_masked(observed), config, run)
     return _tubes_first(observed, config, run)
 
 

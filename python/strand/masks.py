@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+import strand._core as _core
+from strand._core import NotEnoughDataError
 from strand.checks import Array, Bounds
+from strand.images.seen import RopeImage
+from strand.images.table import table_plane
 from strand.model import Doubt, ModelWarning
 from strand.pose import moved
 from strand.view import DepthImage, View
@@ -25,6 +29,11 @@ _LEAST_HEIGHT = 0.35
 # fewer comparisons say nothing; a mask with less than this share of them is wide, and one that is wide and
 # covers more than this share of the image holds the background
 _FEWEST, _WIDE, _MOST = 30, 0.03, 0.6
+# a mask in which this share of the pixels stands out by less than so many radii is of the background alone,
+# where heights have a standard deviation of less than so many
+_NOTHING, _FLAT, _TOLD = 0.9, 0.7, 0.5
+# a rope covers at least so many squares of its radius, pixels
+_SPECK = 3.0
 # confidence of an answer from a mask that is likely wrong: a factor of about one in seven
 _DOUBT = 2.0
 
@@ -52,17 +61,61 @@ def misplaced_masks(
     """
     found: list[tuple[Doubt, int]] = []
     for number in numbers:
-        view = views[number]
-        mask = view.mask
-        # within an extraction range a mask of everything is as good as none
-        if view.image is None or mask is None or (bounds is not None and mask.all()):
-            continue
-        rope = _Rope(view.image, mask, view.pose, bounds)
-        reason = _why_misplaced(rope, radii)
+        rope = _rope(views[number], bounds)
+        reason = None if rope is None else _why_misplaced(rope, radii)[0]
         if reason is not None:
             said = f"view {number}: {reason}"
             found.append((Doubt("mask", _DOUBT, "whether its mask is right", said), number))
     return found
+
+
+def refuse_background(
+    views: Sequence[View], numbers: Sequence[int], bounds: Bounds | None, radii: Array
+) -> None:
+    """Refuse masks of which depth says that they all show the background alone; arguments as above.
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If there is no rope in any of them.
+    """
+    ropes = [_rope(views[number], bounds) for number in numbers]
+    if all(rope is not None and _why_misplaced(rope, radii)[1] for rope in ropes):
+        raise NotEnoughDataError(
+            f"views: {_named(numbers)} of the background: nothing inside stands out from what is around it"
+        )
+
+
+def why_no_rope(view: View, radius: float) -> str | None:
+    """Say why a view's mask shows no rope with depth; None if it may show one, or there is no mask.
+
+    Parameters
+    ----------
+    view : View
+    radius : float
+        The thinnest rope's, metres.
+    """
+    image, mask = view.image, view.mask
+    if image is None or mask is None:
+        return None
+    depths = image.depth[mask]
+    seen = depths[depths > 0]
+    if not len(seen):
+        return None
+    across = radius * max(image.focal) / float(np.median(seen))
+    largest = _core.largest_blob(mask)
+    if largest >= _SPECK * across**2:
+        return None
+    return (
+        f"a mask that shows no rope: its largest part has {largest} pixels, and a rope of this radius is "
+        f"{2.0 * across:.1f} wide"
+    )
+
+
+def _named(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"the mask of view {numbers[0]} is"
+    return f"the masks of views {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"
 
 
 def surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
@@ -109,26 +162,55 @@ class _Rope:
         return inside & ((world >= self.bounds[0]) & (world <= self.bounds[1])).all(axis=1)
 
 
-def _why_misplaced(rope: _Rope, radii: Array) -> str | None:
-    """Say why a mask is likely not that of its image; None if it may be."""
+def _rope(view: View, bounds: Bounds | None) -> _Rope | None:
+    """Return a view's mask with its image; None if there is none, or one of everything in bounds."""
+    mask = view.mask
+    # within an extraction range a mask of everything is as good as none
+    if view.image is None or mask is None or (bounds is not None and mask.all()):
+        return None
+    return _Rope(view.image, mask, view.pose, bounds)
+
+
+def _why_misplaced(rope: _Rope, radii: Array) -> tuple[str | None, bool]:
+    """Say why a mask is likely not that of its image, None if it may be; and whether it shows no rope."""
     flat = np.flatnonzero(rope.mask)
     rows, columns = np.divmod(flat[:: max(len(flat) // _PIXELS, 1)], rope.mask.shape[1])
     inside = rope.holds(rows, columns)
     if not inside.any():
-        return None
+        return None, False
     share = float(inside.mean()) * len(flat) / rope.mask.size
     heights = _heights(rope, rows[inside], columns[inside], _REACH * radii[-1])
     if len(heights) < _WIDE * len(_SIDES) * inside.sum() and share > _MOST:
-        return f"its mask holds {share:.0%} of the image, and the background with it"
+        return f"its mask holds {share:.0%} of the image, and the background with it", False
     if len(heights) < _FEWEST:
-        return None
+        # next to the image's border nothing is seen on the other side
+        heights = _above_table(rope, rows[inside], columns[inside], float(radii[0]))
+    if len(heights) < _FEWEST:
+        return None, False
     height = float(np.median(heights)) / radii[0]
     if height >= _LEAST_HEIGHT:
-        return None
-    return (
+        return None, False
+    spread = 1.4826 * float(np.median(np.abs(heights / radii[0] - height)))
+    low = float(np.mean(heights < _FLAT * radii[0]))
+    reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
         "is it the mask of this frame?"
     )
+    return reason, spread < _TOLD and low > _NOTHING
+
+
+def _above_table(rope: _Rope, rows: _Indices, columns: _Indices, radius: float) -> Array:
+    """(N,) How high pixels are above the plane around the mask, metres; none if there is no plane."""
+    image = rope.image
+    seen = RopeImage(image.depth, rope.mask, image.focal, image.centre, rope.pose)
+    table = table_plane([seen], 0, radius)
+    if table is None:
+        return np.empty(0)
+    normal, offset = table
+    z = image.depth[rows, columns]
+    x = (columns - image.centre[0]) * z / image.focal[0]
+    y = (rows - image.centre[1]) * z / image.focal[1]
+    return np.asarray(moved(np.stack([x, y, z], axis=1), rope.pose) @ normal - offset)
 
 
 def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Array:

@@ -17,7 +17,7 @@ from strand.evidence.confidence import confidence, contradictions
 from strand.evidence.prior import Prior
 from strand.images.radius import shown_radius
 from strand.images.seen import rope_images
-from strand.masks import misplaced_masks, surplus_labels
+from strand.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
 from strand.model import Model, ModelWarning
 from strand.orientation import oriented
 from strand.outliers import without_outliers
@@ -138,8 +138,10 @@ def reconstruct(
                 radii = Radii(*estimate_radius(raw), free=True)
     with run.stage("filter"):
         filtered = without_outliers(raw, float(radii.values[0]), config.filter, method.widen)
-        used = _used(views, raw, filtered, run)
+        used = _used(views, raw, filtered, float(radii.values.min()), run)
         misplaced = misplaced_masks(views, used, box, radii.values)
+        if len(misplaced) == len(used):
+            refuse_background(views, used, box, radii.values)
     run.warnings.extend(
         ModelWarning(doubt.kind, doubt.reason, None, doubt.amount, view=number) for doubt, number in misplaced
     )
@@ -186,6 +188,10 @@ def reconstruct(
     )
 
 
+# a mask of which less than this share has depth has little
+_LITTLE = 0.2
+
+
 def _checked(
     views: Sequence[View],
     radius: float | Sequence[float] | None,
@@ -208,16 +214,34 @@ def _checked(
     return views, radii, method
 
 
-def _used(views: Sequence[View], raw: Sequence[View], filtered: Sequence[View], run: Run) -> list[int]:
-    """Numbers of the views that see something; the others are named in a warning."""
-    used = [number for number, view in enumerate(filtered) if len(view.points)]
-    if not used:
+def _used(
+    views: Sequence[View], raw: Sequence[View], filtered: Sequence[View], radius: float, run: Run
+) -> list[int]:
+    """Numbers of the views that see something of ropes; the others are named in a warning."""
+    reasons: dict[int, str] = {}
+    for number, (view, own, left) in enumerate(zip(views, raw, filtered, strict=True)):
+        reason = why_no_rope(view, radius) or mask_without_points(view)
+        if reason is None and not len(left.points):
+            reason = _why_nothing(view, own)
+        if reason is not None:
+            reasons[number] = reason
+    if len(reasons) == len(views):
+        if any(view.mask is not None for view in views):
+            said = "; ".join(f"view {number} has {reason}" for number, reason in reasons.items())
+            raise NotEnoughDataError(f"views: {said}; is the radius right, in metres?")
         raise NotEnoughDataError("views: all points are outliers; is the radius right, in metres?")
-    for number in sorted(set(range(len(raw))) - set(used)):
-        reason = mask_without_points(views[number])
-        if reason is None:
-            what = "only outliers" if len(raw[number].points) else "no points"
-            reason = f"{what} in the extraction range"
+    for number, reason in reasons.items():
         message = f"view {number} has {reason} and was not used"
         run.warnings.append(ModelWarning("unused view", message, view=number))
-    return used
+    return [number for number in range(len(views)) if number not in reasons]
+
+
+def _why_nothing(view: View, own: View) -> str:
+    """Say why nothing of a view is left after the outlier filter."""
+    if not len(own.points):
+        return "no points in the extraction range"
+    if view.mask is not None:
+        share = len(view.points) / np.count_nonzero(view.mask)
+        if share < _LITTLE:
+            return f"depth in only {share:.0%} of its mask, too thinly to be told from outliers"
+    return "only outliers in the extraction range"

@@ -156,3 +156,65 @@ def test_a_view_whose_mask_holds_no_rope_is_not_used():
         (2, "view 2 has no depth inside its mask and was not used"),
     ]
     assert len(model.chains) == 1
+
+
+def specks(mask):
+    """A mask with a few pixels in a corner."""
+    made = np.zeros_like(mask)
+    made[10:13, 10:14] = True
+    return made
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_view_whose_mask_shows_specks_alone_is_left_out_and_named(number):
+    masks = MASKS["arc"].copy()
+    masks[number] = specks(masks[number])
+    model = strand.reconstruct(masked("arc", masks), SCENES["arc"].radius, ropes=1)
+    (warning,) = of_kind(model, "unused view")
+    assert warning.view == number
+    assert "a mask that shows no rope: its largest part has 12 pixels" in str(warning)
+    truth = strand.Chain(SCENES["arc"].truth[0], 0.001)
+    assert model.chains[0].length == pytest.approx(truth.length, rel=0.05)
+
+
+def test_masks_of_specks_alone_are_refused():
+    masks = np.stack([specks(mask) for mask in MASKS["arc"]])
+    with pytest.raises(strand.NotEnoughDataError, match="view 2 has a mask that shows no rope"):
+        strand.reconstruct(masked("arc", masks), SCENES["arc"].radius)
+
+
+@pytest.mark.parametrize("rows", [slice(300, 312), slice(0, 9)])
+def test_masks_of_the_bare_table_are_refused_also_at_the_border(rows):
+    scene = SCENES["arc"]
+    masks = np.zeros_like(MASKS["arc"])
+    masks[:, rows, 60:400] = True
+    masks &= ~MASKS["arc"]
+    with pytest.raises(strand.NotEnoughDataError, match="0, 1 and 2 are of the background"):
+        strand.reconstruct(masked("arc", masks), scene.radius)
+    # with the rope in another view's mask it is a doubt
+    masks[1] = MASKS["arc"][1]
+    assert misplaced("arc", masks) == [0, 2]
+
+
+def test_a_mask_with_little_depth_says_so():
+    scene = SCENES["arc"]
+    kept = np.zeros(scene.depth.shape[1:], dtype=bool)
+    kept[::40, ::40] = True
+    mask = np.ones_like(MASKS["arc"])
+    views = dataclasses.replace(scene, depth=scene.depth * kept, mask=mask).views
+    with pytest.raises(strand.NotEnoughDataError, match="view 0 has depth in only 0% of its mask"):
+        strand.reconstruct(views, scene.radius)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_one_mask_tells_the_ropes_in_views_without(number):
+    made = strand.synthetic.scene(
+        "arc", seed=1, views=3, camera="zed", mask=strand.synthetic.Segmentation(), size=(480, 360)
+    )
+    bare = dataclasses.replace(made, mask=None).views
+    views = [view if i == number else bare[i] for i, view in enumerate(made.views)]
+    model = strand.reconstruct(views, made.radius, ropes=1)
+    truth = strand.Chain(made.truth[0], made.radius)
+    assert model.chains[0].length == pytest.approx(truth.length, rel=0.04)
+    assert max(truth.nearest(point)[1] for point in model.chains[0].points) < 2.0 * made.radius
+    assert model.confidence > 0.4

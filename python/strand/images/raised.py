@@ -9,7 +9,10 @@ import numpy as np
 
 import strand._core as _core
 from strand.checks import Array, Bounds
-from strand.images.seen import RopeImage
+from strand.images.seen import RopeImage, rope_images
+from strand.images.table import table_plane
+from strand.stages import Observed
+from strand.view import View
 
 # the smoothing's standard deviation, and where a rope's edge is: at half of its mean height; in radii
 _SMOOTH, _EDGE = 0.45, 0.85
@@ -17,6 +20,53 @@ _SMOOTH, _EDGE = 0.45, 0.85
 _LOWEST, _HIGHEST = -2.0, 4.0
 # share of the smoothed pixels that must have depth
 _SEEN = 0.3
+# a view without a mask of whose points this share lies on the table, lower than so many radii, shows more
+# than ropes; ropes are looked for so many radii around those that masks show
+_ON_TABLE, _LOW, _AROUND = 0.3, 0.5, 4.0
+
+
+def all_masked(observed: Observed) -> Observed:
+    """Give views without a mask one of what stands out of the table near the ropes in other views' masks.
+
+    Views that show little of the table stay as they are, and all of them where there is no table.
+
+    Parameters
+    ----------
+    observed : Observed
+
+    Returns
+    -------
+    Observed
+    """
+    masked = [number for number, view in enumerate(observed.whole) if view.mask is not None]
+    if not masked or len(masked) == len(observed.whole):
+        return observed
+    radius = float(observed.radii.values[0])
+    images = rope_images(observed.views, observed.whole, observed.bounds)
+    table = table_plane(images, masked[len(masked) // 2], radius)
+    if table is None:
+        return observed
+    normal, offset = table
+    ropes = np.vstack([observed.views[number].world_points for number in masked])
+    low, high = np.percentile(ropes, (1, 99), axis=0)
+    near = low - _AROUND * radius, high + _AROUND * radius
+    if observed.bounds is not None:
+        near = np.maximum(near[0], observed.bounds[0]), np.minimum(near[1], observed.bounds[1])
+    views, whole = list(observed.views), list(observed.whole)
+    for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
+        heights = own.world_points @ normal - offset
+        if view.image is None or view.mask is not None or np.mean(heights < _LOW * radius) < _ON_TABLE:
+            continue
+        mask = _standing_out(images[number], table, near, radius)
+        (fx, fy), (cx, cy) = view.image.focal, view.image.centre
+        camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        cut = View.from_depth(view.image.depth, camera, view.pose, mask=mask)
+        kept = cut.world_points
+        inside = ((kept >= near[0]) & (kept <= near[1])).all(axis=1)
+        if inside.any():
+            whole[number] = cut
+            views[number] = View(cut.points[inside], cut.pose)
+    return replace(observed, views=tuple(views), whole=tuple(whole))
 
 
 def raised(
