@@ -12,6 +12,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.evidence.prior import contradiction
 from strand.evidence.visibility import Visibility, visibility_from
+from strand.images.labels import label_changes
 from strand.polyline import path_length, runs
 from strand.stages import Observed
 
@@ -26,6 +27,8 @@ _ROPE = 6.0
 # each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through,
 # in stretches of so many nodes
 _LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
+# and each change from one label of a mask to another
+_LABEL = 4.0
 # nodes of fits are so far apart, in radii
 _STEP = 0.5
 # tube outside of masks from which on ropes may bridge gaps
@@ -119,11 +122,19 @@ def explained(
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += _ROPE * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [_contradiction(fit, observed) for _, fit in pairs]
+    costs += [_LABEL * _label_changes(reading, observed) for reading, _ in pairs]
     if outside[costs.argmin()] > _BRIDGED:
         visibility = visibility_from(observed.whole, [view.pose for view in observed.whole], observed.views)
         costs += [_seen_through(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
+
+
+def _label_changes(reading: Reading, observed: Observed) -> int:
+    image = observed.whole[reading.view].image
+    if image is None or image.mask is None:
+        return 0
+    return label_changes(image.mask, reading.chains)
 
 
 def _contradiction(fit: ImageFit, observed: Observed) -> float:
