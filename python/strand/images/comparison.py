@@ -122,7 +122,10 @@ def explained(
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += _ROPE * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [_contradiction(fit, observed) for _, fit in pairs]
-    costs += [_LABEL * _label_changes(reading, observed) for reading, _ in pairs]
+    changes = np.array([_label_changes(reading, observed) for reading, _ in pairs])
+    if not changes.min():
+        # else labels are of pieces, or wrong
+        costs += _LABEL * changes
     if outside[costs.argmin()] > _BRIDGED:
         visibility = visibility_from(observed.whole, [view.pose for view in observed.whole], observed.views)
         costs += [_seen_through(fit, visibility, observed) for _, fit in pairs]

@@ -16,7 +16,7 @@ _RUN = 8
 def label_changes(labels: NDArray[np.int32], chains: Sequence[Array]) -> int:
     """Count how often ropes go from one label to another.
 
-    Labels of pieces change along a rope whichever way it runs, and those of ropes that were merged never:
+    Labels of pieces change along ropes whichever way they run, and those of ropes that were merged never:
     neither tells readings apart. Right ones do where ropes might swap.
 
     Parameters
