@@ -224,6 +224,12 @@ class ImageFit:
     @property
     def noise(self) -> float: ...
     @property
+    def scatter(self) -> tuple[float, float] | None: ...
+    @property
+    def lateral(self) -> float | None: ...
+    @property
+    def biases(self) -> NDArray[np.float64]: ...
+    @property
     def misfit(self) -> list[float]: ...
     @property
     def crossings(self) -> list[tuple[list[float], float]]: ...
@@ -250,7 +256,7 @@ class RopeImages:
         plane: tuple[ArrayLike, float] | None,
         held: SupportsIndex,
         pose_sd: tuple[float, float],
-        correlation: float,
+        errors: tuple[float | None, float, float, float],
         iterations: SupportsIndex,
         uncertainty: bool,
     ) -> list[ImageFit | None]: ...
@@ -260,7 +266,7 @@ class RopeImages:
         plane: tuple[ArrayLike, float] | None,
         held: SupportsIndex,
         pose_sd: tuple[float, float],
-        correlation: float,
+        errors: tuple[float | None, float, float, float],
         iterations: SupportsIndex,
     ) -> ImageFit | None: ...
     def support(self, fit: ImageFit) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]: ...

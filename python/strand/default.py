@@ -163,6 +163,7 @@ def _better(
         [rival, *(other.reading for other in what.explanations)],
         what.table,
         what.held,
+        what.errors,
         config,
         observed,
     )
@@ -171,7 +172,9 @@ def _better(
     ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
     if ring or (same and _plain(tubes) and best.fit.noise <= _NARROW):
         return _accepted(tubes, tubes_run, run)
-    return answer(Read(what.images, what.table, what.held, compared, what.taken), observed, config, run)
+    return answer(
+        Read(what.images, what.table, what.held, compared, what.taken, what.errors), observed, config, run
+    )
 
 
 def _alike(some: list[Array], others: list[Array], radius: float) -> bool:

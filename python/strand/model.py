@@ -237,7 +237,8 @@ class Model:
         Which method made it, as in `Config.method`; None if that is not known.
     sensor : Sensor or None
         The sensor's errors as measured on the ropes, whether or not they were given: `sd`, `correlation` and
-        `step`. `Config.sensor` takes it for other scenes like this one. None if the method measures none.
+        `step`, of ropes read from images also `bias` and `lateral`. `Config.sensor` takes it for other scenes
+        like this one. None if the method measures none.
     """
 
     chains: tuple[Chain, ...]

@@ -7,7 +7,7 @@ import difflib
 import math
 from dataclasses import dataclass
 
-from strand.checks import not_negative, positive
+from strand.checks import not_negative, number, positive
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,16 @@ class DepthError:
         As `Sensor.correlation`, pixels.
     step : float
         Distance between depths that the sensor can tell apart, metres.
-    edge, lateral : float
-        As those of `Sensor`, pixels.
+    bias : float
+        As `Sensor.bias`, metres.
+    lateral : float
+        As `Sensor.lateral`, pixels.
     """
 
     sd: float
     correlation: float
     step: float
-    edge: float
+    bias: float
     lateral: float
 
 
@@ -59,18 +61,19 @@ class Sensor:
         Distance between depths that the sensor can tell apart, metres.
     disparity_step : float
         The same for a stereo pair's disparity, pixels; needs `baseline`.
-    edge : float
-        How far from the rope's edge its depths are pulled to what is behind it, pixels.
+    bias : float
+        How much too far away a rope's middle is seen, metres: a matcher mixes the depth of what is behind a
+        thin rope into all of its width. Below 0 for too near. Used for ropes that are read from images.
     lateral : float
-        Standard deviation of the place of the rope's edge, pixels.
+        Standard deviation of the place of a mask's edge, pixels; measured if it is 0. Used as the bias.
 
     Raises
     ------
     TypeError
         If a value is not a number.
     ValueError
-        If a value is negative or not finite, none of `sd`, `slope` and `disparity` is above 0, or a
-        disparity comes without a baseline.
+        If a value is not finite, one but the bias is negative, none of `sd`, `slope` and `disparity` is above
+        0, or a disparity comes without a baseline.
     """
 
     sd: float = 0.0
@@ -80,12 +83,13 @@ class Sensor:
     correlation: float = 0.0
     step: float = 0.0
     disparity_step: float = 0.0
-    edge: float = 0.0
+    bias: float = 0.0
     lateral: float = 0.0
 
     def __post_init__(self) -> None:
         for entry in dataclasses.fields(self):
-            value = not_negative(f"Sensor.{entry.name}", getattr(self, entry.name))
+            check = number if entry.name == "bias" else not_negative
+            value = check(f"Sensor.{entry.name}", getattr(self, entry.name))
             object.__setattr__(self, entry.name, value)
         if not (self.sd or self.slope or self.disparity):
             raise ValueError(
@@ -123,17 +127,15 @@ class Sensor:
             sd=math.hypot(self.sd + self.slope * z, self.disparity * stretch),
             correlation=self.correlation,
             step=math.hypot(self.step, self.disparity_step * stretch),
-            edge=self.edge,
+            bias=self.bias,
             lateral=self.lateral,
         )
 
 
 # docs/sensors.md has the source of each number, and says which are derived
-_D400 = Sensor(
-    disparity=0.08, baseline=0.05, disparity_step=1.0 / 32.0, correlation=2.0, edge=3.0, lateral=0.5
-)
-_PASSIVE = Sensor(disparity=0.25, baseline=0.12, correlation=2.0, edge=3.0, lateral=0.5)
-_TIME_OF_FLIGHT = Sensor(slope=0.0044, step=0.001, correlation=0.5, edge=1.0, lateral=0.5)
+_D400 = Sensor(disparity=0.08, baseline=0.05, disparity_step=1.0 / 32.0, correlation=2.0)
+_PASSIVE = Sensor(disparity=0.25, baseline=0.12, correlation=2.0)
+_TIME_OF_FLIGHT = Sensor(slope=0.0044, step=0.001, correlation=0.5)
 
 PRESETS = {
     "d405": dataclasses.replace(_D400, baseline=0.018),
@@ -141,11 +143,11 @@ PRESETS = {
     "d435": _D400,
     "d435i": _D400,
     "d455": dataclasses.replace(_D400, baseline=0.095),
-    "l515": Sensor(sd=0.0025, correlation=0.5, edge=1.0, lateral=0.5),
+    "l515": Sensor(sd=0.0025, correlation=0.5),
     "zed": _PASSIVE,
     "zed 2": _PASSIVE,
     "zed mini": dataclasses.replace(_PASSIVE, baseline=0.063),
-    "gemini 305": Sensor(disparity=0.24, baseline=0.018, correlation=2.0, edge=3.0, lateral=0.5),
+    "gemini 305": Sensor(disparity=0.24, baseline=0.018, correlation=2.0),
     "azure kinect": _TIME_OF_FLIGHT,
     "femto bolt": _TIME_OF_FLIGHT,
 }

@@ -21,6 +21,7 @@ mod grid;
 mod lift;
 mod medians;
 mod polyline;
+mod residuals;
 mod search;
 mod smoothing;
 mod support;
@@ -29,6 +30,7 @@ mod tests;
 
 pub use lift::lift;
 pub use medians::Medians;
+pub use residuals::Scatter;
 pub use search::fit;
 pub use support::seen_nodes;
 
@@ -90,17 +92,22 @@ impl RopeView<'_> {
 /// What is known of the depth camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensor {
+    /// Standard deviation of the depth that a disc of the rope's middle shows, radii; estimated by the lift if not given.
+    pub noise: Option<f64>,
     /// How far along the rope errors of depth are alike, radii.
     pub correlation: f64,
+    /// Standard deviation of the place of the mask's edge, pixels.
+    pub lateral: f64,
     /// How far the axis lies behind what a disc of the rope's middle shows, radii.
     pub surface: f64,
-    /// Standard deviation of a view's bias, radii.
-    pub bias: f64,
+    /// How much too far away ropes are seen, radii, and the standard deviation of a view's bias about that.
+    pub bias: [f64; 2],
 }
 
 impl Sensor {
     /// A stereo camera near its best distance.
-    pub const DEFAULT: Self = Self { correlation: 3.0, surface: 0.85, bias: 0.3 };
+    pub const DEFAULT: Self =
+        Self { noise: None, correlation: 3.0, lateral: 0.3, surface: 0.85, bias: [0.0, 0.3] };
 }
 
 /// A plane that nothing goes below: its unit normal n, towards the cameras, and n·x on it.
@@ -176,6 +183,10 @@ pub struct ImageFit {
     pub corrections: Vec<[f64; 6]>,
     /// For each view, how much too far it sees the rope, radii, with its sign turned.
     pub biases: Vec<f64>,
+    /// Errors of depth about the curves; none if too few are seen.
+    pub depth: Option<Scatter>,
+    /// Standard deviation of the mask's edge about the tube's outline, pixels; none if too little is seen.
+    pub lateral: Option<f64>,
     /// What is left unexplained.
     pub misfit: Misfit,
     /// Gauss–Newton steps taken.

@@ -19,7 +19,7 @@ def test_errors_of_stereo_grow_with_the_square_of_the_depth():
     assert near.sd == pytest.approx(0.08 * 0.4**2 / (400.0 * 0.05))
     assert far.sd == pytest.approx(4.0 * near.sd)
     assert near.step == pytest.approx(0.25 * 0.4**2 / (400.0 * 0.05))
-    assert (near.correlation, near.edge, near.lateral) == (2.0, 0.0, 0.0)
+    assert (near.correlation, near.bias, near.lateral) == (2.0, 0.0, 0.0)
 
 
 def test_errors_of_time_of_flight_grow_with_the_depth():
@@ -27,6 +27,10 @@ def test_errors_of_time_of_flight_grow_with_the_depth():
     assert sensor.at(0.5, 500.0).sd == pytest.approx(0.002)
     assert sensor.at(1.0, 500.0).sd == pytest.approx(0.003)
     assert sensor.at(1.0, 500.0).step == pytest.approx(0.001)
+
+
+def test_a_bias_may_be_towards_the_camera():
+    assert Sensor(sd=0.001, bias=-0.002).at(0.5, 500.0).bias == -0.002
 
 
 @pytest.mark.parametrize(
@@ -37,6 +41,7 @@ def test_errors_of_time_of_flight_grow_with_the_depth():
         ({"sd": float("nan")}, ValueError, r"Sensor\.sd"),
         ({"sd": "wide"}, TypeError, r"Sensor\.sd"),
         ({"sd": 0.001, "correlation": float("inf")}, ValueError, r"Sensor\.correlation"),
+        ({"sd": 0.001, "bias": float("nan")}, ValueError, r"Sensor\.bias"),
         ({"disparity": 0.1}, ValueError, r"Sensor\.disparity: expected a baseline"),
         ({"sd": 0.001, "disparity_step": 0.1}, ValueError, r"Sensor\.disparity_step: expected a baseline"),
     ],

@@ -12,6 +12,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.evidence.prior import contradiction
 from strand.evidence.visibility import Visibility, visibility_from
+from strand.images.errors import Errors
 from strand.images.labels import label_changes
 from strand.polyline import path_length, runs
 from strand.stages import Observed
@@ -35,10 +36,8 @@ _STEP = 0.5
 _BRIDGED = 2.0
 # readings of each view, and how much more than the best a reading may cost to be fitted; two always are
 READINGS, _MORE = 6, 12.0
-# steps of the first fit
+# steps of a fit
 _STEPS = 8
-# how far along a rope errors of depth are alike, in radii
-CORRELATION = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +94,7 @@ def explained(
     readings: Sequence[Reading],
     table: Table,
     held: int,
+    errors: Errors,
     config: Config,
     observed: Observed,
 ) -> list[Explanation]:
@@ -110,7 +110,7 @@ def explained(
     """
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
     hypotheses = [(reading.view, reading.chains) for reading in readings]
-    fits = images.fit(hypotheses, table, held, poses, CORRELATION, _STEPS, False)
+    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False)
     pairs = [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
     if not pairs:
         return []
@@ -164,8 +164,10 @@ def _seen_through(fit: ImageFit, visibility: Visibility, observed: Observed) -> 
     return cost
 
 
-def refitted(images: RopeImages, fit: ImageFit, table: Table, held: int, config: Config) -> ImageFit:
+def refitted(
+    images: RopeImages, fit: ImageFit, table: Table, held: int, errors: Errors, config: Config
+) -> ImageFit:
     """Fit the best hypothesis once more, with covariances."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
-    again = images.refit(fit, table, held, poses, CORRELATION, _STEPS)
+    again = images.refit(fit, table, held, poses, errors.values, _STEPS)
     return fit if again is None else again

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
+from strand.images.errors import Errors, expected_errors, measured_errors, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
@@ -41,6 +42,9 @@ class Read:
         The view whose pose is held.
     explanations : list of Explanation
         The best first.
+    taken : list of RopeImage
+    errors : Errors
+        The usual ones, or those of the sensor that is known.
     """
 
     images: RopeImages
@@ -48,6 +52,7 @@ class Read:
     held: int
     explanations: list[Explanation]
     taken: list[RopeImage]
+    errors: Errors
 
     @lazy
     def neighbours_alike(self) -> float:
@@ -89,11 +94,14 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
             raise NotEnoughDataError(f"views: {error}") from error
     with run.stage("readings"):
         readings = [r for r in likely_readings(images, observed.prior.ropes) if r.chains]
+    errors = Errors()
+    if isinstance(config.sensor, Sensor):
+        errors = expected_errors(config.sensor, taken, images, radius)
     with run.stage("explain"):
-        found = explained(images, readings, table, held, config, observed)
+        found = explained(images, readings, table, held, errors, config, observed)
     if not found:
         raise NotEnoughDataError("views: the masks show no rope with depth; is the radius right, in metres?")
-    return Read(images, table, held, found, taken)
+    return Read(images, table, held, found, taken, errors)
 
 
 def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
@@ -101,7 +109,12 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     best = what.explanations[0]
     radius, radius_sd = float(observed.radii.values[0]), float(observed.radii.sd[0])
     with run.stage("fit images"):
-        fit = refitted(what.images, best.fit, what.table, what.held, config)
+        measured = measured_errors(best.fit, what.errors)
+        errors = measured
+        if isinstance(config.sensor, Sensor):
+            lateral = config.sensor.lateral or measured.lateral
+            errors = replace(what.errors, lateral=lateral)
+        fit = refitted(what.images, best.fit, what.table, what.held, errors, config)
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
     uncertain = doubts(rivals, fit, chains, radius)
@@ -119,14 +132,16 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             "readings": tuple(nodes for one in what.explanations for nodes in one.fit.nodes),
         },
         doubts=uncertain,
-        sensor=Sensor(sd=fit.noise * radius, correlation=_correlation(what)),
+        sensor=sensor_of(measured, fit, _correlation(what), what.taken, what.images, radius),
         alternatives=tuple(
             Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in rivals[1:4]
         ),
     )
 
 
-def _correlation(what: Read) -> float:
-    """Return the length of `Sensor.correlation`, pixels: neighbours have exp(-1 / (4 c^2))."""
+def _correlation(what: Read) -> float | None:
+    """Return `Sensor.correlation`, pixels, of which neighbours have exp(-1 / (4 c^2)); None if not seen."""
     alike = what.neighbours_alike
+    if alike == 0.0:
+        return None
     return float((-0.25 / np.log(alike)) ** 0.5) if alike > PLAIN else 0.0

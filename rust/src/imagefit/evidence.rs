@@ -9,9 +9,9 @@ use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
 use crate::Point;
 use crate::geometry::{cross, dot};
 
-/// Noise of the mask's edge, rr, and what a pixel of edge counts of an independent observation, for each 1/rr.
-const EDGE_NOISE: f64 = 0.2;
-const EDGE_SHARE: f64 = 0.5;
+/// How many pixels of edge err alike, and by how much ropes are not round, radii.
+const EDGE_ALIKE: f64 = 16.0;
+const ROUND: f64 = 0.04;
 /// An edge whose normal is nearer to the rope's direction than this is another's: the cosine.
 const ALONG: f64 = 0.45;
 /// How far the samples have to lie inside the mask, rr, and the weight of that for each radius of length.
@@ -39,6 +39,10 @@ pub struct Seen {
     pub visible: Vec<bool>,
     /// Whether other strands are near enough to change its depth.
     pub mixed: Vec<bool>,
+    /// The residuals of depth that were last added, NaN where there is none or other strands are mixed in.
+    pub depth_errors: Vec<f64>,
+    /// How far the edges that were last added lie from the tube's outline, pixels.
+    pub edge_errors: Vec<f64>,
     grid: Grid,
     /// For each place of the edge, the sample that its radius was last taken from.
     nearest: Vec<u32>,
@@ -131,7 +135,8 @@ impl Seen {
         let rr = silhouette.radius_px;
         let reach = 2.5 * rr;
         self.nearest.resize(silhouette.boundary.len(), u32::MAX);
-        let unit = EDGE_SHARE / rr / (EDGE_NOISE * EDGE_NOISE);
+        let unit = 1.0 / EDGE_ALIKE / ((scene.sensor.lateral / rr).powi(2) + ROUND * ROUND);
+        self.edge_errors.clear();
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
                 match self.grid.nearest(edge.at, reach, None) {
@@ -155,6 +160,7 @@ impl Seen {
             if along.abs() >= ALONG || e.abs() >= limit || k == chain.start || k + 1 == chain.end {
                 continue;
             }
+            self.edge_errors.push(e * radius);
             let tukey = (1.0 - (e / limit).powi(2)).powi(2);
             let d = self.by_seen(scene, k, normal.map(|n| -n / radius));
             sums.add(k, scene.columns, &self.residual(scene, k, d, e, tukey * unit * edge.weight));
@@ -189,11 +195,15 @@ impl Seen {
     }
 
     /// Depth where no other strand hides the sample; its noise and the view's bias in radii.
-    pub fn add_depth(&self, scene: &Scene, noise: f64, bias: f64, sums: &mut Sums) {
+    pub fn add_depth(&mut self, scene: &Scene, noise: f64, bias: f64, sums: &mut Sums) {
         let unit = STEP / scene.sensor.correlation / (noise * noise);
-        // beyond a rope's end there is table
-        let shown = |i: usize| self.visible[i] && !scene.curves.samples[i].capped;
-        for i in (0..self.places.len()).filter(|&i| shown(i)) {
+        self.depth_errors.clear();
+        self.depth_errors.resize(self.places.len(), f64::NAN);
+        for i in 0..self.places.len() {
+            // beyond a rope's end there is table
+            if !self.visible[i] || scene.curves.samples[i].capped {
+                continue;
+            }
             let observed = scene.view.medians.at(self.image[i]);
             let place = self.places[i];
             let cosine = dot(self.spatial[i], place).powi(2) / dot(place, place);
@@ -201,6 +211,9 @@ impl Seen {
             let e = (place[2] - observed) / scene.radius - scene.sensor.surface / sine - bias;
             if !e.is_finite() {
                 continue;
+            }
+            if !self.mixed[i] {
+                self.depth_errors[i] = e;
             }
             let mixed = if self.mixed[i] { MIXED } else { 1.0 };
             let weight = mixed * unit / (e.abs() / noise / HUBER).max(1.0);

@@ -49,7 +49,8 @@ pub fn lift(
         ranges.push(numbers.len()..numbers.len() + chain.len());
         numbers.resize(numbers.len() + chain.len(), number as u32);
     }
-    let mut depths: Vec<f64> = places.iter().map(|&uv| view.medians.at(uv) / radius).collect();
+    let seen = |&uv: &Place2| view.medians.at(uv) / radius - sensor.bias[0];
+    let mut depths: Vec<f64> = places.iter().map(seen).collect();
     let middle = median(depths.iter().copied().filter(|z| z.is_finite()).collect())?;
 
     let reach = MIXES.0 * rr + MIXES.1;
@@ -89,12 +90,13 @@ pub fn lift(
     let ceilings: Vec<f64> = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
     let none = vec![f64::INFINITY; places.len()];
     let mut profile = Profile::new(depths, none, ranges.clone(), sensor.correlation);
-    let (mut sigma, mut x) = (0.5, Vec::new());
+    let (mut sigma, mut x) = (sensor.noise.unwrap_or(0.5), Vec::new());
     for _ in 0..2 {
         x = profile.solve(&weights, sigma, &[], &x, 4).0;
         let seen = (0..x.len()).filter(|&i| weights[i] > 0.0);
         let residuals = seen.map(|i| (x[i] - profile.observed[i]).abs()).collect();
-        sigma = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
+        let found = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
+        sigma = sensor.noise.unwrap_or(found);
     }
     // what the table forbids to most of the rope is the view's bias
     let seen = (0..places.len()).filter(|&i| weights[i] > 0.0);

@@ -4,6 +4,7 @@ use super::cost;
 use super::curves::Curves;
 use super::equations::{Columns, Sums};
 use super::evidence::{Scene, Seen};
+use super::residuals::{depth_scatter, edge_scatter};
 use super::{ImageFit, ImageFitOptions, Misfit, OnChain, Place2, Plane, RopeView, STEP, Sensor, TOUCHING};
 use crate::Point;
 use crate::banded::{Bordered, Factor, WIDTH};
@@ -71,7 +72,7 @@ pub fn fit(
         columns,
         unknowns,
         corrections: vec![[0.0; 6]; views.len()],
-        biases: vec![0.0; views.len()],
+        biases: vec![-sensor.bias[0]; views.len()],
         positions: Vec::new(),
         tangents: Vec::new(),
         seen: views.iter().map(|_| Seen::default()).collect(),
@@ -124,6 +125,8 @@ impl State<'_> {
                 break;
             }
         }
+        let depth = depth_scatter(self.seen.iter().map(|s| s.depth_errors.as_slice()), &self.curves);
+        let lateral = edge_scatter(self.seen.iter().flat_map(|s| &s.edge_errors));
         let covariances = if self.options.uncertainty {
             let (matrix, ..) = self.equations(LIMITS[1]);
             self.covariances(&matrix.factor()?)
@@ -138,6 +141,8 @@ impl State<'_> {
             covariances,
             corrections: self.corrections,
             biases: self.biases,
+            depth,
+            lateral,
             misfit,
             iterations: taken,
         })
@@ -189,9 +194,10 @@ impl State<'_> {
         }
         let mut border = self.sums.border_gradient().to_vec();
         for (v, columns) in self.columns.iter().enumerate() {
-            let weight = self.sensor.bias.powi(-2);
+            let [usual, sd] = self.sensor.bias;
+            let weight = sd.powi(-2);
             matrix.add_corner(columns.bias, columns.bias, weight);
-            border[columns.bias] += weight * self.biases[v];
+            border[columns.bias] += weight * (self.biases[v] + usual);
             if let Some(first) = columns.pose {
                 for k in 0..6 {
                     let weight = self.options.pose_sd[k / 3].powi(-2);

@@ -20,6 +20,9 @@ use crate::{Pinhole, Point, parallel, readings};
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
 /// The view that a reading is of, and the columns and rows of its ropes' nodes.
 type Hypothesis<'py> = (usize, Vec<PyReadonlyArray2<'py, f64>>);
+/// Standard deviation of depth, radii, if it is known, its correlation, radii, standard deviation of edges, pixels, and bias,
+/// radii.
+type Errors = (Option<f64>, f64, f64, f64);
 
 /// One view, prepared.
 struct Prepared {
@@ -174,8 +177,10 @@ impl RopeImages {
     ///     The view whose pose is held.
     /// pose_sd : (float, float)
     ///     Standard deviations of the other poses: radians, metres.
-    /// correlation : float
-    ///     How far along the rope errors of depth are alike, radii.
+    /// errors : (float or None, float, float, float)
+    ///     Standard deviation of the depth that a disc of the rope's middle shows, radii, None for what the depths say; how
+    ///     far along the rope its errors are alike, radii; standard deviation of the mask's edge, pixels; how much too far
+    ///     away ropes are seen, radii.
     /// iterations : int
     /// uncertainty : bool
     ///     Whether to work out covariances.
@@ -192,7 +197,7 @@ impl RopeImages {
         plane: Option<(Point, f64)>,
         held: usize,
         pose_sd: [f64; 2],
-        correlation: f64,
+        errors: Errors,
         iterations: usize,
         uncertainty: bool,
     ) -> PyResult<Vec<Option<ImageFit>>> {
@@ -207,7 +212,7 @@ impl RopeImages {
             })
             .collect::<PyResult<Vec<_>>>()?;
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
-        let sensor = Sensor { correlation, ..Sensor::DEFAULT };
+        let sensor = sensor(errors);
         let views = self.rope_views();
         py.detach(|| {
             parallel::each(&hypotheses, |(reference, chains)| {
@@ -249,17 +254,17 @@ impl RopeImages {
         plane: Option<(Point, f64)>,
         held: usize,
         pose_sd: [f64; 2],
-        correlation: f64,
+        errors: Errors,
         iterations: usize,
     ) -> Option<ImageFit> {
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
-        let sensor = Sensor { correlation, ..Sensor::DEFAULT };
+        let sensor = sensor(errors);
         let options = ImageFitOptions {
             iterations,
             reference: before.reference,
             held: Some(held),
             pose_sd,
-            noise: before.noise,
+            noise: errors.0.unwrap_or(before.noise),
             uncertainty: true,
         };
         let fitted = py.detach(|| {
@@ -328,6 +333,10 @@ impl RopeImages {
 
 /// Masks more ragged than this are mended by depth.
 const RAGGED: f64 = 0.25;
+
+fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
+    Sensor { noise, correlation, lateral, bias: [bias, Sensor::DEFAULT.bias[1]], ..Sensor::DEFAULT }
+}
 
 /// One view's silhouette and depths; none if its mask shows no rope with depth.
 fn prepared(
@@ -470,6 +479,25 @@ impl ImageFit {
     #[getter]
     fn noise(&self) -> f64 {
         self.noise
+    }
+
+    /// Standard deviation of depth about the curves and the stretch of rope over which it is alike, radii; None if too
+    /// little is seen.
+    #[getter]
+    fn scatter(&self) -> Option<(f64, f64)> {
+        self.fit.depth.map(|depth| (depth.sd, depth.length))
+    }
+
+    /// Standard deviation of the masks' edges about the outline, pixels; None if too little is seen.
+    #[getter]
+    fn lateral(&self) -> Option<f64> {
+        self.fit.lateral
+    }
+
+    /// (V,) How much too far away each view sees the ropes, radii.
+    #[getter]
+    fn biases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.fit.biases.iter().map(|bias| -bias))
     }
 
     /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's

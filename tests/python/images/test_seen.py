@@ -164,7 +164,7 @@ def test_views_and_polylines_that_are_none_are_refused():
     with pytest.raises(ValueError, match="no view 3"):
         image.reading_cost(3, [line])
     with pytest.raises(ValueError, match="no view 7"):
-        image.fit([(7, [line])], None, 1, (0.01, 0.01), 3.0, 2, False)
+        image.fit([(7, [line])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False)
     for wrong in (line[:1], np.ones((4, 3))):
         with pytest.raises(ValueError, match=r"\(M, 2\)"):
-            image.fit([(0, [wrong])], None, 1, (0.01, 0.01), 3.0, 2, False)
+            image.fit([(0, [wrong])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False)
