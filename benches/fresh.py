@@ -12,8 +12,9 @@ among them), a radius of 2 to 10 mm. Noise is of these kinds:
   to 2 times as far correlated as its own and 0.05 to 1 radii on a surface, to which those at edges add; ropes
   of at most 3 to 8 pixels' radius.
 
-The radius is given, the number of ropes is not. `--out` gets a plot and one line of JSON for each scene;
-scenes that have their line there are not done again.
+The radius is given, the number of ropes is not. `--out` gets one line of JSON for each scene; scenes that
+have their line there are not done again. It also gets fresh.png, of the scenes that were asked for, and
+curves.png, of all that have their line there.
 """
 
 from __future__ import annotations
@@ -40,6 +41,15 @@ SHAPES = ("loop", "figure8", "overhand", "paper", "coil")
 SIZES = ((320, 240), (640, 480), (1280, 720))
 KINDS = ("plain", "correlated")
 RELATIVE = (0.05, 1.0)  # radii, the noise
+FINE = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.01)
+CORRELATIONS = (0.1, 1.0, 2.0, 4.0, 8.0, 16.0)
+# kind, what the curve goes over, its steps, and how it is called
+CURVES = (
+    ("plain", "relative", FINE, "plain noise / r"),
+    ("correlated", "relative", FINE, "noise of imitated cameras / r"),
+    ("correlated", "correlation", CORRELATIONS, "its correlation length, px"),
+)
+FEWEST = 5  # scenes of a place of a curve
 
 
 def draw(
@@ -106,11 +116,8 @@ def judge(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any
 
 def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float, float, float]]:
     """Rows of what, which, how many, share right, share sure of those right, share sure and wrong."""
-    relative_edges, fine_edges = (0.0, 0.1, 0.2, 0.4, 1.01), (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.01)
-    noise_edges, correlation_edges = (
-        (0.0, 0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3, 3e-3, 6e-3, 11e-3),
-        (0.1, 1.0, 2.0, 4.0, 8.0, 16.0),
-    )
+    relative_edges = (0.0, 0.1, 0.2, 0.4, 1.01)
+    noise_edges = (0.0, 0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3, 3e-3, 6e-3, 11e-3)
     confidence_edges = (0.0, 0.1, 0.5, 0.8, SURE, 1.01)
 
     def each(key: str, group: Sequence[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
@@ -134,11 +141,11 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
     for kind in KINDS:
         of_kind = [r for r in records if r["kind"] == kind]
         groups += [(f"{kind}, views", *group) for group in each("views", of_kind)]
-        groups += [(f"{kind}, noise / r", *group) for group in between("relative", fine_edges, of_kind)]
+        groups += [(f"{kind}, noise / r", *group) for group in between("relative", FINE, of_kind)]
         for views in (1, 3):
             seen = [r for r in of_kind if r["views"] == views]
             title = f"{kind}, noise / r, {views} view{'s' * (views > 1)}"
-            groups += [(title, *group) for group in between("relative", fine_edges, seen)]
+            groups += [(title, *group) for group in between("relative", FINE, seen)]
     correlated = [r for r in records if r["kind"] == "correlated"]
     for title, views in (
         ("correlation px", (1, 3)),
@@ -146,7 +153,7 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
         ("correlation px, 3 views", (3,)),
     ):
         seen = [r for r in correlated if r["views"] in views]
-        groups += [(title, *group) for group in between("correlation", correlation_edges, seen)]
+        groups += [(title, *group) for group in between("correlation", CORRELATIONS, seen)]
     rows = []
     for what, which, group in groups:
         if group:
@@ -184,11 +191,55 @@ def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) 
     figure.savefig(path, dpi=110)
 
 
+def curves(records: Sequence[dict[str, Any]], path: Path) -> None:
+    """Plot how many are right over noise and correlation, for one view and three."""
+    figure = Figure(figsize=(10, 2.8), layout="constrained")
+    axes = figure.subplots(1, len(CURVES), sharey=True)
+    for axis, (kind, key, edges, label) in zip(axes, CURVES, strict=True):
+        for views, colour in ((1, "#4c78a8"), (3, "#f58518")):
+            seen = [r for r in records if r["kind"] == kind and r["views"] == views]
+            groups = [[r for r in seen if low <= r[key] < high] for low, high in pairwise(edges)]
+            shown = [group for group in groups if len(group) >= FEWEST]
+            at = [float(np.mean([r[key] for r in group])) for group in shown]
+            right = [float(np.mean([r["right"] for r in group])) for group in shown]
+            # a standard deviation of a share, of one scene more of each kind
+            sd = [
+                math.sqrt((n * p + 1) * (n * (1 - p) + 1) / (n + 2) ** 2 / (n + 3))
+                for n, p in zip(map(len, shown), right, strict=True)
+            ]
+            name = f"{views} view{'s' * (views > 1)}"
+            axis.errorbar(
+                at,
+                [100 * p for p in right],
+                [100 * s for s in sd],
+                color=colour,
+                marker="o",
+                capsize=2,
+                label=name,
+            )
+        axis.set_xlabel(label)
+        axis.set_ylim(0, 105)
+        axis.set_xlim(0, 1)
+    axes[-1].set_xscale("log")
+    axes[-1].set_xlim(0.3, 12)
+    ticks = [1, 2, 4, 8]
+    axes[-1].set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
+    axes[-1].minorticks_off()
+    axes[0].set_ylabel("% of scenes right")
+    drawn = [axis for axis in axes if axis.get_legend_handles_labels()[0]]
+    if drawn:
+        drawn[0].legend(fontsize=7, loc="lower left")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write fresh.png and fresh.jsonl here")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write fresh.png, curves.png and fresh.jsonl here"
+    )
     parser.add_argument(
         "--noise",
         choices=("both", "small", *KINDS),
@@ -227,8 +278,10 @@ def main() -> int:
     rows = rates(records)
     for what, which, count, *shares in rows:
         print(row(what, which, count, *(f"{100 * share:.1f}" for share in shares)))
-    if arguments.out:
-        plot(rows, arguments.out / "fresh.png")
+    if lines is not None:
+        plot(rows, lines.with_name("fresh.png"))
+        every = [json.loads(line) for line in lines.read_text().splitlines()]
+        curves(every, lines.with_name("curves.png"))
     return 0
 
 

@@ -157,6 +157,7 @@ def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
         assert f"| all |  | {count} | 100.0 |" in capsys.readouterr().out
     assert judged == [*((seed, "small", 0.05, 1.0) for seed in range(3)), (0, "plain", 0.4, 1.0)]
     assert len((tmp_path / "fresh.jsonl").read_text().splitlines()) == 4
+    assert (tmp_path / "curves.png").stat().st_size > 1000
 
 
 def test_random_scenes_of_both_kinds():
