@@ -15,6 +15,7 @@ from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked
+from strand.images.scattered import read_scattered
 from strand.stages import Found, Observed, Run
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
@@ -65,14 +66,26 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     scatter = _scatter(observed) / radius
     if scatter > _SCATTERED:
         try:
-            return answer(read(observed, config, run), observed, config, run)
+            what = read_scattered(observed, config, run, scatter * radius)
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
+        return answer(what, observed, config, run)
     tubes, tubes_run = _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
     if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)):
         return _accepted(tubes, tubes_run, run)
     images_run = Run(run.progress, run.timings)
+    if scatter > _WIDE:
+        ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
+        try:
+            what = read_scattered(observed, config, images_run, scatter * radius, ropes)
+        except NotEnoughDataError:
+            if tubes is None:
+                raise
+            return _accepted(tubes, tubes_run, run)
+        if tubes is not None and _alike(what.explanations[0].fit.nodes, ropes, radius):
+            return _accepted(tubes, tubes_run, run)
+        return _accepted(answer(what, observed, config, images_run), images_run, run)
     try:
         what = read(observed, config, images_run)
     except NotEnoughDataError:
@@ -156,7 +169,7 @@ def _better(
         return answer(what, observed, config, run)
     radius = float(observed.radii.values[0])
     ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
-    places = [what.projected(points) for points in ropes]
+    places = [what.taken[what.held].projected(points) for points in ropes]
     rival = Reading(what.images.reading_cost(what.held, places), what.held, places)
     compared = explained(
         what.images,

@@ -6,7 +6,7 @@
 //! polyline of an image its depth and decides what lies on top at crossings, [`fit`] moves splines, poses and a bias of
 //! each view's depth until the tube fills the masks, and says what it leaves unexplained.
 
-use crate::geometry::{RigidMotion, dot, sub};
+use crate::geometry::{RigidMotion, cross, dot, sub};
 use crate::silhouette::Silhouette;
 use crate::spline::Spline;
 use crate::{Pinhole, Point};
@@ -21,6 +21,7 @@ mod grid;
 mod lift;
 mod medians;
 mod polyline;
+mod rendering;
 mod residuals;
 mod search;
 mod smoothing;
@@ -30,6 +31,7 @@ mod tests;
 
 pub use lift::lift;
 pub use medians::Medians;
+pub use rendering::depth_gain;
 pub use residuals::Scatter;
 pub use search::fit;
 pub use support::seen_nodes;
@@ -72,6 +74,14 @@ impl RopeView<'_> {
         let d = sub(x, self.pose.translation.into());
         let r = &self.pose.rotation;
         std::array::from_fn(|k| r[(0, k)] * d[0] + r[(1, k)] * d[1] + r[(2, k)] * d[2])
+    }
+
+    /// A point of the world in the camera frame, which a correction turns and moves.
+    #[inline]
+    fn corrected(&self, [wx, wy, wz, tx, ty, tz]: &[f64; 6], x: Point) -> Point {
+        let y = self.seen(x);
+        let turn = cross([*wx, *wy, *wz], y);
+        [y[0] + turn[0] + tx, y[1] + turn[1] + ty, y[2] + turn[2] + tz]
     }
 
     /// A direction of the camera frame in the world frame.

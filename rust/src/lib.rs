@@ -50,6 +50,7 @@ mod imagefit;
 mod index;
 mod mending;
 mod normals;
+mod outline;
 mod overlap;
 mod parallel;
 #[cfg(feature = "python")]

@@ -24,7 +24,7 @@ Table = tuple[Array, float] | None
 # and its change, and what its reading of the image costs
 _UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
 # and each rope
-_ROPE = 6.0
+ROPE = 6.0
 # each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through,
 # in stretches of so many nodes
 _LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
@@ -78,15 +78,53 @@ class Explanation:
     cost: float
 
 
-def likely_readings(images: RopeImages, ropes: int | None) -> list[Reading]:
-    """Return the readings of all views that are worth a fit, the best first."""
-    found = [Reading(*each) for each in images.readings(ropes, READINGS)]
+def likely_readings(
+    images: RopeImages,
+    ropes: int | None,
+    views: Sequence[int],
+    most: int = READINGS,
+    more: float = _MORE,
+) -> list[Reading]:
+    """Return the readings of views that are worth a fit, the best first.
+
+    Parameters
+    ----------
+    images : RopeImages
+    ropes : int or None
+        How many there are.
+    views : sequence of int
+        Which are read.
+    most : int
+        Readings of each view; twice as many are returned at most.
+    more : float
+        How much more than the best a reading may cost; two are always returned.
+
+    Returns
+    -------
+    list of Reading
+    """
+    found = [Reading(*each) for each in images.readings(ropes, most, list(views))]
     found.sort(key=lambda reading: reading.cost)
     return [
         reading
-        for place, reading in enumerate(found[: 2 * READINGS])
-        if place < 2 or reading.cost < found[0].cost + _MORE
+        for place, reading in enumerate(found[: 2 * most])
+        if place < 2 or reading.cost < found[0].cost + more
     ]
+
+
+def fitted(
+    images: RopeImages,
+    readings: Sequence[Reading],
+    table: Table,
+    held: int,
+    errors: Errors,
+    config: Config,
+) -> list[tuple[Reading, ImageFit]]:
+    """Fit readings to all views; those that show no depth are left out."""
+    poses = (config.poses.rotation_sd, config.poses.translation_sd)
+    hypotheses = [(reading.view, reading.chains) for reading in readings]
+    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False)
+    return [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
 
 
 def explained(
@@ -108,10 +146,7 @@ def explained(
     list of Explanation
         The best first.
     """
-    poses = (config.poses.rotation_sd, config.poses.translation_sd)
-    hypotheses = [(reading.view, reading.chains) for reading in readings]
-    fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False)
-    pairs = [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
+    pairs = fitted(images, readings, table, held, errors, config)
     if not pairs:
         return []
     misfits = np.array([fit.misfit for _, fit in pairs])
@@ -120,8 +155,8 @@ def explained(
     costs = _UNCOVERED * uncovered + _OUTSIDE * outside
     costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
-    costs += _ROPE * np.array([len(reading.chains) for reading, _ in pairs])
-    costs += [_contradiction(fit, observed) for _, fit in pairs]
+    costs += ROPE * np.array([len(reading.chains) for reading, _ in pairs])
+    costs += [contradiction_of(fit, observed) for _, fit in pairs]
     changes = np.array([_label_changes(reading, observed) for reading, _ in pairs])
     if not changes.min():
         # else labels are of pieces, or wrong
@@ -140,7 +175,7 @@ def _label_changes(reading: Reading, observed: Observed) -> int:
     return label_changes(image.mask, reading.chains)
 
 
-def _contradiction(fit: ImageFit, observed: Observed) -> float:
+def contradiction_of(fit: ImageFit, observed: Observed) -> float:
     """Return what ropes cost that are not as long as they are known to be."""
     prior = observed.prior
     if not prior.lengths:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strand._core import NotEnoughDataError, RopeImages
-from strand.checks import Array
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
@@ -63,13 +62,6 @@ class Read:
         )
         return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
-    def projected(self, points: Array) -> Array:
-        """(M, 2) Columns and rows of points of the world in the view that is held, pixels."""
-        image = self.taken[self.held]
-        x, y, z = ((points - image.pose[:3, 3]) @ image.pose[:3, :3]).T
-        (fx, fy), (cx, cy) = image.focal, image.centre
-        return np.column_stack([fx * x / z + cx, fy * y / z + cy])
-
 
 def read(observed: Observed, config: Config, run: Run) -> Read:
     """Read the images and compare the readings.
@@ -84,7 +76,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
     radius = float(observed.radii.values[0])
     held = len(observed.views) // 2
     with run.stage("images"):
-        taken = rope_images(observed.views, observed.whole, observed.bounds)
+        taken = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
         table = table_plane(taken, held, radius)
         if not any(view.mask is not None for view in observed.whole):
             taken = raised(taken, table, observed.bounds, radius)
@@ -92,8 +84,9 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
             images = prepared(taken, radius)
         except ValueError as error:
             raise NotEnoughDataError(f"views: {error}") from error
+    every = range(len(taken))
     with run.stage("readings"):
-        readings = [r for r in likely_readings(images, observed.prior.ropes) if r.chains]
+        readings = [r for r in likely_readings(images, observed.prior.ropes, every) if r.chains]
     errors = Errors()
     if isinstance(config.sensor, Sensor):
         errors = expected_errors(config.sensor, taken, images, radius)

@@ -51,7 +51,7 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
     chains: list[Array] = []
     for _ in range(_ROUNDS):
         chains = [
-            nodes for _, _, chains, _ in prepared([image], radius).readings(None, 1) for nodes in chains
+            nodes for _, _, chains, _ in prepared([image], radius).readings(None, 1, [0]) for nodes in chains
         ]
         if not chains:
             break

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
@@ -42,7 +43,7 @@ def all_masked(observed: Observed) -> Observed:
     if not masked or len(masked) == len(observed.whole):
         return observed
     radius = float(observed.radii.values[0])
-    images = rope_images(observed.views, observed.whole, observed.bounds)
+    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
     table = table_plane(images, masked[len(masked) // 2], radius)
     if table is None:
         return observed
@@ -54,8 +55,8 @@ def all_masked(observed: Observed) -> Observed:
         near = np.maximum(near[0], observed.bounds[0]), np.minimum(near[1], observed.bounds[1])
     views, whole = list(observed.views), list(observed.whole)
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
-        heights = own.world_points @ normal - offset
-        if view.image is None or view.mask is not None or np.mean(heights < _LOW * radius) < _ON_TABLE:
+        above = own.world_points @ normal - offset
+        if view.image is None or view.mask is not None or np.mean(above < _LOW * radius) < _ON_TABLE:
             continue
         mask = _standing_out(images[number], table, near, radius)
         (fx, fy), (cx, cy) = view.image.focal, view.image.centre
@@ -101,6 +102,37 @@ def raised(
 def _standing_out(
     image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
 ) -> np.ndarray:
+    above, seen, across = heights(image, table, bounds, radius)
+    if not seen.any():
+        return np.zeros_like(image.mask)
+    kernel = _gaussian(max(_SMOOTH * across, 0.6))
+    counted = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)
+    shares = _core.convolved(seen.astype(np.float32), kernel)
+    smooth = _core.convolved(counted.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
+    return np.asarray((smooth > _EDGE * radius) & (shares > _SEEN))
+
+
+def heights(
+    image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
+) -> tuple[Array, NDArray[np.bool_], float]:
+    """Return how far above a table each pixel shows something.
+
+    Parameters
+    ----------
+    image : RopeImage
+    table : ((3,) ndarray, float)
+        Its unit normal n and n.x, metres.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    (H, W) ndarray, (H, W) ndarray of bool, float
+        Heights, metres; which pixels have depth and would be in the extraction range if they were a rope's;
+        the rope's radius at their median depth, pixels, 0 if there are none.
+    """
     normal, offset = table
     height, width = image.depth.shape
     (fx, fy), (cx, cy) = image.focal, image.centre
@@ -114,14 +146,8 @@ def _standing_out(
         # where a rope's axis would be, whatever the noise says
         axis = world + (radius - above)[..., None] * normal
         seen &= ((axis > bounds[0] - radius) & (axis < bounds[1] + radius)).all(axis=-1)
-    if not seen.any():
-        return np.zeros_like(image.mask)
-    across = radius * fx / float(np.median(z[seen]))
-    kernel = _gaussian(max(_SMOOTH * across, 0.6))
-    heights = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)
-    shares = _core.convolved(seen.astype(np.float32), kernel)
-    smooth = _core.convolved(heights.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
-    return np.asarray((smooth > _EDGE * radius) & (shares > _SEEN))
+    across = radius * fx / float(np.median(z[seen])) if seen.any() else 0.0
+    return above, seen, across
 
 
 def _gaussian(deviation: float) -> list[float]:

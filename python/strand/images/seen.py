@@ -42,8 +42,16 @@ class RopeImage:
     centre: tuple[float, float]
     pose: Array
 
+    def projected(self, points: Array) -> Array:
+        """(M, 2) Columns and rows of points of the world, pixels."""
+        x, y, z = ((points - self.pose[:3, 3]) @ self.pose[:3, :3]).T
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.column_stack([fx * x / z + cx, fy * y / z + cy])
 
-def rope_images(views: Sequence[View], whole: Sequence[View], bounds: Bounds | None) -> list[RopeImage]:
+
+def rope_images(
+    views: Sequence[View], whole: Sequence[View], bounds: Bounds | None, margin: float = 0.0
+) -> list[RopeImage]:
     """Return each view's image of the ropes.
 
     Parameters
@@ -54,6 +62,9 @@ def rope_images(views: Sequence[View], whole: Sequence[View], bounds: Bounds | N
         The same views with all that they saw.
     bounds : pair of (3,) ndarray or None
         The extraction range, metres.
+    margin : float
+        How far out of the extraction range a pixel of a mask may be, metres: where depth is noisy, ropes are
+        seen a little out of it.
 
     Returns
     -------
@@ -62,12 +73,14 @@ def rope_images(views: Sequence[View], whole: Sequence[View], bounds: Bounds | N
         extraction range; elsewhere those of the points.
     """
     return [
-        _of_points(view) if all_seen.image is None else _of_image(view, all_seen, all_seen.image, bounds)
+        _of_points(view)
+        if all_seen.image is None
+        else _of_image(view, all_seen, all_seen.image, bounds, margin)
         for view, all_seen in zip(views, whole, strict=True)
     ]
 
 
-def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None) -> RopeImage:
+def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None, margin: float) -> RopeImage:
     depth = image.depth
     (fx, fy), (cx, cy) = image.focal, image.centre
     if image.mask is None:
@@ -83,7 +96,7 @@ def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None)
             z = depth[rows, columns]
             points = np.column_stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z])
             world = points @ whole.pose[:3, :3].T + whole.pose[:3, 3]
-            out = ((world < bounds[0]) | (world > bounds[1])).any(axis=1)
+            out = ((world < bounds[0] - margin) | (world > bounds[1] + margin)).any(axis=1)
             mask[rows[out], columns[out]] = False
     return RopeImage(depth, mask, image.focal, image.centre, whole.pose)
 

@@ -62,13 +62,10 @@ pub struct Scene<'a> {
 impl Seen {
     /// Places the samples in the view.
     pub fn update(&mut self, view: &RopeView, correction: &[f64; 6], positions: &[Point], curves: &Curves) {
-        let [w, t] = [0, 3].map(|k| [correction[k], correction[k + 1], correction[k + 2]]);
         self.places.clear();
         self.places.extend(positions.iter().map(|&x| {
-            let y = view.seen(x);
-            let turn = cross(w, y);
-            let moved: Point = std::array::from_fn(|k| y[k] + turn[k] + t[k]);
-            [moved[0], moved[1], moved[2].max(NEAREST)]
+            let y = view.corrected(correction, x);
+            [y[0], y[1], y[2].max(NEAREST)]
         }));
         self.image.clear();
         self.image.extend(self.places.iter().map(|&y| view.projected(y)));

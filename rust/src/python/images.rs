@@ -14,7 +14,7 @@ use crate::imagefit::{self, ImageFitOptions, Medians, OnChain, Plane, RopeView, 
 use crate::mending::mended;
 use crate::silhouette::Silhouette;
 use crate::surroundings::Surroundings;
-use crate::{Pinhole, Point, parallel, readings};
+use crate::{Pinhole, Point, outline, parallel, readings};
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
@@ -33,6 +33,8 @@ struct Prepared {
     size: [usize; 2],
     /// Columns and rows of the mask's pixels with depth.
     covered: Vec<[f64; 2]>,
+    /// Metres, of all pixels.
+    depth: Image<f32>,
 }
 
 /// What views with masks show of ropes of one radius.
@@ -113,6 +115,8 @@ impl RopeImages {
     ///     How many ropes there are.
     /// most : int
     ///     How many readings of each view to return at most.
+    /// views : sequence of int
+    ///     Which views to read.
     ///
     /// Returns
     /// -------
@@ -125,9 +129,14 @@ impl RopeImages {
         py: Python<'py>,
         ropes: Option<usize>,
         most: usize,
+        views: Vec<usize>,
     ) -> PyResult<Vec<(f64, usize, Vec<PlacesArray<'py>>, usize)>> {
+        if let Some(view) = views.iter().find(|&&view| view >= self.views.len()) {
+            return Err(PyValueError::new_err(format!("views: there is no view {view}")));
+        }
         let found = py.detach(|| {
-            parallel::each(&self.views, |view| {
+            parallel::each(&views, |&view| {
+                let view = &self.views[view];
                 let found = readings::readings(&view.silhouette, ropes, most);
                 Ok(parallel::map(&found, |r| {
                     (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings)
@@ -135,7 +144,7 @@ impl RopeImages {
             })
         })?;
         let mut answer = Vec::new();
-        for (view, found) in found.into_iter().enumerate() {
+        for (view, found) in views.into_iter().zip(found) {
             for (cost, chains, rings) in found {
                 let chains = chains
                     .into_iter()
@@ -280,6 +289,52 @@ impl RopeImages {
         })
     }
 
+    /// How much better depth agrees with ropes on a plane than with the bare plane.
+    ///
+    /// Parameters
+    /// ----------
+    /// hypotheses : sequence of (sequence of (M, 3) ndarray, (V, 6) ndarray)
+    ///     Each one's ropes' nodes, world frame, metres, and what corrects the views' camera frames.
+    /// plane : ((3,), float)
+    ///     The table: n and n.x.
+    /// noise : float
+    ///     Standard deviation of depth, metres.
+    ///
+    /// Returns
+    /// -------
+    /// list of float
+    ///     For each, twice the log of how much likelier the depths of all views are, if errors are independent.
+    #[allow(clippy::type_complexity)]
+    fn depth_gains(
+        &self,
+        py: Python<'_>,
+        hypotheses: Vec<(Vec<Bound<'_, PyAny>>, Vec<[f64; 6]>)>,
+        plane: (Point, f64),
+        noise: f64,
+    ) -> PyResult<Vec<f64>> {
+        let plane = Plane { normal: plane.0, offset: plane.1 };
+        let mut ropes = Vec::new();
+        for (chains, corrections) in &hypotheses {
+            require_same_length("hypotheses", corrections.len(), self.views.len())?;
+            let chains = FloatArray::all("hypotheses", chains)?;
+            let chains = chains
+                .iter()
+                .map(|nodes| Ok(nodes.rows("hypotheses", "(M, 3)")?.to_vec()))
+                .collect::<PyResult<Vec<_>>>()?;
+            ropes.push((chains, corrections));
+        }
+        let views = self.rope_views();
+        Ok(py.detach(|| {
+            parallel::map(&ropes, |(chains, corrections)| {
+                let seen = views.iter().zip(&self.views).zip(*corrections);
+                seen.map(|((view, own), correction)| {
+                    imagefit::depth_gain(view, &own.depth, correction, chains, self.radius, plane, noise)
+                })
+                .sum::<f64>()
+            })
+        }))
+    }
+
     /// How many pixels with depth support each rope's nodes, and from how many views.
     ///
     /// Returns
@@ -376,7 +431,8 @@ fn prepared(
         None => Medians::new(depth, mask, size[0], &silhouette),
     };
     let silhouette = silhouette.amid(around);
-    Some(Prepared { silhouette, medians, pinhole, pose, size, covered })
+    let depth = Image { width: size[0], height: size[1], values: depth.iter().map(|&z| z as f32).collect() };
+    Some(Prepared { silhouette, medians, pinhole, pose, size, covered, depth })
 }
 
 fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
@@ -422,6 +478,21 @@ pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> 
         let image = Image { width, height, values: values.to_vec() };
         blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0)
     }))
+}
+
+/// The pixels (H, W) with the least sum of evidence against them and of a weight times the length of their outline.
+#[pyfunction]
+pub(super) fn short_outline<'py>(
+    py: Python<'py>,
+    evidence: PyReadonlyArray2<'_, f32>,
+    weight: f32,
+    steps: usize,
+) -> PyResult<Bound<'py, PyArray2<bool>>> {
+    let &[height, width] = evidence.shape() else { unreachable!("two dimensions") };
+    let values = evidence.as_slice().map_err(|_| PyValueError::new_err("evidence: expected C order"))?;
+    let evidence = Image { width, height, values: values.to_vec() };
+    let found = py.detach(|| outline::short_outline(&evidence, weight, steps));
+    PyArray1::from_vec(py, found.values).reshape([height, width])
 }
 
 /// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.

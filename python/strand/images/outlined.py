@@ -1,0 +1,113 @@
+"""Ropes told from their table in depths that scatter widely: the likeliest mask with a short outline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.checks import Array, Bounds
+from strand.images.raised import heights
+from strand.images.seen import RopeImage
+
+# pixels are averaged until a rope's radius is about this many of them: what is finer is lost in the noise
+_FINE = 3.0
+# ropes are this much above their table where they begin, radii, and heights count only up to there
+_EDGE, _LOWEST, _HIGHEST = 0.6, -2.0, 4.0
+# steps of the search for an outline
+_STEPS = 80
+# around what stands out in the smoothed image: radii, and pixels more
+_MARGIN = 3.0, 4
+
+
+def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
+    """Average squares of pixels until ropes are not finer than noise lets them be seen.
+
+    Parameters
+    ----------
+    image : RopeImage
+    radius : float
+        Metres.
+
+    Returns
+    -------
+    RopeImage, int
+        And how many pixels a side of a square is.
+    """
+    seen = (image.depth > 0) & np.isfinite(image.depth)
+    if not seen.any():
+        return image, 1
+    side = round(radius * image.focal[0] / float(np.median(image.depth[seen])) / _FINE)
+    if side < 2:
+        return image, 1
+    height, width = (count // side for count in image.depth.shape)
+
+    def sums(values: Array | NDArray[np.bool_]) -> Array:
+        squares = values[: height * side, : width * side].reshape(height, side, width, side)
+        return np.asarray(squares.sum(axis=(1, 3), dtype=np.float64))
+
+    counts = sums(seen)
+    depth = sums(np.where(seen, image.depth, 0.0)) / np.maximum(counts, 1.0)
+    depth[2 * counts < side**2] = 0.0
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    shift = 0.5 * (side - 1)
+    coarse = RopeImage(
+        depth,
+        2 * sums(image.mask) > side**2,
+        (fx / side, fy / side),
+        ((cx - shift) / side, (cy - shift) / side),
+        image.pose,
+    )
+    return coarse, side
+
+
+def outlined(
+    image: RopeImage,
+    table: tuple[Array, float],
+    bounds: Bounds | None,
+    radius: float,
+    noise: float,
+    weight: float,
+) -> RopeImage:
+    """Return an image with the likeliest mask, whose outline costs.
+
+    What a pixel says for a rope is its height over half of a rope's there, in units of the noise.
+
+    Parameters
+    ----------
+    image : RopeImage
+        With a first mask, around which ropes are looked for.
+    table : ((3,) ndarray, float)
+        Its unit normal n and n.x, metres.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    radius : float
+        Metres.
+    noise : float
+        Standard deviation of depth, metres.
+    weight : float
+        What a pixel's length of outline costs.
+
+    Returns
+    -------
+    RopeImage
+        The same if nothing is left of its mask.
+    """
+    rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return image
+    above, seen, across = heights(image, table, bounds, radius)
+    reach = int(_MARGIN[0] * across) + _MARGIN[1]
+    part = (
+        slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),
+        slice(max(columns[0] - reach, 0), columns[-1] + reach + 1),
+    )
+    # depth along the ray is seen as height at a slant
+    variance = (noise / radius * float(table[0] @ image.pose[:3, 2])) ** 2
+    clipped = np.clip(above[part] / radius, _LOWEST, _HIGHEST)
+    evidence = np.where(seen[part], (_EDGE - clipped) * _EDGE / max(variance, 1e-6), 0.0)
+    mask = np.zeros_like(image.mask)
+    mask[part] = _core.short_outline(evidence.astype(np.float32), weight, _STEPS)
+    return replace(image, mask=mask) if mask.any() else image

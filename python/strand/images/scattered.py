@@ -1,0 +1,198 @@
+"""Ropes read from views without masks whose depths scatter widely, each pixel for itself.
+
+No single cut shows where the ropes are there, but many pixels together do: masks are made in several ways,
+and what is read from any of them is compared by how well the depths of all pixels agree with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strand._core import NotEnoughDataError, RopeImages
+from strand.checks import Array
+from strand.config import Config
+from strand.images.comparison import (
+    ROPE,
+    Explanation,
+    Reading,
+    contradiction_of,
+    fitted,
+    likely_readings,
+    refitted,
+)
+from strand.images.ends import ends_moved
+from strand.images.errors import Errors
+from strand.images.method import Read
+from strand.images.outlined import averaged, outlined
+from strand.images.raised import raised
+from strand.images.seen import RopeImage, prepared, rope_images
+from strand.images.table import table_plane
+from strand.stages import Observed, Run
+
+# weights of the outline's length, one for each mask
+_OUTLINES = 0.5, 0.9, 1.4
+# noise that is left at least, radii, as ropes are not quite round nor their poses exact
+_LEAST = 0.2
+# views that are read, readings of each, and how much more than the best one may cost
+_VIEWS, _READINGS, _MORE = 3, 12, 40.0
+# explanations that are fitted once more, and of those the ones whose ends are looked for
+_AGAIN, _ENDS = 10, 3
+# each radius of rope that runs within another strand, whose axis is nearer than this, and nodes of a rope
+# that are no other strand's; they are half a radius apart
+_THROUGH, _INSIDE, _OWN = 2.0, 1.3, 12
+# a gain that is less by this part of the best one costs one
+_GAIN = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """The views and what their fits need to know."""
+
+    table: tuple[Array, float]
+    held: int
+    noise: float
+    radius: float
+    errors: Errors
+    config: Config
+
+    def gains(self, images: RopeImages, several: Sequence[Explanation]) -> list[float]:
+        """How much better the depths of all pixels agree with explanations than with a bare table."""
+        ropes = [(one.fit.nodes, one.fit.corrections) for one in several]
+        return images.depth_gains(ropes, self.table, self.noise)
+
+    def fitted(self, images: RopeImages, readings: Sequence[Reading]) -> list[Explanation]:
+        pairs = fitted(images, readings, self.table, self.held, self.errors, self.config)
+        return [Explanation(reading, fit, 0.0) for reading, fit in pairs]
+
+    def again(self, images: RopeImages, one: Explanation) -> Explanation:
+        fit = refitted(images, one.fit, self.table, self.held, self.errors, self.config)
+        return replace(one, fit=fit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """An explanation, the masks that it was read from, and how well depth agrees with it."""
+
+    gain: float
+    one: Explanation
+    masks: int
+
+
+def read_scattered(
+    observed: Observed, config: Config, run: Run, scatter: float, others: Sequence[Array] = ()
+) -> Read:
+    """Read images of depths that scatter, and compare the readings by the depths of all pixels.
+
+    Parameters
+    ----------
+    observed : Observed
+        Views with images and without masks.
+    config : Config
+    run : Run
+    scatter : float
+        Standard deviation of single depths, metres.
+    others : sequence of (M, 3) ndarray
+        Ropes that were found otherwise, to be compared with what is read.
+
+    Returns
+    -------
+    Read
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If the images show no table, or no rope with depth.
+    """
+    radius = float(observed.radii.values[0])
+    held = len(observed.views) // 2
+    with run.stage("images"):
+        whole = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+        table = table_plane(whole, held, radius)
+        if table is None:
+            raise NotEnoughDataError("views: their depths scatter too widely to tell a rope without a table")
+        coarse = [averaged(image, radius) for image in whole]
+        side = float(np.median([side for _, side in coarse]))
+        noise = max(scatter / side, _LEAST * radius)
+        first = raised([image for image, _ in coarse], table, observed.bounds, radius)
+        masked = [first]
+        for weight in _OUTLINES:
+            masked.append([outlined(image, table, observed.bounds, radius, noise, weight) for image in first])
+        known = [(images, taken) for taken in masked if (images := _prepared(taken, radius)) is not None]
+    if not known:
+        raise NotEnoughDataError("views: no rope stands out from the table; is the radius right, in metres?")
+    views = sorted({0, held, len(first) - 1}) if len(first) > _VIEWS else range(len(first))
+    with run.stage("readings"):
+        readings = [
+            [r for r in likely_readings(images, observed.prior.ropes, views, _READINGS, _MORE) if r.chains]
+            for images, _ in known
+        ]
+    if others:
+        readings[-1].append(Reading(0.0, held, [first[held].projected(points) for points in others]))
+    scene = _Scene(table, held, noise, radius, Errors(), config)
+    with run.stage("explain"):
+        best = _best(scene, known, readings)
+    if not best:
+        raise NotEnoughDataError("views: no rope stands out from the table; is the radius right, in metres?")
+    unit = _GAIN * max(best[0].gain, 1.0)
+    costs = [
+        ROPE * len(each.one.fit.nodes)
+        + _THROUGH * _within(each.one.fit.nodes, radius)
+        + contradiction_of(each.one.fit, observed)
+        - each.gain / unit
+        for each in best
+    ]
+    order = np.argsort(costs, kind="stable")
+    images, taken = known[best[order[0]].masks]
+    explanations = [replace(best[k].one, cost=float(costs[k])) for k in order]
+    return Read(images, table, held, explanations, taken, scene.errors)
+
+
+def _best(
+    scene: _Scene,
+    known: Sequence[tuple[RopeImages, list[RopeImage]]],
+    readings: Sequence[Sequence[Reading]],
+) -> list[_Candidate]:
+    """Fit readings of all masks; return those that depth agrees with most, fitted once more, best first."""
+    found = []
+    for masks, ((images, _), read) in enumerate(zip(known, readings, strict=True)):
+        several = scene.fitted(images, read)
+        gains = scene.gains(images, several)
+        found += [_Candidate(gain, one, masks) for gain, one in zip(gains, several, strict=True)]
+    found.sort(key=lambda each: -each.gain)
+    again = []
+    for each in found[:_AGAIN]:
+        images, _ = known[each.masks]
+        one = scene.again(images, each.one)
+        again.append(_Candidate(scene.gains(images, [one])[0], one, each.masks))
+    again.sort(key=lambda each: -each.gain)
+    for place, each in enumerate(again[:_ENDS]):
+        images, taken = known[each.masks]
+        reading = ends_moved(images, taken, each.one, scene.table, scene.noise, scene.radius)
+        for one in scene.fitted(images, [reading]):
+            one = scene.again(images, one)
+            gain = scene.gains(images, [one])[0]
+            if gain > again[place].gain:
+                again[place] = _Candidate(gain, one, each.masks)
+    return sorted(again, key=lambda each: -each.gain)
+
+
+def _within(chains: Sequence[Array], radius: float) -> float:
+    """Return how much of ropes runs within other strands, radii."""
+    nodes = np.vstack(chains)
+    number = np.repeat(np.arange(len(chains)), [len(each) for each in chains])
+    place = np.arange(len(nodes))
+    squares = np.zeros((len(nodes), len(nodes)))
+    for k in range(3):
+        squares += (nodes[:, k, None] - nodes[:, k]) ** 2
+    other = (number[:, None] != number) | (np.abs(place[:, None] - place) > _OWN)
+    return 0.5 * np.count_nonzero((other & (squares < (_INSIDE * radius) ** 2)).any(axis=1))
+
+
+def _prepared(taken: Sequence[RopeImage], radius: float) -> RopeImages | None:
+    try:
+        return prepared(taken, radius)
+    except ValueError:
+        return None

@@ -1,0 +1,79 @@
+"""Views without masks whose depths scatter widely."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import strand
+from strand.images.outlined import averaged, outlined
+from strand.images.raised import raised
+from strand.images.seen import rope_images
+from strand.images.table import table_plane
+from strand.synthetic import scene
+
+RADIUS = 0.004
+
+
+def noisy(name, relative, **options):
+    return scene(name, radius=RADIUS, noise=relative * RADIUS, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "relative", "views", "seed"),
+    [("loop", 0.8, 1, 1), ("figure8", 0.7, 3, 2), ("overhand", 0.6, 3, 3), ("straight", 0.9, 2, 4)],
+)
+def test_ropes_are_right_in_wide_noise(name, relative, views, seed, measure):
+    made = noisy(name, relative, views=views, seed=seed)
+    model = strand.reconstruct(made.views, made.radius, made.bounds)
+    assert measure(model, made.truth, made.radius).right
+
+
+def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
+    made, clear = (noisy("figure8", relative, views=1, seed=5) for relative in (0.8, 0.0))
+    (true,) = rope_images([view.crop(clear.bounds) for view in clear.views], clear.views, clear.bounds)
+    (image,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    table = table_plane([image], 0, RADIUS)
+    (smoothed,) = raised([image], table, made.bounds, RADIUS)
+    found = outlined(smoothed, table, made.bounds, RADIUS, made.noise, 0.9)
+
+    def wrong(mask):
+        return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
+
+    assert wrong(found.mask) < 0.8 * wrong(smoothed.mask)
+    assert wrong(found.mask) < 0.25
+
+
+def test_averaged_pixels_see_the_same_places():
+    made = noisy("arc", 0.0, views=1, seed=6, size=(1280, 720))
+    (image,) = rope_images(made.views, made.views, None)
+    coarse, side = averaged(image, RADIUS)
+    assert side > 2
+    nodes = made.truth[0]
+    fine = image.projected(nodes)
+    # a square's middle is half a pixel less than half its side from its first pixel
+    assert np.allclose(coarse.projected(nodes) * side + 0.5 * (side - 1), fine)
+    column, row = np.rint(coarse.projected(nodes[len(nodes) // 2 :][:1])[0]).astype(int)
+    column_there, row_there = np.rint(fine[len(nodes) // 2]).astype(int)
+    assert coarse.depth[row, column] == pytest.approx(image.depth[row_there, column_there], abs=RADIUS)
+
+
+def test_the_answer_is_the_same_for_any_number_of_threads():
+    made = noisy("loop", 0.7, views=2, seed=7)
+    found = []
+    for threads in (1, 3):
+        strand.set_num_threads(threads)
+        found.append(strand.reconstruct(made.views, made.radius, made.bounds))
+    strand.set_num_threads(0)
+    assert found[0].confidence == found[1].confidence
+    for some, other in zip(found[0].chains, found[1].chains, strict=True):
+        assert np.array_equal(some.points, other.points)
+
+
+def test_depths_that_scatter_without_a_table_are_no_crash():
+    made = noisy("arc", 0.8, views=1, seed=8)
+    bare = dataclasses.replace(made, depth=np.where(made.depth > 0, 0, made.depth).astype(np.uint16))
+    with pytest.raises(strand.NotEnoughDataError):
+        strand.reconstruct(bare.views, made.radius, made.bounds)
