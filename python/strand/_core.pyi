@@ -44,7 +44,7 @@ __all__ = [
     "register_in_turn",
     "rope_extents",
     "set_num_threads",
-    "short_outline",
+    "short_outlines",
     "shown_radius",
     "spline_places",
     "spline_through",
@@ -276,6 +276,14 @@ class RopeImages:
         plane: tuple[ArrayLike, float],
         noise: float,
     ) -> list[float]: ...
+    def end_gains(
+        self,
+        chains: Sequence[ArrayLike],
+        ends: Sequence[ArrayLike],
+        corrections: ArrayLike,
+        plane: tuple[ArrayLike, float],
+        noise: float,
+    ) -> list[float]: ...
     def support(self, fit: ImageFit) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]: ...
 
 def crop(
@@ -350,9 +358,9 @@ def trace_chains(
 ) -> list[NDArray[np.int64]]: ...
 def convolved(image: NDArray[np.float32], kernel: Sequence[float]) -> NDArray[np.float32]: ...
 def largest_blob(mask: NDArray[np.bool_]) -> int: ...
-def short_outline(
-    evidence: NDArray[np.float32], weight: float, steps: SupportsIndex
-) -> NDArray[np.bool_]: ...
+def short_outlines(
+    evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex
+) -> list[NDArray[np.bool_]]: ...
 def shown_radius(mask: NDArray[np.bool_]) -> float | None: ...
 def set_num_threads(threads: SupportsIndex) -> None: ...
 def num_threads() -> int: ...

@@ -31,7 +31,7 @@ mod tests;
 
 pub use lift::lift;
 pub use medians::Medians;
-pub use rendering::depth_gain;
+pub use rendering::DepthScene;
 pub use residuals::Scatter;
 pub use search::fit;
 pub use support::seen_nodes;

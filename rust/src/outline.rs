@@ -12,35 +12,47 @@ const STEP: f32 = 0.353_553_4;
 /// half; it is solved by primal-dual steps (Chambolle and Pock 2011, algorithm 1).
 pub fn short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<bool> {
     let (w, h) = (evidence.width, evidence.height);
+    if w * h == 0 {
+        return Image::filled(w, h, false);
+    }
     let mut values = vec![0.0f32; w * h];
     let mut ahead = values.clone();
     // the dual: a flow to the right and one down out of each pixel, at most `weight` long
     let (mut right, mut down) = (values.clone(), values.clone());
+    let beyond = vec![0.0f32; w];
     for _ in 0..steps {
         for y in 0..h {
             let row = y * w..(y + 1) * w;
             let here = &ahead[row.clone()];
             let below = if y + 1 < h { &ahead[(y + 1) * w..(y + 2) * w] } else { here };
             let (right, down) = (&mut right[row.clone()], &mut down[row]);
-            for x in 0..w {
-                let next = here[(x + 1).min(w - 1)];
-                let a = right[x] + STEP * (next - here[x]);
+            let shrink = |a: f32, b: f32| weight / (a * a + b * b).sqrt().max(weight);
+            for x in 0..w - 1 {
+                let a = right[x] + STEP * (here[x + 1] - here[x]);
                 let b = down[x] + STEP * (below[x] - here[x]);
-                let shrunk = weight / a.hypot(b).max(weight);
+                let shrunk = shrink(a, b);
                 right[x] = a * shrunk;
                 down[x] = b * shrunk;
             }
+            // beyond the border is what is on it
+            let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
+            down[w - 1] = b * shrink(0.0, b);
         }
         for y in 0..h {
-            let first = y * w;
-            for x in 0..w {
-                let k = first + x;
-                let left = if x > 0 { right[k - 1] } else { 0.0 };
-                let up = if y > 0 { down[k - w] } else { 0.0 };
-                let spread = right[k] - left + down[k] - up;
-                let value = (values[k] + STEP * (spread - evidence.values[k])).clamp(0.0, 1.0);
-                ahead[k] = 2.0 * value - values[k];
-                values[k] = value;
+            let row = y * w..(y + 1) * w;
+            let up = if y > 0 { &down[(y - 1) * w..y * w] } else { &beyond };
+            let (right, down, evidence) =
+                (&right[row.clone()], &down[row.clone()], &evidence.values[row.clone()]);
+            let (values, ahead) = (&mut values[row.clone()], &mut ahead[row]);
+            let mut step = |x: usize, left: f32| {
+                let spread = right[x] - left + down[x] - up[x];
+                let value = (values[x] + STEP * (spread - evidence[x])).clamp(0.0, 1.0);
+                ahead[x] = 2.0 * value - values[x];
+                values[x] = value;
+            };
+            step(0, 0.0);
+            for x in 1..w {
+                step(x, right[x - 1]);
             }
         }
     }

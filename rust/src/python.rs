@@ -107,7 +107,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
     module.add_function(wrap_pyfunction!(images::convolved, module)?)?;
     module.add_function(wrap_pyfunction!(images::largest_blob, module)?)?;
-    module.add_function(wrap_pyfunction!(images::short_outline, module)?)?;
+    module.add_function(wrap_pyfunction!(images::short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(images::shown_radius, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)

@@ -52,9 +52,12 @@ def ends_moved(
     by = sorted(np.arange(-_REACH, _REACH + 0.5 * _STEP, _STEP) * radius, key=abs)
     for number in range(len(chains)):
         for _ in range(2):
-            ways = [_led_on(chains[number], float(more)) for more in by]
-            tried = [([*chains[:number], way, *chains[number + 1 :]], corrections) for way in ways]
-            best = int(np.argmax(images.depth_gains(tried, table, noise)))
+            nodes = chains[number]
+            ways = [_led_on(nodes, float(more)) for more in by]
+            stem = _stem(nodes, radius)
+            rest = [*chains[:number], nodes[:stem], *chains[number + 1 :]]
+            ends = [way[stem - 1 :] for way in ways]
+            best = int(np.argmax(images.end_gains(rest, ends, corrections, table, noise)))
             # both ends in turn, and back in order
             chains[number] = np.ascontiguousarray(ways[best][::-1])
     view = one.reading.view
@@ -72,3 +75,12 @@ def _led_on(nodes: Array, more: float) -> Array:
     length = max(s[-1] + more, 0.5 * s[-1])
     last = [np.interp(length, s, nodes[:, k]) for k in range(3)]
     return np.vstack([nodes[s < length], last])
+
+
+def _stem(nodes: Array, radius: float) -> int:
+    """Return how many nodes all ways of an end begin with."""
+    s = path_length(nodes)
+    length = s[-1] - (_REACH + 1.0) * radius
+    if length < 0.5 * s[-1]:
+        length = 0.4 * s[-1]
+    return max(int(np.searchsorted(s, length)), 2)

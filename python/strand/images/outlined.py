@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -69,9 +70,9 @@ def outlined(
     bounds: Bounds | None,
     radius: float,
     noise: float,
-    weight: float,
-) -> RopeImage:
-    """Return an image with the likeliest mask, whose outline costs.
+    weights: Sequence[float],
+) -> list[RopeImage]:
+    """Return an image with the likeliest masks, whose outlines cost.
 
     What a pixel says for a rope is its height over half of a rope's there, in units of the noise.
 
@@ -87,17 +88,17 @@ def outlined(
         Metres.
     noise : float
         Standard deviation of depth, metres.
-    weight : float
-        What a pixel's length of outline costs.
+    weights : sequence of float
+        What a pixel's length of outline costs, for each mask.
 
     Returns
     -------
-    RopeImage
-        The same if nothing is left of its mask.
+    list of RopeImage
+        For each weight; the same image where nothing is left of its mask.
     """
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
-        return image
+        return [image] * len(weights)
     above, seen, across = heights(image, table, bounds, radius)
     reach = int(_MARGIN[0] * across) + _MARGIN[1]
     part = (
@@ -108,6 +109,9 @@ def outlined(
     variance = (noise / radius * float(table[0] @ image.pose[:3, 2])) ** 2
     clipped = np.clip(above[part] / radius, _LOWEST, _HIGHEST)
     evidence = np.where(seen[part], (_EDGE - clipped) * _EDGE / max(variance, 1e-6), 0.0)
-    mask = np.zeros_like(image.mask)
-    mask[part] = _core.short_outline(evidence.astype(np.float32), weight, _STEPS)
-    return replace(image, mask=mask) if mask.any() else image
+    found = []
+    for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):
+        mask = np.zeros_like(image.mask)
+        mask[part] = outline
+        found.append(replace(image, mask=mask) if outline.any() else image)
+    return found

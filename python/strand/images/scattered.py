@@ -117,9 +117,8 @@ def read_scattered(
         side = float(np.median([side for _, side in coarse]))
         noise = max(scatter / side, _LEAST * radius)
         first = raised([image for image, _ in coarse], table, observed.bounds, radius)
-        masked = [first]
-        for weight in _OUTLINES:
-            masked.append([outlined(image, table, observed.bounds, radius, noise, weight) for image in first])
+        outlines = [outlined(image, table, observed.bounds, radius, noise, _OUTLINES) for image in first]
+        masked = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         known = [(images, taken) for taken in masked if (images := _prepared(taken, radius)) is not None]
     if not known:
         raise NotEnoughDataError("views: no rope stands out from the table; is the radius right, in metres?")

@@ -12,46 +12,80 @@ const APART: f64 = 0.25;
 /// A camera sees nothing nearer than this, metres.
 const NEAREST: f64 = 1e-3;
 
-/// The sum over a view's pixels of how much smaller the squared residual over the noise is with the ropes, each square
-/// limited: twice the log of how much likelier the depths are, for errors that are independent from pixel to pixel.
-///
-/// `correction` turns and moves the camera frame, `noise` is in metres.
-pub fn depth_gain(
-    view: &RopeView,
-    depth: &Image<f32>,
-    correction: &[f64; 6],
-    chains: &[Vec<Point>],
-    radius: f64,
-    plane: Plane,
-    noise: f64,
-) -> f64 {
-    let shown = rendered(view, correction, chains, radius);
-    let (normal, height) = (view.untwisted(correction, plane.normal), view.height(correction, plane));
-    let mut gain = 0.0;
-    for (k, (&rope, &seen)) in shown.values.iter().zip(&depth.values).enumerate() {
-        if rope == f32::INFINITY || seen.is_nan() || seen <= 0.0 {
-            continue;
-        }
-        let ray = view.ray([(k % depth.width) as f64, (k / depth.width) as f64]);
-        let bare = -height / dot(normal, ray);
-        let bare = if bare > 0.0 { bare } else { f64::INFINITY };
-        let square = |z: f64| ((f64::from(seen) - z) / noise).powi(2).min(LIMIT);
-        gain += square(bare) - square(f64::from(rope).min(bare));
-    }
-    gain
+/// What one view's depth is compared with.
+pub struct DepthScene<'a> {
+    pub view: &'a RopeView<'a>,
+    pub depth: &'a Image<f32>,
+    /// Turns and moves the camera frame.
+    pub correction: &'a [f64; 6],
+    /// The ropes' radius, metres.
+    pub radius: f64,
+    pub plane: Plane,
+    /// Standard deviation of depth, metres.
+    pub noise: f64,
 }
 
-/// The depth that a view would see of the ropes alone; infinite where there are none.
-fn rendered(view: &RopeView, correction: &[f64; 6], chains: &[Vec<Point>], radius: f64) -> Image<f32> {
-    let [w, h] = view.size;
-    let mut shown = Image::filled(w, h, f32::INFINITY);
-    let [fu, fv] = view.pinhole.focal;
-    for nodes in chains {
+impl DepthScene<'_> {
+    /// The sum over the view's pixels of how much smaller the squared residual over the noise is with ropes, each square
+    /// limited: twice the log of how much likelier the depths are, for errors that are independent from pixel to pixel.
+    pub fn gain(&self, chains: &[Vec<Point>]) -> f64 {
+        let (shown, part) = self.rendered(chains);
+        self.gain_within(&shown, part)
+    }
+
+    /// The same for ropes of which one ends in each of several ways, but for what is equal for all.
+    pub fn gains_of_ends(&self, chains: &[Vec<Point>], ends: &[Vec<Point>]) -> Vec<f64> {
+        let (shown, _) = self.rendered(chains);
+        let drawn: Vec<(Image<f32>, Part)> = ends
+            .iter()
+            .map(|end| {
+                let mut shown = shown.clone();
+                let part = self.draw(&mut shown, end);
+                (shown, part)
+            })
+            .collect();
+        let all = drawn.iter().fold(Part::NONE, |all, (_, part)| all.with(*part));
+        drawn.iter().map(|(shown, _)| self.gain_within(shown, all)).collect()
+    }
+
+    fn gain_within(&self, shown: &Image<f32>, part: Part) -> f64 {
+        let Self { view, correction, plane, noise, .. } = *self;
+        let (normal, height) = (view.untwisted(correction, plane.normal), view.height(correction, plane));
+        let mut gain = 0.0;
+        for y in part.rows[0]..part.rows[1] {
+            for x in part.columns[0]..part.columns[1] {
+                let (rope, seen) = (shown.at(x, y), self.depth.at(x, y));
+                if rope == f32::INFINITY || seen.is_nan() || seen <= 0.0 {
+                    continue;
+                }
+                let bare = -height / dot(normal, view.ray([x as f64, y as f64]));
+                let bare = if bare > 0.0 { bare } else { f64::INFINITY };
+                let square = |z: f64| ((f64::from(seen) - z) / noise).powi(2).min(LIMIT);
+                gain += square(bare) - square(f64::from(rope).min(bare));
+            }
+        }
+        gain
+    }
+
+    /// The depth that the view would see of ropes alone, infinite where there are none; and the part that shows them.
+    fn rendered(&self, chains: &[Vec<Point>]) -> (Image<f32>, Part) {
+        let [w, h] = self.view.size;
+        let mut shown = Image::filled(w, h, f32::INFINITY);
+        let part = chains.iter().fold(Part::NONE, |all, nodes| all.with(self.draw(&mut shown, nodes)));
+        (shown, part)
+    }
+
+    /// Draws a rope before what is shown already, as balls side by side that are cut flat at its ends.
+    fn draw(&self, shown: &mut Image<f32>, nodes: &[Point]) -> Part {
+        let Self { view, correction, radius, .. } = *self;
+        let [w, h] = view.size;
+        let [fu, fv] = view.pinhole.focal;
         let places: Vec<Point> = nodes.iter().map(|&x| view.corrected(correction, x)).collect();
-        // ropes are cut flat
+        let mut part = Part::NONE;
         let cuts = match places.as_slice() {
             [a, b, .., c, d] => [(*a, normalized(sub(*a, *b))), (*d, normalized(sub(*d, *c)))],
-            _ => continue,
+            [a, b] => [(*a, normalized(sub(*a, *b))), (*b, normalized(sub(*b, *a)))],
+            _ => return part,
         };
         for pair in places.windows(2) {
             let [a, b] = [pair[0], pair[1]];
@@ -66,10 +100,15 @@ fn rendered(view: &RopeView, correction: &[f64; 6], chains: &[Vec<Point>], radiu
                 let near = ball[2] - radius;
                 let [u, v] = view.projected(ball);
                 let (du, dv) = (fu * radius / near, fv * radius / near);
-                let columns = span(u - du, u + du, w);
+                let (columns, rows) = (span(u - du, u + du, w), span(v - dv, v + dv, h));
+                if columns.is_empty() || rows.is_empty() {
+                    continue;
+                }
+                part =
+                    part.with(Part { columns: [columns.start, columns.end], rows: [rows.start, rows.end] });
                 let beyond = dot(ball, ball) - radius * radius;
                 let cut = cuts.iter().find(|(end, _)| squared_distance(*end, ball) < radius * radius);
-                for y in span(v - dv, v + dv, h) {
+                for y in rows {
                     for x in columns.clone() {
                         let ray = view.ray([x as f64, y as f64]);
                         let (square, along) = (dot(ray, ray), dot(ray, ball));
@@ -87,8 +126,25 @@ fn rendered(view: &RopeView, correction: &[f64; 6], chains: &[Vec<Point>], radiu
                 }
             }
         }
+        part
     }
-    shown
+}
+
+/// A part of an image: the first column and the one after the last, and so for rows.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    columns: [usize; 2],
+    rows: [usize; 2],
+}
+
+impl Part {
+    const NONE: Self = Self { columns: [usize::MAX, 0], rows: [usize::MAX, 0] };
+
+    /// The smallest that holds both.
+    fn with(self, other: Self) -> Self {
+        let both = |a: [usize; 2], b: [usize; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Self { columns: both(self.columns, other.columns), rows: both(self.rows, other.rows) }
+    }
 }
 
 /// The pixels from one place to another that are in the image.
@@ -139,7 +195,10 @@ mod tests {
         let plane = Plane { normal: [0.0, 0.0, 1.0], offset: rope.nodes[0][2] - 0.004 };
         let none = [0.0; 6];
         let chains = [rope.nodes.clone()];
-        let mut depth = rendered(&view, &none, &chains, 0.004);
+        let empty = Image::filled(0, 0, 0.0f32);
+        let scene =
+            |depth| DepthScene { view: &view, depth, correction: &none, radius: 0.004, plane, noise: 0.002 };
+        let (mut depth, _) = scene(&empty).rendered(&chains);
         let normal = view.untwisted(&none, plane.normal);
         let height = view.height(&none, plane);
         for (k, value) in depth.values.iter_mut().enumerate() {
@@ -148,12 +207,43 @@ mod tests {
         }
         let gain = |by: Point| {
             let moved: Vec<Point> = chains[0].iter().map(|p| std::array::from_fn(|k| p[k] + by[k])).collect();
-            depth_gain(&view, &depth, &none, &[moved], 0.004, plane, 0.002)
+            scene(&depth).gain(&[moved])
         };
         let best = gain([0.0; 3]);
         assert!(best > 100.0, "{best}");
         for by in [[0.003, 0.0, 0.0], [0.0, 0.003, 0.0], [0.0, 0.0, 0.003], [0.1, 0.0, 0.0]] {
             assert!(gain(by) < 0.9 * best, "{by:?}: {} of {best}", gain(by));
         }
+    }
+
+    /// An end that goes on as the rope did gains most; all that is before the ends counts for none.
+    #[test]
+    fn the_end_that_made_the_depth_gains_most() {
+        let rope = Rope::bent(0.004);
+        let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
+        let view = seen_by.rope_view();
+        let plane = Plane { normal: [0.0, 0.0, 1.0], offset: rope.nodes[0][2] - 0.004 };
+        let none = [0.0; 6];
+        let empty = Image::filled(0, 0, 0.0f32);
+        let scene =
+            |depth| DepthScene { view: &view, depth, correction: &none, radius: 0.004, plane, noise: 0.002 };
+        let (mut depth, _) = scene(&empty).rendered(std::slice::from_ref(&rope.nodes));
+        let (normal, height) = (view.untwisted(&none, plane.normal), view.height(&none, plane));
+        for (k, value) in depth.values.iter_mut().enumerate() {
+            let ray = view.ray([(k % depth.width) as f64, (k / depth.width) as f64]);
+            *value = value.min((-height / dot(normal, ray)) as f32);
+        }
+        let count = rope.nodes.len();
+        let stem = rope.nodes[..count - 60].to_vec();
+        let ends: Vec<Vec<Point>> =
+            [0, 20, 40].iter().map(|&less| rope.nodes[count - 61..count - less].to_vec()).collect();
+        let gains = scene(&depth).gains_of_ends(std::slice::from_ref(&stem), &ends);
+        assert!(gains[0] > gains[1] && gains[1] > gains[2], "{gains:?}");
+        let whole = scene(&depth).gain(std::slice::from_ref(&rope.nodes));
+        let shorter = scene(&depth).gain(&[rope.nodes[..count - 20].to_vec()]);
+        assert!(
+            (whole - shorter - (gains[0] - gains[1])).abs() < 0.02 * whole,
+            "{whole} {shorter} {gains:?}"
+        );
     }
 }

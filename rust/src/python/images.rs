@@ -10,7 +10,7 @@ use super::arguments::{
 use super::views::image_shape;
 use crate::geometry::RigidMotion;
 use crate::image::{Image, blobs};
-use crate::imagefit::{self, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
+use crate::imagefit::{self, DepthScene, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
 use crate::mending::mended;
 use crate::silhouette::Silhouette;
 use crate::surroundings::Surroundings;
@@ -316,22 +316,49 @@ impl RopeImages {
         let mut ropes = Vec::new();
         for (chains, corrections) in &hypotheses {
             require_same_length("hypotheses", corrections.len(), self.views.len())?;
-            let chains = FloatArray::all("hypotheses", chains)?;
-            let chains = chains
-                .iter()
-                .map(|nodes| Ok(nodes.rows("hypotheses", "(M, 3)")?.to_vec()))
-                .collect::<PyResult<Vec<_>>>()?;
-            ropes.push((chains, corrections));
+            ropes.push((nodes_of("hypotheses", chains)?, corrections));
         }
         let views = self.rope_views();
         Ok(py.detach(|| {
             parallel::map(&ropes, |(chains, corrections)| {
-                let seen = views.iter().zip(&self.views).zip(*corrections);
-                seen.map(|((view, own), correction)| {
-                    imagefit::depth_gain(view, &own.depth, correction, chains, self.radius, plane, noise)
-                })
-                .sum::<f64>()
+                let seen = self.depth_scenes(&views, corrections, plane, noise);
+                seen.map(|scene| scene.gain(chains)).sum::<f64>()
             })
+        }))
+    }
+
+    /// The same for ropes of which one ends in each of several ways, but for what is equal for all.
+    ///
+    /// Parameters
+    /// ----------
+    /// chains : sequence of (M, 3) ndarray
+    ///     The ropes' nodes without that end.
+    /// ends : sequence of (M, 3) ndarray
+    ///     Nodes of each way, from the last one before.
+    /// corrections : (V, 6) ndarray
+    /// plane : ((3,), float)
+    /// noise : float
+    ///
+    /// Returns
+    /// -------
+    /// list of float
+    fn end_gains(
+        &self,
+        py: Python<'_>,
+        chains: Vec<Bound<'_, PyAny>>,
+        ends: Vec<Bound<'_, PyAny>>,
+        corrections: Vec<[f64; 6]>,
+        plane: (Point, f64),
+        noise: f64,
+    ) -> PyResult<Vec<f64>> {
+        require_same_length("corrections", corrections.len(), self.views.len())?;
+        let plane = Plane { normal: plane.0, offset: plane.1 };
+        let (chains, ends) = (nodes_of("chains", &chains)?, nodes_of("ends", &ends)?);
+        let views = self.rope_views();
+        Ok(py.detach(|| {
+            let scenes: Vec<_> = self.depth_scenes(&views, &corrections, plane, noise).collect();
+            let found = parallel::map(&scenes, |scene| scene.gains_of_ends(&chains, &ends));
+            (0..ends.len()).map(|way| found.iter().map(|gains| gains[way]).sum()).collect()
         }))
     }
 
@@ -370,6 +397,24 @@ impl RopeImages {
             }
         }
         support
+    }
+
+    /// Each view's depth, which ropes are compared with.
+    fn depth_scenes<'a>(
+        &'a self,
+        views: &'a [RopeView<'a>],
+        corrections: &'a [[f64; 6]],
+        plane: Plane,
+        noise: f64,
+    ) -> impl Iterator<Item = DepthScene<'a>> {
+        views.iter().zip(&self.views).zip(corrections).map(move |((view, own), correction)| DepthScene {
+            view,
+            depth: &own.depth,
+            correction,
+            radius: self.radius,
+            plane,
+            noise,
+        })
     }
 
     fn rope_views(&self) -> Vec<RopeView<'_>> {
@@ -435,6 +480,12 @@ fn prepared(
     Some(Prepared { silhouette, medians, pinhole, pose, size, covered, depth })
 }
 
+/// Ropes' nodes, (M, 3) each.
+fn nodes_of(name: &str, chains: &[Bound<'_, PyAny>]) -> PyResult<Vec<Vec<Point>>> {
+    let chains = FloatArray::all(name, chains)?;
+    chains.iter().map(|nodes| Ok(nodes.rows(name, "(M, 3)")?.to_vec())).collect()
+}
+
 fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
     if array.shape()[1] != 2 || array.shape()[0] < 2 {
         return Err(wrong_shape("hypotheses", "(M, 2), M >= 2", array.shape()));
@@ -480,19 +531,21 @@ pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> 
     }))
 }
 
-/// The pixels (H, W) with the least sum of evidence against them and of a weight times the length of their outline.
+/// For each weight, the pixels (H, W) with the least sum of evidence against them and of the weight times the length of
+/// their outline.
 #[pyfunction]
-pub(super) fn short_outline<'py>(
+pub(super) fn short_outlines<'py>(
     py: Python<'py>,
     evidence: PyReadonlyArray2<'_, f32>,
-    weight: f32,
+    weights: Vec<f32>,
     steps: usize,
-) -> PyResult<Bound<'py, PyArray2<bool>>> {
+) -> PyResult<Vec<Bound<'py, PyArray2<bool>>>> {
     let &[height, width] = evidence.shape() else { unreachable!("two dimensions") };
     let values = evidence.as_slice().map_err(|_| PyValueError::new_err("evidence: expected C order"))?;
     let evidence = Image { width, height, values: values.to_vec() };
-    let found = py.detach(|| outline::short_outline(&evidence, weight, steps));
-    PyArray1::from_vec(py, found.values).reshape([height, width])
+    let found = py
+        .detach(|| parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values));
+    found.into_iter().map(|mask| PyArray1::from_vec(py, mask).reshape([height, width])).collect()
 }
 
 /// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.

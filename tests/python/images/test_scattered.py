@@ -37,7 +37,7 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     (image,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
     table = table_plane([image], 0, RADIUS)
     (smoothed,) = raised([image], table, made.bounds, RADIUS)
-    found = outlined(smoothed, table, made.bounds, RADIUS, made.noise, 0.9)
+    (found,) = outlined(smoothed, table, made.bounds, RADIUS, made.noise, [0.9])
 
     def wrong(mask):
         return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
