@@ -19,6 +19,8 @@ _DISC = 0.6
 _MEDIAN = 1.25
 # curves follow depth: its errors are so many times as wide as residuals, and reach so many times as far
 _FOLLOWED, _FARTHER = 1.4, 2.0
+# a correlation that is as good as none, pixels
+_ALONE = 0.01
 # least and most noise, and lengths over which errors are alike, radii; and edges' errors, pixels
 _NOISE, _LENGTH, _LATERAL = (0.08, 2.0), (1.0, 8.0), (0.1, 1.0)
 
@@ -115,17 +117,19 @@ def _of_discs(correlation: float, pixels: float) -> tuple[float, float]:
     """
     reach = max(_DISC * pixels, 1.0)
     whole = math.floor(reach)
-    y, x = np.mgrid[-whole : whole + 1, -whole : whole + 1]
-    x, y = x[np.hypot(x, y) <= reach], y[np.hypot(x, y) <= reach]
-    square = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2
+    y, x = np.ogrid[-whole : whole + 1, -whole : whole + 1]
+    disc = np.hypot(x, y) <= reach
+    # how many pairs of a disc's pixels are so many rows and columns apart
+    size = 4 * whole + 1
+    pairs = np.rint(np.fft.irfft2(np.abs(np.fft.rfft2(disc, (size, size))) ** 2, (size, size)))
+    apart = (np.arange(size) + 2 * whole) % size - 2 * whole
 
-    def alike(square: np.ndarray) -> float:
-        if not correlation:
-            return float((square == 0).mean())
-        return float(np.exp(-square / (4.0 * correlation**2)).mean())
+    def alike(away: np.ndarray) -> np.ndarray:
+        return np.exp(-(away**2) / (4.0 * max(correlation, _ALONE) ** 2))
 
-    power = alike(square)
-    far = math.ceil(2.0 * reach + 6.0 * correlation)
-    along = [alike((x[:, None] - x + lag) ** 2 + (y[:, None] - y) ** 2) for lag in range(1, far + 1)]
+    shares = alike(apart) @ pairs / np.count_nonzero(disc) ** 2
+    # longer stretches than the longest are not told apart
+    far = math.ceil(min(2.0 * reach + 6.0 * correlation, 2.0 * _LENGTH[1] * pixels))
+    power, *along = alike(apart + np.arange(far + 1)[:, None]) @ shares
     share = min(_MEDIAN * math.sqrt(power), 1.0)
-    return share, (1.0 + 2.0 * sum(along) / power) / pixels
+    return share, (1.0 + 2.0 * float(sum(along)) / power) / pixels

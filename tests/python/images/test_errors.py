@@ -7,7 +7,7 @@ import pytest
 from limits import Truth, calibration
 
 import strand
-from strand.images.errors import Errors, expected_errors
+from strand.images.errors import Errors, _of_discs, expected_errors
 from strand.images.seen import prepared, rope_images
 from strand.synthetic import Segmentation, scene
 
@@ -33,6 +33,31 @@ def spread(model, axis):
     across /= np.linalg.norm(across, axis=1)[:, None]
     way = across if axis == "across" else np.cross(across, chain.tangents)
     return float(np.sqrt(np.einsum("ni,nij,nj->n", way, chain.covariance, way)[inside].mean()))
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.7, 3.0])
+def test_errors_of_discs_are_as_alike_as_all_pairs_of_their_pixels(correlation):
+    pixels = 7.0
+    y, x = np.mgrid[-4:5, -4:5]
+    x, y = x[np.hypot(x, y) <= 0.6 * pixels], y[np.hypot(x, y) <= 0.6 * pixels]
+
+    def alike(lag):
+        square = (x[:, None] - x + lag) ** 2 + (y[:, None] - y) ** 2
+        return np.mean(np.exp(-square / (4.0 * correlation**2)) if correlation else square == 0)
+
+    share, length = _of_discs(correlation, pixels)
+    assert share == pytest.approx(min(1.25 * alike(0) ** 0.5, 1.0))
+    assert length == pytest.approx((1.0 + 2.0 * sum(alike(lag) / alike(0) for lag in range(1, 60))) / pixels)
+
+
+def test_errors_of_the_widest_ropes_and_correlations_take_no_longer():
+    # all pairs of the discs' pixels would be a thousand million, and of lags as many
+    share, length = _of_discs(2.0, 300.0)
+    assert 0.0 < share < 0.1
+    assert 1.0 < length < 1.2
+    share, length = _of_discs(1e9, 8.0)
+    assert share == 1.0
+    assert length > 8.0
 
 
 @pytest.mark.parametrize("correlation", [0.0, 1.0, 2.5])
