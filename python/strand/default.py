@@ -126,7 +126,7 @@ def _scatter(observed: Observed) -> float:
         if view.image is None:
             return 0.0
         z = view.image.depth[::_EVERY]
-        z = np.where(z > 0, z, np.nan)
+        z = np.where((z > 0) & np.isfinite(z), z, np.nan)
         # slopes cancel in second differences
         bends = np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])
         bends = bends[np.isfinite(bends)]

@@ -27,6 +27,7 @@ PLAIN = 0.1
 """Errors of neighbouring pixels that are less alike count as independent."""
 
 _MOST_ALIKE = 0.99
+_NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
         try:
             images = prepared(taken, radius)
         except ValueError as error:
-            raise NotEnoughDataError(f"views: {error}") from error
+            raise NotEnoughDataError(_NO_ROPE) from error
     every = range(len(taken))
     with run.stage("readings"):
         readings = [r for r in likely_readings(images, observed.prior.ropes, every) if r.chains]
@@ -93,7 +94,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
     with run.stage("explain"):
         found = explained(images, readings, table, held, errors, config, observed)
     if not found:
-        raise NotEnoughDataError("views: the masks show no rope with depth; is the radius right, in metres?")
+        raise NotEnoughDataError(_NO_ROPE)
     return Read(images, table, held, found, taken, errors)
 
 

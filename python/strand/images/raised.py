@@ -21,6 +21,8 @@ _SMOOTH, _EDGE = 0.45, 0.85
 _LOWEST, _HIGHEST = -2.0, 4.0
 # share of the smoothed pixels that must have depth
 _SEEN = 0.3
+# radius of the widest rope that is told from its table, as part of the image's longer side
+_WIDEST = 0.25
 # a view without a mask of whose points this share lies on the table, lower than so many radii, shows more
 # than ropes; ropes are looked for so many radii around those that masks show
 _ON_TABLE, _LOW, _AROUND = 0.3, 0.5, 4.0
@@ -103,7 +105,7 @@ def _standing_out(
     image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
 ) -> np.ndarray:
     above, seen, across = heights(image, table, bounds, radius)
-    if not seen.any():
+    if not seen.any() or across > _WIDEST * max(image.mask.shape):
         return np.zeros_like(image.mask)
     kernel = _gaussian(max(_SMOOTH * across, 0.6))
     counted = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)

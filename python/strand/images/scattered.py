@@ -43,6 +43,8 @@ _AGAIN, _ENDS = 10, 3
 # each radius of rope that runs within another strand, whose axis is nearer than this, and nodes of a rope
 # that are no other strand's; they are half a radius apart
 _THROUGH, _INSIDE, _OWN = 2.0, 1.3, 12
+# nodes that are compared with all others at a time
+_ROWS = 512
 # a gain that is less by this part of the best one costs one
 _GAIN = 0.002
 
@@ -183,11 +185,15 @@ def _within(chains: Sequence[Array], radius: float) -> float:
     nodes = np.vstack(chains)
     number = np.repeat(np.arange(len(chains)), [len(each) for each in chains])
     place = np.arange(len(nodes))
-    squares = np.zeros((len(nodes), len(nodes)))
-    for k in range(3):
-        squares += (nodes[:, k, None] - nodes[:, k]) ** 2
-    other = (number[:, None] != number) | (np.abs(place[:, None] - place) > _OWN)
-    return 0.5 * np.count_nonzero((other & (squares < (_INSIDE * radius) ** 2)).any(axis=1))
+    within = 0
+    for first in range(0, len(nodes), _ROWS):
+        some = slice(first, first + _ROWS)
+        squares = np.zeros((len(nodes[some]), len(nodes)))
+        for k in range(3):
+            squares += (nodes[some, k, None] - nodes[:, k]) ** 2
+        other = (number[some, None] != number) | (np.abs(place[some, None] - place) > _OWN)
+        within += int(np.count_nonzero((other & (squares < (_INSIDE * radius) ** 2)).any(axis=1)))
+    return 0.5 * within
 
 
 def _prepared(taken: Sequence[RopeImage], radius: float) -> RopeImages | None:

@@ -10,6 +10,7 @@ import pytest
 import strand
 from strand.images.outlined import averaged, outlined
 from strand.images.raised import raised
+from strand.images.scattered import _within
 from strand.images.seen import rope_images
 from strand.images.table import table_plane
 from strand.synthetic import scene
@@ -77,3 +78,31 @@ def test_depths_that_scatter_without_a_table_are_no_crash():
     bare = dataclasses.replace(made, depth=np.where(made.depth > 0, 0, made.depth).astype(np.uint16))
     with pytest.raises(strand.NotEnoughDataError):
         strand.reconstruct(bare.views, made.radius, made.bounds)
+
+
+def test_a_radius_in_millimetres_is_refused_at_once():
+    made = noisy("arc", 0.8, views=1, seed=8, size=(160, 120))
+    with pytest.raises(strand.NotEnoughDataError, match="is the radius right, in metres"):
+        strand.reconstruct(made.views, 1000.0 * made.radius, made.bounds)
+
+
+@pytest.mark.filterwarnings("error")
+def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
+    made = noisy("arc", 0.8, views=1, seed=8)
+    (view,) = made.views
+    (fx, fy), (cx, cy) = view.image.focal, view.image.centre
+    depth = view.image.depth.copy()
+    depth[:40] = np.inf
+    endless = strand.View.from_depth(depth, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], view.pose)
+    model = strand.reconstruct([endless], made.radius, made.bounds)
+    assert model.sensor.sd > 0.3 * RADIUS
+
+
+def test_rope_within_other_strands_is_counted_along_long_ropes():
+    x = 0.5 * RADIUS * np.arange(3000.0)
+    rope = np.column_stack([x, 0.0 * x, 0.0 * x])
+    assert _within([rope], RADIUS) == 0.0
+    # half of it again, a radius aside
+    beside = rope[:1500] + np.array([0.0, RADIUS, 0.0])
+    found = _within([rope, beside], RADIUS)
+    assert found == pytest.approx(0.5 * 2 * 1500, abs=2.0)
