@@ -45,8 +45,10 @@ _AGAIN, _ENDS = 10, 3
 _THROUGH, _INSIDE, _OWN = 2.0, 1.3, 12
 # nodes that are compared with all others at a time
 _ROWS = 512
-# a gain that is less by this part of the best one costs one
-_GAIN = 0.002
+# a gain that is less by this part of the best one costs one; with less than the other depth does not tell a
+# rope from the bare table: one radius of rope gains tens in noise of a radius
+_GAIN, _LEAST_GAIN = 0.002, 100.0
+_NO_ROPE = "views: no rope stands out from the table; is the radius right, in metres?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +125,7 @@ def read_scattered(
         masked = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         known = [(images, taken) for taken in masked if (images := _prepared(taken, radius)) is not None]
     if not known:
-        raise NotEnoughDataError("views: no rope stands out from the table; is the radius right, in metres?")
+        raise NotEnoughDataError(_NO_ROPE)
     views = sorted({0, held, len(first) - 1}) if len(first) > _VIEWS else range(len(first))
     with run.stage("readings"):
         readings = [
@@ -136,7 +138,7 @@ def read_scattered(
     with run.stage("explain"):
         best = _best(scene, known, readings)
     if not best:
-        raise NotEnoughDataError("views: no rope stands out from the table; is the radius right, in metres?")
+        raise NotEnoughDataError(_NO_ROPE)
     unit = _GAIN * max(best[0].gain, 1.0)
     costs = [
         ROPE * len(each.one.fit.nodes)
@@ -146,6 +148,8 @@ def read_scattered(
         for each in best
     ]
     order = np.argsort(costs, kind="stable")
+    if best[order[0]].gain < _LEAST_GAIN:
+        raise NotEnoughDataError(_NO_ROPE)
     images, taken = known[best[order[0]].masks]
     explanations = [replace(best[k].one, cost=float(costs[k])) for k in order]
     return Read(images, table, held, explanations, taken, scene.errors)

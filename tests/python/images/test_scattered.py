@@ -80,6 +80,25 @@ def test_depths_that_scatter_without_a_table_are_no_crash():
         strand.reconstruct(bare.views, made.radius, made.bounds)
 
 
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_bare_table_in_wide_noise_shows_no_rope(seed):
+    made = noisy("straight", 1.2, views=1 + seed % 2, seed=seed)
+    rng = np.random.default_rng(seed)
+    views = []
+    for view in made.views:
+        (fx, fy), (cx, cy) = view.image.focal, view.image.centre
+        v, u = np.mgrid[: view.image.depth.shape[0], : view.image.depth.shape[1]]
+        down = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.shape)], axis=-1) @ view.pose[2, :3]
+        depth = np.maximum(-view.pose[2, 3] / down, 0.0)
+        depth += np.where(depth > 0.0, made.noise * rng.standard_normal(depth.shape), 0.0)
+        views.append(strand.View.from_depth(depth, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], view.pose))
+    try:
+        model = strand.reconstruct(views, made.radius, made.bounds)
+    except strand.NotEnoughDataError:
+        return
+    assert model.confidence < 0.05
+
+
 def test_a_radius_in_millimetres_is_refused_at_once():
     made = noisy("arc", 0.8, views=1, seed=8, size=(160, 120))
     with pytest.raises(strand.NotEnoughDataError, match="is the radius right, in metres"):
