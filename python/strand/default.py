@@ -16,6 +16,7 @@ from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked
 from strand.images.scattered import read_scattered
+from strand.images.seen import pixels_of
 from strand.stages import Found, Observed, Run
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
@@ -27,7 +28,7 @@ _SURE = 0.35
 _WIDE = 0.3
 # where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every
 # so many rows are asked
-_SCATTERED, _EVERY = 0.55, 8
+_SCATTERED, _EVERY = 0.55, 7
 # a reading that finds so much more noise than depths scatter by, in radii, is wrong
 _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
@@ -122,16 +123,28 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
 def _scatter(observed: Observed) -> float:
     """Return how far depths scatter about their neighbours' in the median view, metres; 0 without images."""
     found = []
-    for view in observed.whole:
-        if view.image is None:
+    for view, whole in zip(observed.views, observed.whole, strict=True):
+        if whole.image is None:
             return 0.0
-        z = view.image.depth[::_EVERY]
-        z = np.where((z > 0) & np.isfinite(z), z, np.nan)
+        z = np.where((whole.image.depth > 0) & np.isfinite(whole.image.depth), whole.image.depth, np.nan)
         # slopes cancel in second differences
-        bends = np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])
-        bends = bends[np.isfinite(bends)]
-        found.append(1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0)
+        scatter = _spread(z[::_EVERY, :-2] - 2.0 * z[::_EVERY, 1:-1] + z[::_EVERY, 2:])
+        if scatter > 0.0:
+            # what is around the ropes may be rough
+            rows, columns = pixels_of(view.points, whole.image)
+            inner = (columns > 0) & (columns < z.shape[1] - 1)
+            rows, columns = rows[inner], columns[inner]
+            own = _spread(z[rows, columns - 1] - 2.0 * z[rows, columns] + z[rows, columns + 1])
+            if 0.0 < own < _WIDE * float(observed.radii.values[0]):
+                scatter = min(scatter, own)
+        found.append(scatter)
     return float(np.median(found))
+
+
+def _spread(bends: Array) -> float:
+    """Return the noise that second differences show, 0 if there are none."""
+    bends = np.abs(bends[np.isfinite(bends)])
+    return 1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from strand._core import NotEnoughDataError, RopeImages
+from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
@@ -45,6 +45,10 @@ class Read:
     taken : list of RopeImage
     errors : Errors
         The usual ones, or those of the sensor that is known.
+    averaged : int
+        So many pixels a side of the views are one of the images.
+    scatter : float or None
+        Standard deviation of single depths that are independent, metres; None if that was not measured.
     """
 
     images: RopeImages
@@ -53,6 +57,8 @@ class Read:
     explanations: list[Explanation]
     taken: list[RopeImage]
     errors: Errors
+    averaged: int = 1
+    scatter: float | None = None
 
     @lazy
     def neighbours_alike(self) -> float:
@@ -126,11 +132,21 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             "readings": tuple(nodes for one in what.explanations for nodes in one.fit.nodes),
         },
         doubts=uncertain,
-        sensor=sensor_of(measured, fit, _correlation(what), what.taken, what.images, radius),
+        sensor=_sensor(what, measured, fit, radius),
         alternatives=tuple(
             Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in rivals[1:4]
         ),
     )
+
+
+def _sensor(what: Read, measured: Errors, fit: ImageFit, radius: float) -> Sensor:
+    """Return the sensor's errors, those of single pixels."""
+    sensor = sensor_of(measured, fit, _correlation(what), what.taken, what.images, radius)
+    if what.scatter is None:
+        return sensor
+    # means of pixels have no step, and are as little alike as the pixels
+    lateral = what.averaged * sensor.lateral
+    return replace(sensor, sd=what.scatter, correlation=0.0, step=0.0, lateral=lateral)
 
 
 def _correlation(what: Read) -> float | None:

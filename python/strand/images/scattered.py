@@ -152,7 +152,7 @@ def read_scattered(
         raise NotEnoughDataError(_NO_ROPE)
     images, taken = known[best[order[0]].masks]
     explanations = [replace(best[k].one, cost=float(costs[k])) for k in order]
-    return Read(images, table, held, explanations, taken, scene.errors)
+    return Read(images, table, held, explanations, taken, scene.errors, round(side), scatter)
 
 
 def _best(

@@ -84,9 +84,7 @@ def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None,
     depth = image.depth
     (fx, fy), (cx, cy) = image.focal, image.centre
     if image.mask is None:
-        x, y, z = view.points.T
-        columns = np.rint(x / z * fx + cx).astype(np.int64)
-        rows = np.rint(y / z * fy + cy).astype(np.int64)
+        rows, columns = pixels_of(view.points, image)
         mask = np.zeros(depth.shape, dtype=bool)
         mask[rows, columns] = True
     else:
@@ -99,6 +97,13 @@ def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None,
             out = ((world < bounds[0] - margin) | (world > bounds[1] + margin)).any(axis=1)
             mask[rows[out], columns[out]] = False
     return RopeImage(depth, mask, image.focal, image.centre, whole.pose)
+
+
+def pixels_of(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of an image's own points, camera frame."""
+    x, y, z = points.T
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    return np.rint(y / z * fy + cy).astype(np.int64), np.rint(x / z * fx + cx).astype(np.int64)
 
 
 def _of_points(view: View) -> RopeImage:

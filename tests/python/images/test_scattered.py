@@ -125,3 +125,21 @@ def test_rope_within_other_strands_is_counted_along_long_ropes():
     beside = rope[:1500] + np.array([0.0, RADIUS, 0.0])
     found = _within([rope, beside], RADIUS)
     assert found == pytest.approx(0.5 * 2 * 1500, abs=2.0)
+
+
+def test_a_rope_on_rough_ground_is_not_taken_for_a_noisy_one(measure):
+    made = scene("figure8", radius=RADIUS, noise=0.05 * RADIUS, views=1, seed=9)
+    (true,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    ground = np.random.default_rng(9).normal(0.0, 0.006 / made.depth_scale, true.mask.shape)
+    depth = np.where(true.mask, made.depth[0], made.depth[0] + np.abs(ground))
+    rough = dataclasses.replace(made, depth=depth[None].astype(np.uint16))
+    model = strand.reconstruct(rough.views, made.radius, made.bounds)
+    assert measure(model, made.truth, made.radius).right
+    assert model.confidence > 0.8
+
+
+def test_the_sensor_is_that_of_single_pixels():
+    made = noisy("arc", 0.8, views=1, seed=10, size=(640, 480))
+    model = strand.reconstruct(made.views, made.radius, made.bounds)
+    assert model.sensor.sd == pytest.approx(made.noise, rel=0.1)
+    assert model.sensor.correlation == 0.0
