@@ -543,8 +543,9 @@ pub(super) fn short_outlines<'py>(
     let &[height, width] = evidence.shape() else { unreachable!("two dimensions") };
     let values = evidence.as_slice().map_err(|_| PyValueError::new_err("evidence: expected C order"))?;
     let evidence = Image { width, height, values: values.to_vec() };
-    let found = py
-        .detach(|| parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values));
+    let found = py.detach(|| {
+        parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values)
+    });
     found.into_iter().map(|mask| PyArray1::from_vec(py, mask).reshape([height, width])).collect()
 }
 
