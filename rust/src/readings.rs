@@ -16,9 +16,10 @@ mod search;
 mod skeleton;
 #[cfg(test)]
 mod tests;
+mod thinning;
 
 pub use ends::extended;
 pub use network::shown_radius;
 pub use planar::resampled;
 pub use search::{cost, readings};
-pub use skeleton::skeleton;
+pub use thinning::skeleton;

@@ -155,7 +155,7 @@ impl Surroundings {
         let high = [0, 1].map(|c| ((corner[c] + frame[c] as f64 + reach) as usize).min(size[c]));
         let on_rope = |x: usize, y: usize| mask[y * width + x] && inside(x, y);
         let relief = Relief::new(depth, width, on_rope, low, high, rr)?;
-        let cell = (CELL * rr).floor().max(1.0);
+        let cell = (CELL * rr).round().max(1.0);
         let step = cell as usize;
         let [w, h] = [0, 1].map(|c| (high[c] - low[c]).div_ceil(step));
         let pixels: Vec<[usize; 2]> = (0..w * h)

@@ -49,8 +49,8 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
         return None
     offsets = (normals * corners).sum(axis=1)
     # a part of the points tells planes apart
-    away = normals @ points[::_EACH].T
-    away -= offsets[:, None]
+    x, y, z = points[::_EACH].T
+    away = normals[:, :1] * x + normals[:, 1:2] * y + normals[:, 2:] * z - offsets[:, None]
     near = np.abs(away, out=away) < _SCATTER * radius
     best = int(np.count_nonzero(near, axis=1).argmax())
     on = np.abs(points @ normals[best] - offsets[best]) < _SCATTER * radius

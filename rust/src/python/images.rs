@@ -458,22 +458,27 @@ fn prepared(
     let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
     let radius_px = pinhole.focal[0] * radius / far;
     let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
-    let around = Surroundings::new(depth, mask, size[0], &silhouette, radius);
+    let (around, medians) = parallel::both(
+        || Surroundings::new(depth, mask, size[0], &silhouette, radius),
+        || Medians::new(depth, mask, size[0], &silhouette),
+    );
     let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
     let mended = ragged.and_then(|around| mended(depth, mask, size[0], &silhouette, around));
-    let (mask, silhouette) = match &mended {
-        Some(mask) => (mask.as_slice(), Silhouette::of_rope(mask, size[0], radius_px)?),
-        None => (mask, silhouette),
+    let silhouette = match &mended {
+        Some(mask) => Silhouette::of_rope(mask, size[0], radius_px)?,
+        None => silhouette,
     };
-    let medians = match around.as_ref().filter(|around| around.hides()) {
+    let (rope, hides) = (mended.as_deref().unwrap_or(mask), around.as_ref().filter(|around| around.hides()));
+    let medians = match hides {
         // what hides the ropes is no part of them where a mask is too wide
         Some(around) => {
             let at = |k: usize| [(k % size[0]) as f64, (k / size[0]) as f64];
-            let own = |k: usize| !(mask[k] && around.before(at(k), depth[k]));
+            let own = |k: usize| !(rope[k] && around.before(at(k), depth[k]));
             let seen: Vec<f64> = (0..depth.len()).map(|k| if own(k) { depth[k] } else { f64::NAN }).collect();
-            Medians::new(&seen, mask, size[0], &silhouette)
+            Medians::new(&seen, rope, size[0], &silhouette)
         }
-        None => Medians::new(depth, mask, size[0], &silhouette),
+        None if mended.is_some() => Medians::new(depth, rope, size[0], &silhouette),
+        None => medians,
     };
     let silhouette = silhouette.amid(around);
     let depth = Image { width: size[0], height: size[1], values: depth.iter().map(|&z| z as f32).collect() };

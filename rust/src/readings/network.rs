@@ -1,7 +1,8 @@
 //! What a mask's skeleton says: stretches where one strand is seen, zones where strands merge, and ports between them.
 
 use super::planar::{Place, apart, length, resampled, smoothed};
-use super::skeleton::{Net, Pixel, thin};
+use super::skeleton::Net;
+use super::thinning::thinned;
 use crate::image::Image;
 use crate::silhouette::Silhouette;
 
@@ -75,7 +76,6 @@ impl Skeleton {
         let scale = silhouette.scale as f64;
         let width = silhouette.inside.width;
         let mut numbers = Image::filled(width, silhouette.inside.height, 0u32);
-        let mut lines = Image::filled(width, silhouette.inside.height, Pixel::Empty);
         let mut pixels = silhouette.skeleton.clone();
         let depth_at = |k: usize| f64::from(silhouette.depth.values[k]);
         let (net, junction) = loop {
@@ -89,12 +89,8 @@ impl Skeleton {
             for i in gone {
                 kept[i as usize] = false;
             }
-            let left: Vec<usize> =
-                net.pixels.iter().zip(&kept).filter(|&(_, &k)| k).map(|(&k, _)| k).collect();
-            pixels = thin(&mut lines, left.clone());
-            for &k in &left {
-                lines.values[k] = Pixel::Empty;
-            }
+            let left = net.pixels.iter().zip(&kept).filter(|&(_, &kept)| kept).map(|(&k, _)| k);
+            pixels = thinned(left, width, silhouette.inside.height);
         };
         let place = |k: usize| silhouette.original(k % width, k / width);
         let places: Vec<Place> = net.pixels.iter().map(|&k| place(k)).collect();

@@ -1,4 +1,4 @@
-//! Skeletons of masks: thinned to lines a pixel wide, as nets of pixels and their neighbours.
+//! Skeletons of masks, as nets of pixels and their neighbours.
 
 use crate::image::Image;
 
@@ -9,14 +9,6 @@ pub struct Net {
     near: Vec<[u32; 8]>,
     degrees: Vec<u8>,
     width: usize,
-}
-
-/// A pixel of a mask that is thinned: one of it may be listed as a border pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pixel {
-    Empty,
-    Inner,
-    Listed,
 }
 
 /// A line of pixels, and the groups at its two ends.
@@ -31,85 +23,6 @@ pub struct Line {
 #[inline(always)]
 fn ring(k: usize, w: usize) -> [usize; 8] {
     [k - w, k - w + 1, k + 1, k + w + 1, k + w, k + w - 1, k - 1, k - w - 1]
-}
-
-/// Thins a mask to lines a pixel wide that keep its connections and holes; its border must be empty.
-///
-/// `border` are its pixels that may be at its edge. Zhang and Suen, *A fast parallel algorithm for thinning digital
-/// patterns*, on a list of border pixels.
-pub fn thin(mask: &mut Image<Pixel>, mut border: Vec<usize>) -> Vec<usize> {
-    let w = mask.width;
-    let values = &mut mask.values;
-    for &k in &border {
-        values[k] = Pixel::Listed;
-    }
-    let around = |values: &[Pixel], k: usize| ring(k, w).map(|n| values[n] != Pixel::Empty);
-    let mut removed = Vec::new();
-    loop {
-        let mut changed = false;
-        for second in [false, true] {
-            removed.clear();
-            for &k in &border {
-                if values[k] != Pixel::Empty && removable(&around(values, k), second) {
-                    removed.push(k);
-                }
-            }
-            for &k in &removed {
-                values[k] = Pixel::Empty;
-            }
-            for &k in &removed {
-                for n in ring(k, w) {
-                    if values[n] == Pixel::Inner {
-                        values[n] = Pixel::Listed;
-                        border.push(n);
-                    }
-                }
-            }
-            changed |= !removed.is_empty();
-        }
-        border.retain(|&k| values[k] != Pixel::Empty);
-        if !changed {
-            break;
-        }
-    }
-    border.sort_unstable();
-    // the corners of staircases
-    for &k in &border {
-        let p = around(values, k);
-        if p.iter().filter(|&&v| v).count() >= 2 && simple(&p) {
-            values[k] = Pixel::Empty;
-        }
-    }
-    border.retain(|&k| values[k] != Pixel::Empty);
-    border
-}
-
-/// Whether removing a pixel parts nothing and fills no hole, by its neighbours clockwise from above.
-///
-/// The connectivity number of Yokoi, Toriwaki and Fukumura, *An analysis of topological properties of digitized binary
-/// pictures using local features*, for diagonal neighbours that are connected.
-fn simple(p: &[bool; 8]) -> bool {
-    let empty = |i: usize| !p[i % 8];
-    (0..8).step_by(2).filter(|&i| empty(i) && !(empty(i + 1) && empty(i + 2))).count() == 1
-}
-
-/// Whether a border pixel may go, by its neighbours clockwise from above.
-fn removable(p: &[bool; 8], second: bool) -> bool {
-    let count = p.iter().filter(|&&v| v).count();
-    let rises = (0..8).filter(|&i| !p[i] && p[(i + 1) % 8]).count();
-    let [n, _, e, _, s, _, w, _] = *p;
-    let side = if second { n && w && (e || s) } else { e && s && (n || w) };
-    (2..=6).contains(&count) && rises == 1 && !side
-}
-
-/// The skeleton of a mask: places, ascending.
-pub fn skeleton(mask: &Image<bool>) -> Vec<usize> {
-    let (w, values) = (mask.width, &mask.values);
-    let border = (w..values.len() - w)
-        .filter(|&k| values[k] && !(values[k - 1] && values[k + 1] && values[k - w] && values[k + w]))
-        .collect();
-    let pixels = values.iter().map(|&v| if v { Pixel::Inner } else { Pixel::Empty }).collect();
-    thin(&mut Image { width: w, height: mask.height, values: pixels }, border)
 }
 
 impl Net {

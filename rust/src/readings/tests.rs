@@ -4,7 +4,7 @@ use super::ends::extended;
 use super::links::{Votes, fitted};
 use super::planar::{self, Place, apart, length, resampled};
 use super::search::{Reading, cost, readings};
-use super::skeleton::skeleton;
+use super::thinning::skeleton;
 use crate::image::{Image, blobs};
 use crate::silhouette::Silhouette;
 
