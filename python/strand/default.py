@@ -84,7 +84,9 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
             if tubes is None:
                 raise
             return _accepted(tubes, tubes_run, run)
-        if tubes is not None and _alike(what.explanations[0].fit.nodes, ropes, radius):
+        best = what.explanations[0].fit
+        misread = best.noise > scatter + _MISREAD
+        if tubes is not None and (misread or _alike(best.nodes, ropes, radius)):
             return _accepted(tubes, tubes_run, run)
         return _accepted(answer(what, observed, config, images_run), images_run, run)
     try:
