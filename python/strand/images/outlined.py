@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
-from strand.images.raised import heights
+from strand.images.raised import LOWEST, heights
 from strand.images.seen import RopeImage
 
 # pixels are averaged until a rope's radius is about this many of them: what is finer is lost in the noise
 _FINE = 3.0
 # ropes are this much above their table where they begin, radii, and heights count only up to there
-_EDGE, _LOWEST, _HIGHEST = 0.6, -2.0, 4.0
+_EDGE, _HIGHEST = 0.6, 4.0
 # steps of the search for an outline
 _STEPS = 80
 # around what stands out in the smoothed image: radii, and pixels more
@@ -107,7 +107,7 @@ def outlined(
     )
     # depth along the ray is seen as height at a slant
     variance = (noise / radius * float(table[0] @ image.pose[:3, 2])) ** 2
-    clipped = np.clip(above[part] / radius, _LOWEST, _HIGHEST)
+    clipped = np.clip(above[part] / radius, LOWEST, _HIGHEST)
     evidence = np.where(seen[part], (_EDGE - clipped) * _EDGE / max(variance, 1e-6), 0.0)
     found = []
     for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):

@@ -15,10 +15,11 @@ from strand.images.table import table_plane
 from strand.stages import Observed
 from strand.view import View
 
-# the smoothing's standard deviation, and where a rope's edge is: at half of its mean height; in radii
-_SMOOTH, _EDGE = 0.45, 0.85
-# single heights are cut off here, in radii
-_LOWEST, _HIGHEST = -2.0, 4.0
+LOWEST = -2.0
+"""Single heights count only above this, radii."""
+
+# and below this; the smoothing's standard deviation, and where a rope's edge is: at half of its mean height
+_HIGHEST, _SMOOTH, _EDGE = 4.0, 0.45, 0.85
 # share of the smoothed pixels that must have depth
 _SEEN = 0.3
 # radius of the widest rope that is told from its table, as part of the image's longer side
@@ -107,8 +108,8 @@ def _standing_out(
     above, seen, across = heights(image, table, bounds, radius)
     if not seen.any() or across > _WIDEST * max(image.mask.shape):
         return np.zeros_like(image.mask)
-    kernel = _gaussian(max(_SMOOTH * across, 0.6))
-    counted = np.where(seen, np.clip(above, _LOWEST * radius, _HIGHEST * radius), 0.0)
+    kernel = gaussian(max(_SMOOTH * across, 0.6))
+    counted = np.where(seen, np.clip(above, LOWEST * radius, _HIGHEST * radius), 0.0)
     shares = _core.convolved(seen.astype(np.float32), kernel)
     smooth = _core.convolved(counted.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
     return np.asarray((smooth > _EDGE * radius) & (shares > _SEEN))
@@ -152,7 +153,7 @@ def heights(
     return above, seen, across
 
 
-def _gaussian(deviation: float) -> list[float]:
+def gaussian(deviation: float) -> list[float]:
     """Return a Gaussian's weights from its middle on."""
     reach = int(np.ceil(3.0 * deviation))
     kernel = np.exp(-0.5 * (np.arange(reach + 1) / deviation) ** 2)

@@ -25,19 +25,24 @@ from strand.images.comparison import (
 )
 from strand.images.ends import ends_moved
 from strand.images.errors import Errors
+from strand.images.lengthwise import points_along
 from strand.images.method import Read
 from strand.images.outlined import averaged, outlined
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
 from strand.stages import Observed, Run
+from strand.tubes.method import find_chains as find_tubes
+from strand.view import View
 
 # weights of the outline's length, one for each mask
 _OUTLINES = 0.5, 0.9, 1.4
+# which of the masks, after that of smoothed heights, are looked at as tubes
+_ALONG = 2
 # noise that is left at least, radii, as ropes are not quite round nor their poses exact
 _LEAST = 0.2
 # views that are read, readings of each, and how much more than the best one may cost
-_VIEWS, _READINGS, _MORE = 3, 12, 40.0
+_VIEWS, _READINGS, _MORE = 3, 20, 40.0
 # explanations that are fitted once more, and of those the ones whose ends are looked for
 _AGAIN, _ENDS = 10, 3
 # each radius of rope that runs within another strand, whose axis is nearer than this, and nodes of a rope
@@ -132,8 +137,12 @@ def read_scattered(
             [r for r in likely_readings(images, observed.prior.ropes, views, _READINGS, _MORE) if r.chains]
             for images, _ in known
         ]
-    if others:
-        readings[-1].append(Reading(0.0, held, [first[held].projected(points) for points in others]))
+    with run.stage("arcs"):
+        tubes = _tubes(observed, masked[_ALONG], table, config)
+    for ropes in (others, tubes):
+        if ropes:
+            found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
+            readings = [[*read, found] for read in readings]
     scene = _Scene(table, held, noise, radius, Errors(), config)
     with run.stage("explain"):
         best = _best(scene, known, readings)
@@ -153,6 +162,23 @@ def read_scattered(
     images, taken = known[best[order[0]].masks]
     explanations = [replace(best[k].one, cost=float(costs[k])) for k in order]
     return Read(images, table, held, explanations, taken, scene.errors, round(side), scatter)
+
+
+def _tubes(
+    observed: Observed, taken: Sequence[RopeImage], table: tuple[Array, float], config: Config
+) -> list[Array]:
+    """Return ropes found as tubes in means along them, none if there are none."""
+    radius = float(observed.radii.values[0])
+    views = [View(points_along(image, table, observed.bounds, radius), image.pose) for image in taken]
+    bounds = observed.bounds
+    if bounds is not None:
+        bounds = bounds[0] - radius, bounds[1] + radius
+    smooth = replace(observed, views=tuple(views), whole=tuple(views), bounds=bounds)
+    try:
+        found = find_tubes(smooth, replace(config, sensor=None), Run(None))
+    except NotEnoughDataError:
+        return []
+    return [chain.points for chain in found.chains]
 
 
 def _best(
