@@ -207,10 +207,7 @@ def _above_table(rope: _Rope, rows: _Indices, columns: _Indices, radius: float) 
     if table is None:
         return np.empty(0)
     normal, offset = table
-    z = image.depth[rows, columns]
-    x = (columns - image.centre[0]) * z / image.focal[0]
-    y = (rows - image.centre[1]) * z / image.focal[1]
-    return np.asarray(moved(np.stack([x, y, z], axis=1), rope.pose) @ normal - offset)
+    return np.asarray(seen.world(rows, columns, image.depth[rows, columns]) @ normal - offset)
 
 
 def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Array:

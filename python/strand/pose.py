@@ -119,5 +119,5 @@ def turntable_pose(
 
 
 def moved(points: Array, motion: Array) -> Array:
-    """Return (N, 3) points after a (4, 4) rigid motion."""
+    """Return (..., 3) points after a (4, 4) rigid motion."""
     return np.asarray(points @ motion[:3, :3].T + motion[:3, 3])

@@ -74,9 +74,6 @@ def _height(image: RopeImage, axis: Array, table: tuple[Array, float]) -> float:
     columns, rows = columns[inside], rows[inside]
     z = image.depth[rows, columns]
     seen = (z > 0) & np.isfinite(z)
-    columns, rows, z = columns[seen], rows[seen], z[seen]
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    points = np.column_stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z])
-    world = points @ image.pose[:3, :3].T + image.pose[:3, 3]
+    world = image.world(rows[seen], columns[seen], z[seen])
     normal, offset = table
     return float(np.median(world @ normal - offset)) if len(world) else 0.0

@@ -138,18 +138,16 @@ def heights(
     """
     normal, offset = table
     height, width = image.depth.shape
-    (fx, fy), (cx, cy) = image.focal, image.centre
     seen = (image.depth > 0) & np.isfinite(image.depth)
     z = np.where(seen, image.depth, 0.0)
-    v, u = np.mgrid[:height, :width]
-    points = np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=-1)
-    world = points @ image.pose[:3, :3].T + image.pose[:3, 3]
+    rows, columns = np.mgrid[:height, :width]
+    world = image.world(rows, columns, z)
     above = world @ normal - offset
     if bounds is not None:
         # where a rope's axis would be, whatever the noise says
         axis = world + (radius - above)[..., None] * normal
         seen &= ((axis > bounds[0] - radius) & (axis < bounds[1] + radius)).all(axis=-1)
-    across = radius * fx / float(np.median(z[seen])) if seen.any() else 0.0
+    across = radius * image.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
     return above, seen, across
 
 

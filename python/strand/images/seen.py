@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
+from strand.pose import moved
 from strand.view import DepthImage, View
 
 # pixels around the points of an image that is made of points
@@ -48,6 +49,11 @@ class RopeImage:
         (fx, fy), (cx, cy) = self.focal, self.centre
         return np.column_stack([fx * x / z + cx, fy * y / z + cy])
 
+    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64], z: Array) -> Array:
+        """(..., 3) Points of the world that pixels would show at depths z, metres."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return moved(np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=-1), self.pose)
+
 
 def rope_images(
     views: Sequence[View], whole: Sequence[View], bounds: Bounds | None, margin: float = 0.0
@@ -81,22 +87,19 @@ def rope_images(
 
 
 def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None, margin: float) -> RopeImage:
-    depth = image.depth
-    (fx, fy), (cx, cy) = image.focal, image.centre
     if image.mask is None:
-        rows, columns = pixels_of(view.points, image)
-        mask = np.zeros(depth.shape, dtype=bool)
-        mask[rows, columns] = True
-    else:
-        mask = image.mask != 0
-        if bounds is not None:
-            rows, columns = np.nonzero(mask & (depth > 0))
-            z = depth[rows, columns]
-            points = np.column_stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z])
-            world = points @ whole.pose[:3, :3].T + whole.pose[:3, 3]
-            out = ((world < bounds[0] - margin) | (world > bounds[1] + margin)).any(axis=1)
-            mask[rows[out], columns[out]] = False
-    return RopeImage(depth, mask, image.focal, image.centre, whole.pose)
+        mask = np.zeros(image.depth.shape, dtype=bool)
+        mask[pixels_of(view.points, image)] = True
+        return RopeImage(image.depth, mask, image.focal, image.centre, whole.pose)
+    seen = RopeImage(image.depth, image.mask != 0, image.focal, image.centre, whole.pose)
+    if bounds is None:
+        return seen
+    rows, columns = np.nonzero(seen.mask & (seen.depth > 0))
+    world = seen.world(rows, columns, seen.depth[rows, columns])
+    out = ((world < bounds[0] - margin) | (world > bounds[1] + margin)).any(axis=1)
+    mask = seen.mask.copy()
+    mask[rows[out], columns[out]] = False
+    return replace(seen, mask=mask)
 
 
 def pixels_of(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

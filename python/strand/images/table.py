@@ -87,7 +87,4 @@ def _beside(image: RopeImage, radius: float) -> Array:
         for chosen in down:
             kept &= ~beside[chosen]
     v, u = np.nonzero(kept)
-    v, u, z = top + step * v, left + step * u, z[kept]
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    points = np.column_stack([(u - cx) * z / fx, (v - cy) * z / fy, z])
-    return np.asarray(points @ image.pose[:3, :3].T + image.pose[:3, 3])
+    return image.world(top + step * v, left + step * u, z[kept])

@@ -37,6 +37,19 @@ def test_a_masked_image_is_as_it_was_given():
         assert z == pytest.approx(image.depth[rows, columns])
 
 
+def test_pixels_are_where_their_points_of_the_world_are_seen():
+    image = rope_images(SCENE.views, SCENE.views, None)[0]
+    rows, columns = np.mgrid[:5, :7] * 30
+    z = np.random.default_rng(1).uniform(0.2, 2.0, rows.shape)
+    world = image.world(rows, columns, z)
+    back = np.linalg.inv(image.pose)
+    assert world @ back[2, :3] + back[2, 3] == pytest.approx(z)
+    seen = np.column_stack([columns.ravel(), rows.ravel()])
+    assert image.projected(world.reshape(-1, 3)) == pytest.approx(seen, abs=1e-9)
+    flat = image.world(rows.ravel(), columns.ravel(), z.ravel())
+    assert flat.reshape(world.shape) == pytest.approx(world)
+
+
 def test_depth_out_of_the_extraction_range_is_not_in_the_mask_and_pixels_without_depth_are():
     views = SCENE.views
     low, high = SCENE.bounds
