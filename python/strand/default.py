@@ -6,6 +6,8 @@ likelier of the two is asked first, and the other only if that leaves something 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from strand._core import NotEnoughDataError
@@ -200,9 +202,7 @@ def _better(
     ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
     if ring or (same and _plain(tubes) and best.fit.noise <= _NARROW):
         return _accepted(tubes, tubes_run, run)
-    return answer(
-        Read(what.images, what.table, what.held, compared, what.taken, what.errors), observed, config, run
-    )
+    return answer(replace(what, explanations=compared), observed, config, run)
 
 
 def _alike(some: list[Array], others: list[Array], radius: float) -> bool:
