@@ -108,14 +108,17 @@ def turntable_pose(
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise ValueError("axis: expected a direction, got the zero vector")
-    angle = number("angle", angle)
-    x, y, z = axis / length
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    # Rodrigues' formula for the angle -angle
     turn = np.eye(4)
-    turn[:3, :3] += -np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    turn[:3, :3] = rotation_about(axis / length, -number("angle", angle))
     turn[:3, 3] = centre - turn[:3, :3] @ centre
     return np.asarray(turn @ camera)
+
+
+def rotation_about(axis: Array, angle: float) -> Array:
+    """(3, 3) Rotation about a (3,) unit axis, radians, right-handed: Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
 
 
 def moved(points: Array, motion: Array) -> Array:

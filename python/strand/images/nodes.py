@@ -11,6 +11,7 @@ from strand.chain import Chain
 from strand.checks import Array
 from strand.config import Config
 from strand.curve import Curve
+from strand.pose import rotation_about
 
 # the standard deviation of where a mask shows an end, in radii
 _END_SD = 0.5
@@ -88,17 +89,9 @@ def corrected_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
     found = []
     for pose, (*turn, x, y, z) in zip(poses, corrections, strict=True):
         motion = np.eye(4)
-        motion[:3, :3] = _rotation(np.array(turn))
+        angle = float(np.linalg.norm(turn))
+        if angle > 0.0:
+            motion[:3, :3] = rotation_about(np.array(turn) / angle, angle)
         motion[:3, 3] = x, y, z
         found.append(pose @ np.linalg.inv(motion))
     return found
-
-
-def _rotation(vector: Array) -> Array:
-    """(3, 3) Rotation of a rotation vector, by Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
