@@ -26,6 +26,9 @@ from strand.radius import Radii, estimate_radius
 from strand.stages import Found, Observed, Run
 from strand.view import View, checked_views, cropped
 
+# a mask of which less than this share has depth has little
+_LITTLE = 0.2
+
 
 @dataclass(frozen=True)
 class _Method:
@@ -93,10 +96,9 @@ def reconstruct(
         Keep the arrays between the stages, in `Model.stages`: "raw", "filtered" and "registered" (a tuple of
         (N, 3) arrays, one for each view used); "arcs" (what was seen of the ropes before they were linked)
         and "fit" (a `TubeFit`); of an answer read from images instead of these "readings" (the nodes of all
-        ropes of the readings that were compared, (M, 3) arrays); or,
-        of the published method, "normals", "axis_points" (M, 3), "traced"
-        (chains before the split), "separation" (d* along each), "cuts" (its nodes that were cut at) and
-        "segments".
+        ropes of the readings that were compared, (M, 3) arrays); or, of the published method, "normals",
+        "axis_points" (M, 3), "traced" (chains before the split), "separation" (d* along each), "cuts" (its
+        nodes that were cut at) and "segments".
     progress : callable, optional
         Called with each stage's name when it starts.
 
@@ -186,10 +188,6 @@ def reconstruct(
         method=config.method,
         sensor=found.sensor,
     )
-
-
-# a mask of which less than this share has depth has little
-_LITTLE = 0.2
 
 
 def _checked(

@@ -65,7 +65,8 @@ class Sensor:
         How much too far away a rope's middle is seen, metres: a matcher mixes the depth of what is behind a
         thin rope into all of its width. Below 0 for too near. Used for ropes that are read from images.
     lateral : float
-        Standard deviation of the place of a mask's edge, pixels; measured if it is 0. Used as the bias.
+        Standard deviation of the place of a mask's edge, pixels; measured if it is 0. Used where
+        `bias` is: for ropes that are read from images.
 
     Raises
     ------

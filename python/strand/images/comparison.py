@@ -202,7 +202,7 @@ def _seen_through(fit: ImageFit, visibility: Visibility, observed: Observed) -> 
 def refitted(
     images: RopeImages, fit: ImageFit, table: Table, held: int, errors: Errors, config: Config
 ) -> ImageFit:
-    """Fit the best hypothesis once more, with covariances."""
+    """Fit a hypothesis once more from where its fit ended, with covariances; the same fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
     again = images.refit(fit, table, held, poses, errors.values, _STEPS)
     return fit if again is None else again
