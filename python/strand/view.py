@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -369,6 +369,15 @@ def cropped(views: Sequence[View], bounds: Bounds) -> list[View]:
         if i not in inside:
             inside[i] = _core.crop(view.points, view.pose, *bounds, view.colors)
     return [view._part(*inside[i]) for i, view in enumerate(views)]
+
+
+def masked(view: View, mask: NDArray[np.bool_]) -> View:
+    """Return a view of a depth image without a mask with this one, (H, W), as if it had come with it."""
+    image, colors = view.image, view.colors
+    assert image is not None
+    if colors is not None:
+        colors = colors[mask[np.isfinite(image.depth) & (image.depth > 0)]]
+    return View._of(None, replace(image, mask=mask.astype(np.int32)), view.pose, view.dropped, colors)
 
 
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:

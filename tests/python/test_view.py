@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from strand import View
-from strand.view import DepthImage
+from strand.view import DepthImage, masked
 
 INTRINSICS = np.array([[200.0, 0.0, 31.5], [0.0, 210.0, 23.5], [0.0, 0.0, 1.0]])
 
@@ -355,6 +355,18 @@ def test_a_masked_view_has_the_colours_of_its_points():
     inside = (np.abs(view.points - centre) <= 0.1).all(axis=1)
     assert 0 < inside.sum() < len(inside)
     np.testing.assert_array_equal(part.colors, view.colors[inside])
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_view_that_is_masked_later_is_as_if_its_mask_had_come_with_it(coloured):
+    depth, colors, mask = masked_image()
+    colors = colors if coloured else None
+    whole = View.from_depth(depth, INTRINSICS, random_pose(3), colors)
+    later = masked(whole, mask)
+    view = View.from_depth(depth, INTRINSICS, random_pose(3), colors, mask=mask)
+    assert 0 < len(view.points) < len(whole.points)
+    for name in ("points", "pose", "dropped", "colors", "mask", "world_points"):
+        np.testing.assert_array_equal(getattr(later, name), getattr(view, name), strict=True)
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int64, ">i4", list])

@@ -13,7 +13,7 @@ from strand.checks import Array, Bounds
 from strand.images.seen import RopeImage, rope_images
 from strand.images.table import table_plane
 from strand.stages import Observed
-from strand.view import View
+from strand.view import cropped, masked
 
 LOWEST = -2.0
 """Single heights count only above this, radii."""
@@ -42,16 +42,16 @@ def all_masked(observed: Observed) -> Observed:
     -------
     Observed
     """
-    masked = [number for number, view in enumerate(observed.whole) if view.mask is not None]
-    if not masked or len(masked) == len(observed.whole):
+    given = [number for number, view in enumerate(observed.whole) if view.mask is not None]
+    if not given or len(given) == len(observed.whole):
         return observed
     radius = float(observed.radii.values[0])
     images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
-    table = table_plane(images, masked[len(masked) // 2], radius)
+    table = table_plane(images, given[len(given) // 2], radius)
     if table is None:
         return observed
     normal, offset = table
-    ropes = np.vstack([observed.views[number].world_points for number in masked])
+    ropes = np.vstack([observed.views[number].world_points for number in given])
     low, high = np.percentile(ropes, (1, 99), axis=0)
     near = low - _AROUND * radius, high + _AROUND * radius
     if observed.bounds is not None:
@@ -61,15 +61,10 @@ def all_masked(observed: Observed) -> Observed:
         above = own.world_points @ normal - offset
         if view.image is None or view.mask is not None or np.mean(above < _LOW * radius) < _ON_TABLE:
             continue
-        mask = _standing_out(images[number], table, near, radius)
-        (fx, fy), (cx, cy) = view.image.focal, view.image.centre
-        camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        cut = View.from_depth(view.image.depth, camera, view.pose, mask=mask)
-        kept = cut.world_points
-        inside = ((kept >= near[0]) & (kept <= near[1])).all(axis=1)
-        if inside.any():
-            whole[number] = cut
-            views[number] = View(cut.points[inside], cut.pose)
+        cut = masked(view, _standing_out(images[number], table, near, radius))
+        (inside,) = cropped([cut], near)
+        if len(inside.points):
+            views[number], whole[number] = inside, cut
     return replace(observed, views=tuple(views), whole=tuple(whole))
 
 

@@ -9,11 +9,15 @@ import pytest
 
 import strand
 from strand._core import NotEnoughDataError, convolved
+from strand.evidence.prior import Prior
 from strand.images.radius import shown_radius
-from strand.images.raised import raised
+from strand.images.raised import all_masked, raised
 from strand.images.seen import rope_images
 from strand.images.table import table_plane
+from strand.radius import Radii
+from strand.stages import Observed
 from strand.synthetic import Segmentation, scene
+from strand.view import cropped
 
 
 @pytest.mark.parametrize("camera", ["d435", "tof"])
@@ -57,6 +61,29 @@ def test_what_stands_out_of_a_table_is_rope():
     # pixel by pixel it is lost in the table's noise
     assert np.count_nonzero(images[0].mask & true) < 0.75 * np.count_nonzero(images[0].mask)
     assert raised(images, None, made.bounds, made.radius)[0] is images[0]
+
+
+def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes():
+    made = scene("loop", seed=1, views=2, camera="zed", mask=Segmentation(), size=(320, 240))
+    first, true = made.views
+    image = true.image
+    (fx, fy), (cx, cy) = image.focal, image.centre
+    camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    bare = strand.View.from_depth(image.depth, camera, true.pose, np.full((*image.depth.shape, 3), 0.5))
+    whole = first, bare
+    radii = Radii(np.array([made.radius]), np.array([0.0]), free=False)
+    observed = Observed(cropped(whole, made.bounds), whole, [0, 1], made.bounds, radii, Prior())
+    given = all_masked(observed)
+    assert given.whole[0] is first
+    both = np.count_nonzero(given.whole[1].mask & true.mask)
+    assert both > 0.7 * np.count_nonzero(true.mask)
+    assert both > 0.7 * np.count_nonzero(given.whole[1].mask)
+    assert 0 < len(given.views[1].points) <= len(given.whole[1].points)
+    assert (given.views[1].colors == 0.5).all()
+    assert len(given.views[1].colors) == len(given.views[1].points)
+    # without a mask there is nothing to go by
+    alone = dataclasses.replace(observed, whole=(bare, bare))
+    assert all_masked(alone) is alone
 
 
 def test_a_convolution_is_that_of_a_full_sum():
