@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand._core import ImageFit
 from strand.chain import Chain
@@ -31,6 +32,8 @@ _BARE, _USUAL_BARE = 0.05, 6.0
 _OWN = 16
 # where the nearest place of a rival jumps by more than this, it is joined otherwise, nodes
 _JUMP = 8
+# nodes that are compared with all others at a time
+_ROWS = 512
 # less is not worth mentioning
 _LEAST = 1e-3
 
@@ -139,11 +142,7 @@ def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float)
     number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
     farthest: tuple[float, Array] | None = None
     for nodes in chains:
-        squares = np.zeros((len(nodes), len(theirs)))
-        for k in range(3):
-            squares += (nodes[:, k, None] - theirs[:, k]) ** 2
-        nearest = squares.argmin(axis=1)
-        away = np.sqrt(squares.min(axis=1))
+        nearest, away = _nearest(nodes, theirs)
         k = int(away.argmax())
         if away[k] > 1.5 * radius and (farthest is None or away[k] > farthest[0]):
             farthest = float(away[k]), nodes[k]
@@ -151,3 +150,17 @@ def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float)
         if farthest is None and jumps.any():
             farthest = 0.0, nodes[int(jumps.argmax())]
     return None if farthest is None else farthest[1]
+
+
+def _nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]:
+    """(M,), (M,) Which of other nodes is nearest to each, and how far away it is."""
+    nearest = np.empty(len(nodes), dtype=np.intp)
+    away = np.empty(len(nodes))
+    for first in range(0, len(nodes), _ROWS):
+        some = slice(first, first + _ROWS)
+        squares = np.zeros((len(nodes[some]), len(others)))
+        for k in range(3):
+            squares += (nodes[some, k, None] - others[:, k]) ** 2
+        nearest[some] = squares.argmin(axis=1)
+        away[some] = np.sqrt(squares.min(axis=1))
+    return nearest, away
