@@ -152,13 +152,12 @@ class _Rope:
     def holds(self, rows: _Indices, columns: _Indices) -> NDArray[np.bool_]:
         """Whether pixels are in the mask, have depth, and lie in the extraction range."""
         z = self.image.depth[rows, columns]
-        inside = np.isfinite(z) & (z > 0) & self.mask[rows, columns]
+        inside = (z > 0) & self.mask[rows, columns]
         if self.bounds is None:
             return inside
         x = (columns - self.image.centre[0]) / self.image.focal[0]
         y = (rows - self.image.centre[1]) / self.image.focal[1]
-        with np.errstate(invalid="ignore"):
-            world = moved(np.stack([x * z, y * z, z], axis=1), self.pose)
+        world = moved(np.stack([x * z, y * z, z], axis=1), self.pose)
         return inside & ((world >= self.bounds[0]) & (world <= self.bounds[1])).all(axis=1)
 
 
@@ -240,8 +239,7 @@ def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Ar
         seen = np.ones(len(v), dtype=bool)
         for sign in (-1, 1):
             beside = depth[v + sign * dv, u + sign * du]
-            returned = np.isfinite(beside) & (beside > 0)
-            seen &= returned & ~rope.holds(v + sign * dv, u + sign * du)
+            seen &= (beside > 0) & ~rope.holds(v + sign * dv, u + sign * du)
             sides += beside
         heights.append((0.5 * sides - own[in_image])[seen])
     return np.concatenate(heights)

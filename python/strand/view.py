@@ -35,7 +35,7 @@ class DepthImage:
     Attributes
     ----------
     depth : (H, W) ndarray
-        Depth along the camera's z axis, metres; NaN or 0 where there is no return.
+        Depth along the camera's z axis, metres; 0 where there is no return.
     focal, centre : (float, float)
         Focal lengths and principal point of the pinhole, pixels.
     mask : (H, W) ndarray of int32, or None
@@ -160,7 +160,7 @@ class View:
         seen = None
         if colors is not None:
             depths = taken.rope_depth
-            seen = color_array("colors", colors, (height, width, 3))[np.isfinite(depths) & (depths > 0)]
+            seen = color_array("colors", colors, (height, width, 3))[depths > 0]
         return cls._of(None, taken, _own_pose(pose), dropped, seen)
 
     @classmethod
@@ -376,7 +376,7 @@ def masked(view: View, mask: NDArray[np.bool_]) -> View:
     image, colors = view.image, view.colors
     assert image is not None
     if colors is not None:
-        colors = colors[mask[np.isfinite(image.depth) & (image.depth > 0)]]
+        colors = colors[mask[image.depth > 0]]
     return View._of(None, replace(image, mask=mask.astype(np.int32)), view.pose, view.dropped, colors)
 
 

@@ -26,7 +26,7 @@ pub(crate) fn has_return(z: f64) -> bool {
     z > 0.0 && z < f64::INFINITY
 }
 
-/// A copy of a depth image, and how many pixels are NaN or infinite. These and 0 are pixels without a return.
+/// A copy of a depth image with 0 where pixels are NaN or infinite, as they have no return either; and how many are.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
@@ -34,7 +34,7 @@ pub(crate) fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usiz
     let mut copy = Vec::with_capacity(depth.len());
     let (mut dropped, mut outside) = (0, false);
     for part in depth.chunks(1024) {
-        copy.extend_from_slice(part);
+        copy.extend(part.iter().map(|&z| if z.is_finite() { z } else { 0.0 }));
         dropped += part.iter().filter(|z| !z.is_finite()).count();
         // infinities are dropped
         outside |= part.iter().fold(false, |out, &z| out | (((z < 0.0) | (z > farthest)) & z.is_finite()));
@@ -71,7 +71,7 @@ mod tests {
         let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
         let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
         assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
-        assert_eq!(copy_depth(&depth, 4.0).unwrap().1, 2);
+        assert_eq!(copy_depth(&depth, 4.0).unwrap(), (vec![0.0, 2.0, 0.0, 4.0, 0.0, 0.0], 2));
         assert!(copy_depth(&depth, 3.9).is_err());
         assert!(copy_depth(&[-1.0], 4.0).is_err());
         assert!(unproject(&[], 0, camera).is_empty());

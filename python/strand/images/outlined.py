@@ -37,7 +37,7 @@ def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
     RopeImage, int
         And how many pixels a side of a square is.
     """
-    seen = (image.depth > 0) & np.isfinite(image.depth)
+    seen = image.depth > 0
     if not seen.any():
         return image, 1
     side = round(radius * image.focal[0] / float(np.median(image.depth[seen])) / _FINE)
@@ -50,7 +50,7 @@ def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
         return np.asarray(squares.sum(axis=(1, 3), dtype=np.float64))
 
     counts = sums(seen)
-    depth = sums(np.where(seen, image.depth, 0.0)) / np.maximum(counts, 1.0)
+    depth = sums(image.depth) / np.maximum(counts, 1.0)
     depth[2 * counts < side**2] = 0.0
     (fx, fy), (cx, cy) = image.focal, image.centre
     shift = 0.5 * (side - 1)

@@ -73,7 +73,7 @@ def _height(image: RopeImage, axis: Array, table: tuple[Array, float]) -> float:
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     columns, rows = columns[inside], rows[inside]
     z = image.depth[rows, columns]
-    seen = (z > 0) & np.isfinite(z)
+    seen = z > 0
     world = image.world(rows[seen], columns[seen], z[seen])
     normal, offset = table
     return float(np.median(world @ normal - offset)) if len(world) else 0.0

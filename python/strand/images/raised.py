@@ -133,8 +133,8 @@ def heights(
     """
     normal, offset = table
     height, width = image.depth.shape
-    seen = (image.depth > 0) & np.isfinite(image.depth)
-    z = np.where(seen, image.depth, 0.0)
+    z = image.depth
+    seen = z > 0
     rows, columns = np.mgrid[:height, :width]
     world = image.world(rows, columns, z)
     above = world @ normal - offset

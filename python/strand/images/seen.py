@@ -28,7 +28,7 @@ class RopeImage:
     Attributes
     ----------
     depth : (H, W) ndarray
-        Metres; 0 or NaN where there is no return.
+        Metres; 0 where there is no return.
     mask : (H, W) ndarray of bool
         The ropes' pixels.
     focal, centre : (float, float)

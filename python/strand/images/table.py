@@ -79,7 +79,7 @@ def _beside(image: RopeImage, radius: float) -> Array:
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)
     z = image.depth[top:bottom:step, left:right:step]
-    kept = (z > 0) & np.isfinite(z)
+    kept = z > 0
     steps = (-_EDGE, 0, _EDGE)
     down = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
     for du in steps:

@@ -66,6 +66,25 @@ def test_the_order_of_the_outer_views_does_not_matter(loop):
     assert np.abs(turned - given).max() < 0.05 * made.radius
 
 
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("bounds", [False, True])
+def test_depths_that_are_nan_or_infinite_are_as_none(given, bounds):
+    made = SCENES["loop"]
+    # whole stretches of rope too
+    lost = np.random.default_rng(0).random(made.depth.shape) < 0.3
+    lost[:, :, :120] = True
+    answers = []
+    for value in (0.0, np.nan, np.inf):
+        depth = np.where(lost, value, made.depth * made.depth_scale)
+        views = [
+            strand.View.from_depth(d, made.intrinsics, pose, mask=mask)
+            for d, pose, mask in zip(depth, made.poses, made.mask, strict=True)
+        ]
+        model = strand.reconstruct(views, made.radius if given else None, made.bounds if bounds else None)
+        answers.append(([points.tobytes() for points in nodes(model)], model.confidence))
+    assert answers[0] == answers[1] == answers[2]
+
+
 def test_the_bits_are_the_same_for_any_number_of_threads(threads):
     made = SCENES["overhand"]
     answers = []
