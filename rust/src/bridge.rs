@@ -2,7 +2,7 @@
 
 use crate::Point;
 use crate::geometry::{advance, cross, dot, sub};
-use crate::spline::arc_length;
+use crate::polyline::arc_length;
 
 /// Ends nearer than this touch or overlap, in radii.
 const TOUCHING: f64 = 1.2;

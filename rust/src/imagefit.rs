@@ -20,7 +20,6 @@ mod evidence;
 mod grid;
 mod lift;
 mod medians;
-mod polyline;
 mod rendering;
 mod residuals;
 mod search;

@@ -53,6 +53,7 @@ mod normals;
 mod outline;
 mod overlap;
 mod parallel;
+mod polyline;
 #[cfg(feature = "python")]
 mod python;
 mod readings;

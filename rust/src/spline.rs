@@ -6,6 +6,7 @@ use crate::Point;
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 use crate::geometry::{dot, sub};
+use crate::polyline::arc_length;
 
 /// Longest curve that a spline is fitted to, in spans: the fit is dense.
 const MOST_SPANS: f64 = 5e3;
@@ -229,18 +230,6 @@ fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
         nodes.push(rear);
     }
     Ok(nodes)
-}
-
-/// Arc length from the first node to each.
-pub(crate) fn arc_length(nodes: &[Point]) -> Vec<f64> {
-    let mut total = 0.0;
-    let mut arc = vec![0.0];
-    for pair in nodes.windows(2) {
-        let d = sub(pair[1], pair[0]);
-        total += dot(d, d).sqrt();
-        arc.push(total);
-    }
-    arc
 }
 
 /// The point of a polyline at an arc length.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::Point;
 use crate::geometry::{advance, sub};
-use crate::spline::arc_length;
+use crate::polyline::arc_length;
 
 /// Undoes what the average over two radii (eq. 17–18) does to bends.
 ///

@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use super::band::Band;
-use super::polyline::{arc, resampled, smoothed};
 use super::{OnChain, STEP};
 use crate::Point;
 use crate::banded::Bordered;
 use crate::geometry::{advance, normalized};
+use crate::polyline::{arc_length, resampled, smoothed};
 use crate::spline::Spline;
 
 /// Length of a span, radii.
@@ -65,7 +65,7 @@ impl Curves {
         };
         for (number, nodes) in chains.iter().enumerate() {
             let nodes = resampled(&smoothed(nodes, 3), STEP * radius);
-            let arc = arc(&nodes);
+            let arc = arc_length(&nodes);
             let length = arc[arc.len() - 1] / radius;
             let spans = ((length / SPAN).ceil() as usize).max(2);
             let start = made.control.len();

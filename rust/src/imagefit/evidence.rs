@@ -4,10 +4,10 @@ use super::crossings::apart;
 use super::curves::Curves;
 use super::equations::{Columns, Residual, Sums};
 use super::grid::Grid;
-use super::polyline::directions;
 use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
 use crate::Point;
 use crate::geometry::{cross, dot};
+use crate::polyline::directions;
 
 /// How many pixels of edge err alike, and by how much ropes are not round, radii.
 const EDGE_ALIKE: f64 = 16.0;

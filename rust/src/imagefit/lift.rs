@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::crossings::{Crossing, Evidence, apart, hiding, overlaps};
 use super::grid::Grid;
-use super::polyline::{arc, resampled};
 use super::smoothing::Profile;
 use super::{HIDES, MIXED, MIXES, OnChain, Place2, Plane, RopeView, STEP, Sensor};
 use crate::Point;
 use crate::geometry::advance;
+use crate::polyline::{arc_length, resampled};
 
 /// Fewest depths on their own, away from other strands, that noise is judged by.
 const FEWEST: usize = 10;
@@ -130,7 +130,7 @@ pub fn lift(
         view.pose.apply(view.pinhole.point(u, v, z))
     };
     let nodes: Vec<Vec<Point>> = ranges.iter().map(|r| r.clone().map(lifted).collect()).collect();
-    let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc(nodes)).collect();
+    let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc_length(nodes)).collect();
     let place = |i: usize| {
         let chain = numbers[i] as usize;
         let arc = &arcs[chain];

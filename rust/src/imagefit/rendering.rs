@@ -183,31 +183,45 @@ impl RopeView<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{Rope, view};
+    use super::super::tests::{Image as View, Rope, view};
     use super::*;
 
-    /// Depth that was made of a rope on a plane agrees with that rope more than with the rope moved aside.
-    #[test]
-    fn the_rope_that_made_the_depth_gains_most() {
+    const STILL: [f64; 6] = [0.0; 6];
+
+    /// A rope, what sees it, and the table that it lies on.
+    fn rope_on_a_table() -> (Rope, View, Plane) {
         let rope = Rope::bent(0.004);
         let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
-        let view = seen_by.rope_view();
         let plane = Plane { normal: [0.0, 0.0, 1.0], offset: rope.nodes[0][2] - 0.004 };
-        let none = [0.0; 6];
-        let chains = [rope.nodes.clone()];
-        let empty = Image::filled(0, 0, 0.0f32);
-        let scene =
-            |depth| DepthScene { view: &view, depth, correction: &none, radius: 0.004, plane, noise: 0.002 };
-        let (mut depth, _) = scene(&empty).rendered(&chains);
-        let normal = view.untwisted(&none, plane.normal);
-        let height = view.height(&none, plane);
+        (rope, seen_by, plane)
+    }
+
+    fn scene<'a>(view: &'a RopeView<'a>, depth: &'a Image<f32>, plane: Plane) -> DepthScene<'a> {
+        DepthScene { view, depth, correction: &STILL, radius: 0.004, plane, noise: 0.002 }
+    }
+
+    /// The depth of a rope on a plane.
+    fn depth_of(rope: &Rope, view: &RopeView<'_>, plane: Plane) -> Image<f32> {
+        let nothing = Image::filled(0, 0, 0.0f32);
+        let (mut depth, _) = scene(view, &nothing, plane).rendered(std::slice::from_ref(&rope.nodes));
+        let (normal, height) = (view.untwisted(&STILL, plane.normal), view.height(&STILL, plane));
         for (k, value) in depth.values.iter_mut().enumerate() {
             let ray = view.ray([(k % depth.width) as f64, (k / depth.width) as f64]);
             *value = value.min((-height / dot(normal, ray)) as f32);
         }
+        depth
+    }
+
+    /// Depth that was made of a rope on a plane agrees with that rope more than with the rope moved aside.
+    #[test]
+    fn the_rope_that_made_the_depth_gains_most() {
+        let (rope, seen_by, plane) = rope_on_a_table();
+        let view = seen_by.rope_view();
+        let depth = depth_of(&rope, &view, plane);
         let gain = |by: Point| {
-            let moved: Vec<Point> = chains[0].iter().map(|p| std::array::from_fn(|k| p[k] + by[k])).collect();
-            scene(&depth).gain(&[moved])
+            let moved: Vec<Point> =
+                rope.nodes.iter().map(|p| std::array::from_fn(|k| p[k] + by[k])).collect();
+            scene(&view, &depth, plane).gain(&[moved])
         };
         let best = gain([0.0; 3]);
         assert!(best > 100.0, "{best}");
@@ -219,28 +233,18 @@ mod tests {
     /// An end that goes on as the rope did gains most; all that is before the ends counts for none.
     #[test]
     fn the_end_that_made_the_depth_gains_most() {
-        let rope = Rope::bent(0.004);
-        let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
+        let (rope, seen_by, plane) = rope_on_a_table();
         let view = seen_by.rope_view();
-        let plane = Plane { normal: [0.0, 0.0, 1.0], offset: rope.nodes[0][2] - 0.004 };
-        let none = [0.0; 6];
-        let empty = Image::filled(0, 0, 0.0f32);
-        let scene =
-            |depth| DepthScene { view: &view, depth, correction: &none, radius: 0.004, plane, noise: 0.002 };
-        let (mut depth, _) = scene(&empty).rendered(std::slice::from_ref(&rope.nodes));
-        let (normal, height) = (view.untwisted(&none, plane.normal), view.height(&none, plane));
-        for (k, value) in depth.values.iter_mut().enumerate() {
-            let ray = view.ray([(k % depth.width) as f64, (k / depth.width) as f64]);
-            *value = value.min((-height / dot(normal, ray)) as f32);
-        }
+        let depth = depth_of(&rope, &view, plane);
+        let scene = scene(&view, &depth, plane);
         let count = rope.nodes.len();
         let stem = rope.nodes[..count - 60].to_vec();
         let ends: Vec<Vec<Point>> =
             [0, 20, 40].iter().map(|&less| rope.nodes[count - 61..count - less].to_vec()).collect();
-        let gains = scene(&depth).gains_of_ends(std::slice::from_ref(&stem), &ends);
+        let gains = scene.gains_of_ends(std::slice::from_ref(&stem), &ends);
         assert!(gains[0] > gains[1] && gains[1] > gains[2], "{gains:?}");
-        let whole = scene(&depth).gain(std::slice::from_ref(&rope.nodes));
-        let shorter = scene(&depth).gain(&[rope.nodes[..count - 20].to_vec()]);
+        let whole = scene.gain(std::slice::from_ref(&rope.nodes));
+        let shorter = scene.gain(&[rope.nodes[..count - 20].to_vec()]);
         assert!(
             (whole - shorter - (gains[0] - gains[1])).abs() < 0.02 * whole,
             "{whole} {shorter} {gains:?}"

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use super::arguments::{FloatArray, PointsArray, point, points_array, require_same_length};
 use crate::arclength::ByLength;
 use crate::overlap::{self, Along};
-use crate::{Point, Spline, bridge, spline, straighten};
+use crate::{Point, Spline, bridge, polyline, straighten};
 
 /// Fit a uniform cubic B-spline through ordered nodes by least squares.
 ///
@@ -108,7 +108,7 @@ pub(super) fn path_length<'py>(
     nodes: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let nodes = FloatArray::new("nodes", nodes)?;
-    Ok(PyArray1::from_vec(py, spline::arc_length(nodes.rows("nodes", "(M, 3)")?)))
+    Ok(PyArray1::from_vec(py, polyline::arc_length(nodes.rows("nodes", "(M, 3)")?)))
 }
 
 /// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it; metres.

@@ -13,8 +13,8 @@ pub const TAIL: usize = 8;
 /// Weights of bending and of its change in the fit.
 pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
 /// The edge's lateral deviation, radii, and the share of edge that is independent.
-const EDGE_SD: f64 = 0.25;
-const EDGE_SHARE: f64 = 0.5;
+pub const EDGE_SD: f64 = 0.25;
+pub const EDGE_SHARE: f64 = 0.5;
 /// Edges that want the axis farther than this from a curve at first are not its own, radii.
 const FARTHEST: f64 = 3.0;
 /// Nodes on each side of the last nearest one that are asked.

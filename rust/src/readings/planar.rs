@@ -1,5 +1,7 @@
 //! Polylines in the image.
 
+pub use crate::polyline::{resampled, smoothed};
+
 /// Column and row, pixels.
 pub type Place = [f64; 2];
 
@@ -18,56 +20,6 @@ pub fn apart(a: Place, b: Place) -> f64 {
 /// The length of a polyline.
 pub fn length(p: &[Place]) -> f64 {
     p.windows(2).map(|w| apart(w[0], w[1])).sum()
-}
-
-/// Arc length at each node.
-pub fn arc_length(p: &[Place]) -> Vec<f64> {
-    let mut s = Vec::with_capacity(p.len());
-    let mut sum = 0.0;
-    for (i, &x) in p.iter().enumerate() {
-        if i > 0 {
-            sum += apart(p[i - 1], x);
-        }
-        s.push(sum);
-    }
-    s
-}
-
-/// Nodes evenly along a polyline, about `step` apart, at least two.
-pub fn resampled(p: &[Place], step: f64) -> Vec<Place> {
-    let s = arc_length(p);
-    let total = s[s.len() - 1];
-    let n = ((total / step).round() as usize + 1).max(2);
-    let mut k = 0;
-    (0..n)
-        .map(|i| {
-            let t = total * i as f64 / (n - 1) as f64;
-            while k + 2 < p.len() && s[k + 1] < t {
-                k += 1;
-            }
-            if p.len() < 2 || s[k + 1] <= s[k] {
-                return p[k];
-            }
-            let a = ((t - s[k]) / (s[k + 1] - s[k])).clamp(0.0, 1.0);
-            [p[k][0] + a * (p[k + 1][0] - p[k][0]), p[k][1] + a * (p[k + 1][1] - p[k][1])]
-        })
-        .collect()
-}
-
-/// Smoothed `times` with the weights ¼, ½, ¼; the ends stay.
-pub fn smoothed(p: &[Place], times: usize) -> Vec<Place> {
-    let mut p = p.to_vec();
-    for _ in 0..times {
-        let mut before = p[0];
-        for i in 1..p.len().saturating_sub(1) {
-            let here = p[i];
-            for c in 0..2 {
-                p[i][c] = 0.25 * before[c] + 0.5 * here[c] + 0.25 * p[i + 1][c];
-            }
-            before = here;
-        }
-    }
-    p
 }
 
 /// A unit vector; zero for zero.

@@ -1,6 +1,6 @@
 //! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
 
-use super::links::{FIT_BENDING, smoothness};
+use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, smoothness};
 use super::lookup::Lookup;
 use super::planar::{Place, length, unit};
 use crate::banded::{Bordered, PLANAR};
@@ -12,9 +12,6 @@ const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
 const NEAR: f64 = 1.2;
 /// An edge is explained by a chain that runs this near to where it wants the axis, radii.
 const EXPLAINED: f64 = 0.8;
-/// The edge's lateral deviation, radii, and the share of edge that is independent.
-const EDGE_SD: f64 = 0.25;
-const EDGE_SHARE: f64 = 0.5;
 
 /// Chains fitted together.
 pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {

@@ -1,7 +1,7 @@
 //! Ordered nodes in the image or in space.
 
 /// Arc length from the first node to each.
-pub fn arc<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
+pub fn arc_length<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
     let mut total = 0.0;
     let mut lengths = vec![0.0];
     for pair in nodes.windows(2) {
@@ -13,7 +13,7 @@ pub fn arc<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
 
 /// Nodes about `step` apart, at least two, from end to end.
 pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
-    let arc = arc(nodes);
+    let arc = arc_length(nodes);
     let length = arc[arc.len() - 1];
     let count = ((length / step).round() as usize).max(1);
     let mut i = 0;
