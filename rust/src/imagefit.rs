@@ -20,6 +20,7 @@ mod evidence;
 mod grid;
 mod lift;
 mod medians;
+mod prepared;
 mod rendering;
 mod residuals;
 mod search;
@@ -30,6 +31,7 @@ mod tests;
 
 pub use lift::lift;
 pub use medians::Medians;
+pub use prepared::Prepared;
 pub use rendering::DepthScene;
 pub use residuals::Scatter;
 pub use search::fit;

@@ -7,7 +7,9 @@ mod density;
 mod filter;
 mod fit;
 mod icp;
+mod image_fit;
 mod images;
+mod masks;
 mod normals;
 mod tubes;
 mod views;
@@ -72,7 +74,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fit::EndObservation>()?;
     module.add_class::<fit::TubeFit>()?;
     module.add_class::<icp::IcpResult>()?;
-    module.add_class::<images::ImageFit>()?;
+    module.add_class::<image_fit::ImageFit>()?;
     module.add_class::<images::RopeImages>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
@@ -105,10 +107,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::straightened, module)?)?;
     module.add_function(wrap_pyfunction!(curves::bending, module)?)?;
     module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
-    module.add_function(wrap_pyfunction!(images::convolved, module)?)?;
-    module.add_function(wrap_pyfunction!(images::largest_blob, module)?)?;
-    module.add_function(wrap_pyfunction!(images::short_outlines, module)?)?;
-    module.add_function(wrap_pyfunction!(images::shown_radius, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::largest_blob, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::short_outlines, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::shown_radius, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

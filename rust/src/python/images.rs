@@ -1,20 +1,14 @@
 //! Bindings of what images say of ropes: readings of masks, and fits to masks and depth.
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{
-    FloatArray, PointsArray, motions, number, points_array, require_same_length, wrong_shape,
-};
+use super::arguments::{FloatArray, motions, number, require_same_length, wrong_shape};
+use super::image_fit::ImageFit;
 use super::views::image_shape;
-use crate::geometry::RigidMotion;
-use crate::image::{Image, blobs};
-use crate::imagefit::{self, DepthScene, ImageFitOptions, Medians, OnChain, Plane, RopeView, Sensor};
-use crate::mending::mended;
-use crate::silhouette::Silhouette;
-use crate::surroundings::Surroundings;
-use crate::{Pinhole, Point, outline, parallel, readings};
+use crate::imagefit::{self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView, Sensor};
+use crate::{Pinhole, Point, parallel, readings};
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
@@ -23,19 +17,6 @@ type Hypothesis<'py> = (usize, Vec<PyReadonlyArray2<'py, f64>>);
 /// Standard deviation of depth, radii, if it is known, its correlation, radii, standard deviation of edges, pixels, and bias,
 /// radii.
 type Errors = (Option<f64>, f64, f64, f64);
-
-/// One view, prepared.
-struct Prepared {
-    silhouette: Silhouette,
-    medians: Medians,
-    pinhole: Pinhole,
-    pose: RigidMotion,
-    size: [usize; 2],
-    /// Columns and rows of the mask's pixels with depth.
-    covered: Vec<[f64; 2]>,
-    /// Metres, of all pixels.
-    depth: Image<f32>,
-}
 
 /// What views with masks show of ropes of one radius.
 ///
@@ -92,7 +73,7 @@ impl RopeImages {
         }
         let views = py.detach(|| {
             parallel::each(&inputs, |&(depth, mask, size, pinhole, pose)| {
-                Ok(prepared(depth, mask, size, pinhole, pose, radius))
+                Ok(Prepared::new(depth, mask, size, pinhole, pose, radius))
             })
         })?;
         let views: Option<Vec<Prepared>> = views.into_iter().collect();
@@ -418,71 +399,12 @@ impl RopeImages {
     }
 
     fn rope_views(&self) -> Vec<RopeView<'_>> {
-        self.views
-            .iter()
-            .map(|v| RopeView {
-                silhouette: &v.silhouette,
-                medians: &v.medians,
-                pinhole: v.pinhole,
-                pose: v.pose,
-                size: v.size,
-            })
-            .collect()
+        self.views.iter().map(Prepared::rope_view).collect()
     }
 }
-
-/// Masks more ragged than this are mended by depth.
-const RAGGED: f64 = 0.25;
 
 fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
     Sensor { noise, correlation, lateral, bias: [bias, Sensor::DEFAULT.bias[1]], ..Sensor::DEFAULT }
-}
-
-/// One view's silhouette and depths; none if its mask shows no rope with depth.
-fn prepared(
-    depth: &[f64],
-    mask: &[bool],
-    size: [usize; 2],
-    pinhole: Pinhole,
-    pose: RigidMotion,
-    radius: f64,
-) -> Option<Prepared> {
-    let pixels: Vec<usize> =
-        (0..depth.len()).filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite()).collect();
-    if pixels.is_empty() {
-        return None;
-    }
-    let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
-    let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
-    let middle = seen.len() / 2;
-    let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
-    let radius_px = pinhole.focal[0] * radius / far;
-    let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
-    let (around, medians) = parallel::both(
-        || Surroundings::new(depth, mask, size[0], &silhouette, radius),
-        || Medians::new(depth, mask, size[0], &silhouette),
-    );
-    let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
-    let mended = ragged.and_then(|around| mended(depth, mask, size[0], &silhouette, around));
-    let silhouette = match &mended {
-        Some(mask) => Silhouette::of_rope(mask, size[0], radius_px)?,
-        None => silhouette,
-    };
-    let (rope, hides) = (mended.as_deref().unwrap_or(mask), around.as_ref().filter(|around| around.hides()));
-    let medians = match hides {
-        // what hides the ropes is no part of them where a mask is too wide
-        Some(around) => {
-            let at = |k: usize| [(k % size[0]) as f64, (k / size[0]) as f64];
-            let own = |k: usize| !(rope[k] && around.before(at(k), depth[k]));
-            let seen: Vec<f64> = (0..depth.len()).map(|k| if own(k) { depth[k] } else { f64::NAN }).collect();
-            Medians::new(&seen, rope, size[0], &silhouette)
-        }
-        None if mended.is_some() => Medians::new(depth, rope, size[0], &silhouette),
-        None => medians,
-    };
-    let silhouette = silhouette.amid(around);
-    let depth = Image { width: size[0], height: size[1], values: depth.iter().map(|&z| z as f32).collect() };
-    Some(Prepared { silhouette, medians, pinhole, pose, size, covered, depth })
 }
 
 /// Ropes' nodes, (M, 3) each.
@@ -496,159 +418,4 @@ fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
         return Err(wrong_shape("hypotheses", "(M, 2), M >= 2", array.shape()));
     }
     Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
-}
-
-/// An image (H, W) in single precision, convolved along rows and columns with a symmetric kernel that is given from its
-/// middle on; beyond the border are zeros.
-#[pyfunction]
-pub(super) fn convolved<'py>(
-    py: Python<'py>,
-    image: PyReadonlyArray2<'_, f32>,
-    kernel: Vec<f32>,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let &[height, width] = image.shape() else { unreachable!("two dimensions") };
-    let values = image.as_slice().map_err(|_| PyValueError::new_err("image: expected C order"))?;
-    if kernel.is_empty() || values.is_empty() {
-        return Err(PyValueError::new_err("image, kernel: expected at least one number"));
-    }
-    let found = py.detach(|| {
-        let reach = kernel.len() - 1;
-        let wide = width + 2 * reach;
-        let mut padded = Image::filled(wide, height + 2 * reach, 0.0f32);
-        for (row, from) in values.chunks_exact(width).enumerate() {
-            padded.values[(row + reach) * wide + reach..][..width].copy_from_slice(from);
-        }
-        let found = padded.convolved(&kernel);
-        let rows = found.values.chunks_exact(wide).skip(reach).take(height);
-        rows.flat_map(|row| &row[reach..reach + width]).copied().collect::<Vec<f32>>()
-    });
-    PyArray1::from_vec(py, found).reshape([height, width])
-}
-
-/// How many pixels the largest blob of a mask has, diagonal neighbours connected.
-#[pyfunction]
-pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<usize> {
-    let [height, width] = [mask.shape()[0], mask.shape()[1]];
-    let values = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
-    Ok(py.detach(|| {
-        let image = Image { width, height, values: values.to_vec() };
-        blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0)
-    }))
-}
-
-/// For each weight, the pixels (H, W) with the least sum of evidence against them and of the weight times the length of
-/// their outline.
-#[pyfunction]
-pub(super) fn short_outlines<'py>(
-    py: Python<'py>,
-    evidence: PyReadonlyArray2<'_, f32>,
-    weights: Vec<f32>,
-    steps: usize,
-) -> PyResult<Vec<Bound<'py, PyArray2<bool>>>> {
-    let &[height, width] = evidence.shape() else { unreachable!("two dimensions") };
-    let values = evidence.as_slice().map_err(|_| PyValueError::new_err("evidence: expected C order"))?;
-    let evidence = Image { width, height, values: values.to_vec() };
-    let found = py.detach(|| {
-        parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values)
-    });
-    found.into_iter().map(|mask| PyArray1::from_vec(py, mask).reshape([height, width])).collect()
-}
-
-/// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.
-#[pyfunction]
-pub(super) fn shown_radius(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<Option<f64>> {
-    let width = mask.shape()[1];
-    let mask = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
-    Ok(py.detach(|| Silhouette::shown_radius(mask, width)))
-}
-
-/// Ropes fitted to masks and depth.
-#[pyclass(frozen, module = "strand._core")]
-pub(super) struct ImageFit {
-    fit: imagefit::ImageFit,
-    reference: usize,
-    noise: f64,
-    pairs: Vec<Vec<[OnChain; 2]>>,
-    margins: Vec<f64>,
-}
-
-#[pymethods]
-impl ImageFit {
-    /// Control points (n, 3) of each rope's uniform cubic B-spline, metres.
-    #[getter]
-    fn controls<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
-        self.fit.curves.iter().map(|curve| points_array(py, curve.control.clone())).collect()
-    }
-
-    /// Nodes (M, 3) of each rope, half a radius apart, metres.
-    #[getter]
-    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
-        self.fit.nodes.iter().map(|nodes| points_array(py, nodes.clone())).collect()
-    }
-
-    /// Covariances (M, 3, 3) of each rope's nodes, m²; empty without `uncertainty`.
-    #[getter]
-    fn covariances<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
-        let flat = |c: &Vec<[Point; 3]>| PyArray1::from_vec(py, c.concat().concat()).reshape([c.len(), 3, 3]);
-        self.fit.covariances.iter().map(flat).collect()
-    }
-
-    /// (V, 6) What corrects each camera's frame: rotation vector, radians, and translation, metres.
-    #[getter]
-    fn corrections<'py>(&self, py: Python<'py>) -> PyResult<PlacesArray<'py>> {
-        PyArray1::from_vec(py, self.fit.corrections.concat()).reshape([self.fit.corrections.len(), 6])
-    }
-
-    /// The view that it began in.
-    #[getter]
-    fn reference(&self) -> usize {
-        self.reference
-    }
-
-    /// The depth's noise about a smooth rope, radii.
-    #[getter]
-    fn noise(&self) -> f64 {
-        self.noise
-    }
-
-    /// Standard deviation of depth about the curves and the stretch of rope over which it is alike, radii; None if too
-    /// little is seen.
-    #[getter]
-    fn scatter(&self) -> Option<(f64, f64)> {
-        self.fit.depth.map(|depth| (depth.sd, depth.length))
-    }
-
-    /// Standard deviation of the masks' edges about the outline, pixels; None if too little is seen.
-    #[getter]
-    fn lateral(&self) -> Option<f64> {
-        self.fit.lateral
-    }
-
-    /// (V,) How much too far away each view sees the ropes, radii.
-    #[getter]
-    fn biases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.fit.biases.iter().map(|bias| -bias))
-    }
-
-    /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's
-    /// residuals and how many independent ones there are; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
-    #[getter]
-    fn misfit(&self) -> [f64; 6] {
-        let m = self.fit.misfit;
-        [m.uncovered, m.outside, m.depth, m.depths, m.bend, m.change]
-    }
-
-    /// Crossings in the view that it began in: where, world frame, metres, and how much more the opposite order costs.
-    #[getter]
-    fn crossings(&self) -> Vec<(Point, f64)> {
-        let place = |on: OnChain| {
-            let nodes = &self.fit.nodes[on.chain];
-            nodes[(on.share * (nodes.len() - 1) as f64).round() as usize]
-        };
-        self.pairs
-            .iter()
-            .zip(&self.margins)
-            .filter_map(|(pairs, &margin)| Some((place(pairs.get(pairs.len() / 2)?[0]), margin)))
-            .collect()
-    }
 }

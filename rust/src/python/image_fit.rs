@@ -1,0 +1,99 @@
+//! Bindings of what a fit to images returns.
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+
+use super::arguments::{PointsArray, points_array};
+use crate::Point;
+use crate::imagefit::{self, OnChain};
+
+/// Ropes fitted to masks and depth.
+#[pyclass(frozen, module = "strand._core")]
+pub(super) struct ImageFit {
+    pub(super) fit: imagefit::ImageFit,
+    pub(super) reference: usize,
+    pub(super) noise: f64,
+    pub(super) pairs: Vec<Vec<[OnChain; 2]>>,
+    pub(super) margins: Vec<f64>,
+}
+
+#[pymethods]
+impl ImageFit {
+    /// Control points (n, 3) of each rope's uniform cubic B-spline, metres.
+    #[getter]
+    fn controls<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
+        self.fit.curves.iter().map(|curve| points_array(py, curve.control.clone())).collect()
+    }
+
+    /// Nodes (M, 3) of each rope, half a radius apart, metres.
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Vec<PointsArray<'py>>> {
+        self.fit.nodes.iter().map(|nodes| points_array(py, nodes.clone())).collect()
+    }
+
+    /// Covariances (M, 3, 3) of each rope's nodes, m²; empty without `uncertainty`.
+    #[getter]
+    fn covariances<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
+        let flat = |c: &Vec<[Point; 3]>| PyArray1::from_vec(py, c.concat().concat()).reshape([c.len(), 3, 3]);
+        self.fit.covariances.iter().map(flat).collect()
+    }
+
+    /// (V, 6) What corrects each camera's frame: rotation vector, radians, and translation, metres.
+    #[getter]
+    fn corrections<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        PyArray1::from_vec(py, self.fit.corrections.concat()).reshape([self.fit.corrections.len(), 6])
+    }
+
+    /// The view that it began in.
+    #[getter]
+    fn reference(&self) -> usize {
+        self.reference
+    }
+
+    /// The depth's noise about a smooth rope, radii.
+    #[getter]
+    fn noise(&self) -> f64 {
+        self.noise
+    }
+
+    /// Standard deviation of depth about the curves and the stretch of rope over which it is alike, radii; None if too
+    /// little is seen.
+    #[getter]
+    fn scatter(&self) -> Option<(f64, f64)> {
+        self.fit.depth.map(|depth| (depth.sd, depth.length))
+    }
+
+    /// Standard deviation of the masks' edges about the outline, pixels; None if too little is seen.
+    #[getter]
+    fn lateral(&self) -> Option<f64> {
+        self.fit.lateral
+    }
+
+    /// (V,) How much too far away each view sees the ropes, radii.
+    #[getter]
+    fn biases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.fit.biases.iter().map(|bias| -bias))
+    }
+
+    /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's
+    /// residuals and how many independent ones there are; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
+    #[getter]
+    fn misfit(&self) -> [f64; 6] {
+        let m = self.fit.misfit;
+        [m.uncovered, m.outside, m.depth, m.depths, m.bend, m.change]
+    }
+
+    /// Crossings in the view that it began in: where, world frame, metres, and how much more the opposite order costs.
+    #[getter]
+    fn crossings(&self) -> Vec<(Point, f64)> {
+        let place = |on: OnChain| {
+            let nodes = &self.fit.nodes[on.chain];
+            nodes[(on.share * (nodes.len() - 1) as f64).round() as usize]
+        };
+        self.pairs
+            .iter()
+            .zip(&self.margins)
+            .filter_map(|(pairs, &margin)| Some((place(pairs.get(pairs.len() / 2)?[0]), margin)))
+            .collect()
+    }
+}
