@@ -42,7 +42,7 @@ _ALONG = 2
 # noise that is left at least, radii, as ropes are not quite round nor their poses exact
 _LEAST = 0.2
 # views that are read, readings of each, and how much more than the best one may cost
-_VIEWS, _READINGS, _MORE = 3, 20, 40.0
+_VIEWS, _READINGS, _MORE = 3, 12, 40.0
 # explanations that are fitted once more, and of those the ones whose ends are looked for
 _AGAIN, _ENDS = 10, 3
 # each radius of rope that runs within another strand, whose axis is nearer than this, and nodes of a rope

@@ -97,11 +97,14 @@ def joined_to(ropes: int, priced: Priced, chain_of: Sequence[int]) -> list[Pair]
         The joins that cost least together, none of which closes a ring. There may be too few.
     """
     wanted = len({number for number in chain_of if number >= 0}) - ropes
-    more: list[Pair] = []
-    while wanted > 0 and not more:
-        more = _cheapest(priced, chain_of, wanted)
-        wanted -= 1
-    return more
+    first = _greedy(priced, chain_of, wanted)
+    while wanted > 0:
+        more, all_tried = _cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
+        if more:
+            return more
+        # how many there can be is not known if not all were tried, but so many there are
+        wanted = wanted - 1 if all_tried else min(wanted - 1, len(first))
+    return []
 
 
 def joined_most(priced: Priced, arcs: int) -> list[Pair]:
@@ -114,9 +117,40 @@ def joined_most(priced: Priced, arcs: int) -> list[Pair]:
     return sorted((min(pair), max(pair)) for pair in more)
 
 
-def _cheapest(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
-    """Return the `wanted` pairs, cheaper ones first, that cost least together and always join two chains."""
+def _greedy(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
+    """Return pairs that always join two chains, each the cheapest that is left, at most `wanted`."""
+    group = {number: number for number in chain_of}
+    chosen: list[Pair] = []
+    taken: set[int] = set()
+    for _, i, j in priced:
+        if len(chosen) >= wanted:
+            break
+        a, b = group[chain_of[i // 2]], group[chain_of[j // 2]]
+        if a != b and i not in taken and j not in taken:
+            chosen.append((i, j))
+            taken |= {i, j}
+            group = {chain: a if number == b else number for chain, number in group.items()}
+    return chosen
+
+
+def _cheapest(
+    priced: Priced, chain_of: Sequence[int], wanted: int, known: Sequence[Pair]
+) -> tuple[list[Pair], bool]:
+    """Return the `wanted` pairs that cost least together and always join two chains, and if all were tried.
+
+    Parameters
+    ----------
+    priced : sequence of (float, int, int)
+        The cheapest first.
+    chain_of : sequence of int
+    wanted : int
+    known : sequence of (int, int)
+        So many pairs, if they are known.
+    """
+    price = {(i, j): cost for cost, i, j in priced}
     best: tuple[float, list[Pair]] = (np.inf, [])
+    if known:
+        best = sum(price[pair] for pair in known), list(known)
     ways = 0
 
     def search(first: int, chosen: list[Pair], cost: float, group: dict[int, int]) -> None:
@@ -129,7 +163,7 @@ def _cheapest(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair
             more, i, j = priced[k]
             ways += 1
             # what is to come is not cheaper
-            if cost + left * more >= best[0] or (ways > _WAYS and best[1]):
+            if cost + left * more >= best[0] or ways > _WAYS:
                 return
             a, b = group[chain_of[i // 2]], group[chain_of[j // 2]]
             if a == b or any(end in pair for pair in chosen for end in (i, j)):
@@ -138,4 +172,4 @@ def _cheapest(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair
             search(k + 1, [*chosen, (i, j)], cost + more, merged)
 
     search(0, [], 0.0, {number: number for number in chain_of})
-    return [(min(pair), max(pair)) for pair in best[1]]
+    return [(min(pair), max(pair)) for pair in best[1]], ways <= _WAYS

@@ -41,6 +41,17 @@ def costs_of(costs, count, rings):
     return JoinCosts(arcs, costs, rings)
 
 
+def test_as_many_chains_are_joined_as_can_be_without_trying_all_ways():
+    # two bunches of chains with nothing that joins one to the other
+    rng = np.random.default_rng(1)
+    bunches = [range(0, 28), range(28, 56)]
+    pairs = [(i, j) for ends in bunches for i in ends for j in ends if i // 2 < j // 2]
+    priced = sorted((float(rng.uniform(0, 50)), i, j) for i, j in pairs)
+    found = joined_to(1, priced, list(range(28)))
+    assert len(found) == 26
+    assert len({end for pair in found for end in pair}) == 52
+
+
 def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
     rng = np.random.default_rng(0)
     closing = 0
