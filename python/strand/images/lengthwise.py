@@ -18,9 +18,7 @@ _FINEST = 0.5
 _HIGHEST = 8.0
 
 
-def points_along(
-    image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
-) -> Array:
+def points_along(image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float) -> Array:
     """Return a mask's pixels as points, whose heights are means along the rope.
 
     A rope runs where heights change least: across the strongest direction of the structure tensor (Förstner

@@ -48,21 +48,23 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
     if not len(normals):
         return None
     offsets = (normals * corners).sum(axis=1)
-    # a part of the points tells planes apart
-    x, y, z = points[::_EACH].T
-    away = normals[:, :1] * x + normals[:, 1:2] * y + normals[:, 2:] * z - offsets[:, None]
-    near = np.abs(away, out=away) < _SCATTER * radius
-    best = int(np.count_nonzero(near, axis=1).argmax())
-    on = np.abs(points @ normals[best] - offsets[best]) < _SCATTER * radius
-    if np.count_nonzero(on) < _SHARE * len(points):
+    # a part of the points tells planes apart; one product for all would wake threads of BLAS
+    some, wide = points[::_EACH].T.copy(), _SCATTER * radius
+    on = [
+        np.count_nonzero(np.abs(normal @ some - offset) < wide)
+        for normal, offset in zip(normals, offsets, strict=True)
+    ]
+    best = int(np.argmax(on))
+    near = np.abs(points @ normals[best] - offsets[best]) < wide
+    if np.count_nonzero(near) < _SHARE * len(points):
         return None
     for _ in range(3):
-        own = points[on]
+        own = points[near]
         middle = own.mean(axis=0)
         own -= middle
         normal = np.linalg.eigh(own.T @ own)[1][:, 0]
-        on = np.abs((points - middle) @ normal) < _SCATTER * radius
-        if np.count_nonzero(on) < 100:
+        near = np.abs((points - middle) @ normal) < wide
+        if np.count_nonzero(near) < 100:
             return None
     if normal @ (image.pose[:3, 3] - middle) < 0:
         normal = -normal
