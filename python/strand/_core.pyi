@@ -270,6 +270,7 @@ class RopeImages:
         errors: tuple[float | None, float, float, float],
         iterations: SupportsIndex,
     ) -> ImageFit | None: ...
+    def through(self, before: ImageFit, nodes: Sequence[ArrayLike]) -> ImageFit: ...
     def depth_gains(
         self,
         hypotheses: Sequence[tuple[Sequence[ArrayLike], ArrayLike]],

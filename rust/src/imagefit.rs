@@ -6,10 +6,11 @@
 //! polyline of an image its depth and decides what lies on top at crossings, [`fit`] moves splines, poses and a bias of
 //! each view's depth until the tube fills the masks, and says what it leaves unexplained.
 
-use crate::geometry::{RigidMotion, cross, dot, sub};
+use crate::geometry::{RigidMotion, cross, dot, squared_distance, sub};
 use crate::silhouette::Silhouette;
 use crate::spline::Spline;
 use crate::{Pinhole, Point};
+use curves::Curves;
 
 mod band;
 mod cost;
@@ -202,4 +203,39 @@ pub struct ImageFit {
     pub misfit: Misfit,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
+}
+
+impl ImageFit {
+    /// The same of ropes through other nodes, which keeps its covariances from the nearest of its own; and pairs of places
+    /// where they are then. The radius is that of the ropes, metres.
+    pub fn through(
+        &self,
+        nodes: &[Vec<Point>],
+        pairs: &[Vec<[OnChain; 2]>],
+        radius: f64,
+    ) -> (Self, Vec<Vec<[OnChain; 2]>>) {
+        let curves = Curves::through(nodes, radius);
+        let (mut positions, mut tangents) = (Vec::new(), Vec::new());
+        curves.place(&mut positions, &mut tangents);
+        let nodes: Vec<Vec<Point>> =
+            curves.chains.iter().map(|chain| positions[chain.clone()].to_vec()).collect();
+        let nearest = |x: Point, among: &[Point]| {
+            let away = |i: &usize| squared_distance(x, among[*i]);
+            (0..among.len()).min_by(|i, j| away(i).total_cmp(&away(j))).unwrap_or(0)
+        };
+        let covariances = self
+            .covariances
+            .iter()
+            .zip(&self.nodes)
+            .zip(&nodes)
+            .map(|((known, before), now)| now.iter().map(|&x| known[nearest(x, before)]).collect())
+            .collect();
+        let moved = |on: OnChain| {
+            let (before, now) = (&self.nodes[on.chain], &nodes[on.chain]);
+            let place = before[(on.share * (before.len() - 1) as f64).round() as usize];
+            OnChain { share: nearest(place, now) as f64 / (now.len() - 1) as f64, ..on }
+        };
+        let pairs = pairs.iter().map(|pairs| pairs.iter().map(|pair| pair.map(moved)).collect()).collect();
+        (Self { curves: curves.splines(), nodes, covariances, ..self.clone() }, pairs)
+    }
 }

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 
-from strand._core import RopeImages
+from strand._core import ImageFit, RopeImages
 from strand.checks import Array
-from strand.images.comparison import Explanation, Reading
-from strand.images.nodes import corrected_poses
-from strand.images.seen import RopeImage
 from strand.polyline import path_length
 
 # how far along the rope ends are looked for, and in which steps, radii; nodes that say where it goes there
 _REACH, _STEP, _AHEAD = 3.0, 0.375, 4
+# ends are led on from so much before them, radii, and may fall to the table this steeply
+_FROM, _FALLS = (0.0, 1.5, 3.0), (0.0, 0.4)
+# noise that is left at least, radii, as ropes are not quite round nor their poses exact
+_LEAST = 0.2
+
+
+def mean_noise(scatter: float, side: int, radius: float) -> float:
+    """Return the standard deviation of means of so many pixels a side, and of ropes about tubes, metres."""
+    return max(scatter / side, _LEAST * radius)
 
 
 def ends_moved(
-    images: RopeImages,
-    taken: Sequence[RopeImage],
-    one: Explanation,
-    table: tuple[Array, float],
-    noise: float,
-    radius: float,
-) -> Reading:
-    """Return the reading of which an explanation's ropes end where depth agrees most.
+    images: RopeImages, fit: ImageFit, table: tuple[Array, float], noise: float, radius: float
+) -> ImageFit:
+    """Return a fit of which the ropes end where the depths of all pixels agree most.
 
     Parameters
     ----------
     images : RopeImages
-    taken : list of RopeImage
-        What they were made of.
-    one : Explanation
+    fit : ImageFit
     table : ((3,) ndarray, float)
         Its unit normal n and n.x, metres.
     noise : float
@@ -43,38 +39,52 @@ def ends_moved(
 
     Returns
     -------
-    Reading
-        Of the same view.
+    ImageFit
+        The same one if all ends are best where they are.
     """
-    chains = list(one.fit.nodes)
-    corrections = one.fit.corrections
+    chains = list(fit.nodes)
     # of ends that depth tells as well, as behind other strands, the one that was found
-    by = sorted(np.arange(-_REACH, _REACH + 0.5 * _STEP, _STEP) * radius, key=abs)
+    steps = np.arange(_STEP, _REACH + 0.5 * _STEP, _STEP) * radius
+    changes = [(0.0, 0.0, 0.0), *((float(step), 0.0, 0.0) for step in steps)]
+    for cut in (part * radius for part in _FROM):
+        changes += [(cut, cut + float(step), fall) for fall in _FALLS for step in steps]
+    moved = False
     for number in range(len(chains)):
         for _ in range(2):
             nodes = chains[number]
-            ways = [_led_on(nodes, float(more)) for more in by]
+            ways = [_changed(nodes, *change, table, radius) for change in changes]
             stem = _stem(nodes, radius)
             rest = [*chains[:number], nodes[:stem], *chains[number + 1 :]]
             ends = [way[stem - 1 :] for way in ways]
-            best = int(np.argmax(images.end_gains(rest, ends, corrections, table, noise)))
+            best = int(np.argmax(images.end_gains(rest, ends, fit.corrections, table, noise)))
+            moved |= best > 0
             # both ends in turn, and back in order
             chains[number] = np.ascontiguousarray(ways[best][::-1])
-    view = one.reading.view
-    pose = corrected_poses([image.pose for image in taken], corrections)[view]
-    image = replace(taken[view], pose=pose)
-    return replace(one.reading, chains=[image.projected(nodes) for nodes in chains])
+    return images.through(fit, chains) if moved else fit
 
 
-def _led_on(nodes: Array, more: float) -> Array:
-    """Return a rope that ends so much further on, metres; negative: sooner, but not before its middle."""
-    if more > 0.0:
-        ahead = nodes[-1] - nodes[-min(_AHEAD, len(nodes))]
-        return np.vstack([nodes, nodes[-1] + more * ahead / np.linalg.norm(ahead)])
+def _changed(
+    nodes: Array, less: float, more: float, fall: float, table: tuple[Array, float], radius: float
+) -> Array:
+    """Return a rope that is cut so much before its end, but not before its middle, and led on, metres.
+
+    Nothing carries what is led on: it does not rise, and may fall until it lies on the table.
+    """
     s = path_length(nodes)
-    length = max(s[-1] + more, 0.5 * s[-1])
-    last = [np.interp(length, s, nodes[:, k]) for k in range(3)]
-    return np.vstack([nodes[s < length], last])
+    if less > 0.0:
+        length = max(s[-1] - less, 0.5 * s[-1])
+        last = [np.interp(length, s, nodes[:, k]) for k in range(3)]
+        nodes = np.vstack([nodes[s < length], last])
+    if more == 0.0:
+        return nodes
+    normal, offset = table
+    ahead = nodes[-1] - nodes[-min(_AHEAD, len(nodes))]
+    ahead /= np.linalg.norm(ahead)
+    ahead -= (max(float(ahead @ normal), 0.0) + fall) * normal
+    added = nodes[-1] + np.arange(_STEP * radius, more + 1e-9, _STEP * radius)[:, None] * ahead
+    above = added @ normal - offset
+    low = min(radius, float(nodes[-1] @ normal) - offset)
+    return np.vstack([nodes, added + np.maximum(low - above, 0.0)[:, None] * normal])
 
 
 def _stem(nodes: Array, radius: float) -> int:

@@ -10,6 +10,7 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
+from strand.images.ends import ends_moved, mean_noise
 from strand.images.errors import Errors, expected_errors, measured_errors, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
 from strand.images.raised import raised
@@ -115,6 +116,10 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             lateral = config.sensor.lateral or measured.lateral
             errors = replace(what.errors, lateral=lateral)
         fit = refitted(what.images, best.fit, what.table, what.held, errors, config)
+        if what.scatter is not None and what.table is not None:
+            # masks do not show ends well there
+            noise = mean_noise(what.scatter, what.averaged, radius)
+            fit = ends_moved(what.images, fit, what.table, noise, radius)
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
     uncertain = doubts(rivals, fit, chains, radius)

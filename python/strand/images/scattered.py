@@ -23,14 +23,16 @@ from strand.images.comparison import (
     likely_readings,
     refitted,
 )
-from strand.images.ends import ends_moved
+from strand.images.ends import ends_moved, mean_noise
 from strand.images.errors import Errors
 from strand.images.lengthwise import points_along
 from strand.images.method import Read
+from strand.images.nodes import corrected_poses
 from strand.images.outlined import averaged, outlined
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
+from strand.polyline import path_length
 from strand.stages import Observed, Run
 from strand.tubes.method import find_chains as find_tubes
 from strand.view import View
@@ -39,12 +41,12 @@ from strand.view import View
 _OUTLINES = 0.5, 0.9, 1.4
 # which of the masks, after that of smoothed heights, are looked at as tubes
 _ALONG = 2
-# noise that is left at least, radii, as ropes are not quite round nor their poses exact
-_LEAST = 0.2
 # views that are read, readings of each, and how much more than the best one may cost
-_VIEWS, _READINGS, _MORE = 3, 12, 40.0
+_VIEWS, _READINGS, _MORE = 3, 8, 40.0
+# ropes are longer than so many radii
+_SHORTEST = 5.0
 # explanations that are fitted once more, and of those the ones whose ends are looked for
-_AGAIN, _ENDS = 10, 3
+_AGAIN, _ENDS, _ROUNDS = 10, 4, 2
 # each radius of rope that runs within another strand, whose axis is nearer than this, and nodes of a rope
 # that are no other strand's; they are half a radius apart
 _THROUGH, _INSIDE, _OWN = 2.0, 1.3, 12
@@ -79,6 +81,9 @@ class _Scene:
     def again(self, images: RopeImages, one: Explanation) -> Explanation:
         fit = refitted(images, one.fit, self.table, self.held, self.errors, self.config)
         return replace(one, fit=fit)
+
+    def with_ends(self, images: RopeImages, one: Explanation) -> Explanation:
+        return replace(one, fit=ends_moved(images, one.fit, self.table, self.noise, self.radius))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +129,7 @@ def read_scattered(
             raise NotEnoughDataError("views: their depths scatter too widely to tell a rope without a table")
         coarse = [averaged(image, radius) for image in whole]
         side = float(np.median([side for _, side in coarse]))
-        noise = max(scatter / side, _LEAST * radius)
+        noise = mean_noise(scatter, round(side), radius)
         first = raised([image for image, _ in coarse], table, observed.bounds, radius)
         outlines = [outlined(image, table, observed.bounds, radius, noise, _OUTLINES) for image in first]
         masked = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
@@ -164,6 +169,15 @@ def read_scattered(
     return Read(images, table, held, explanations, taken, scene.errors, round(side), scatter)
 
 
+def _without_bits(found: Sequence[_Candidate], radius: float) -> list[_Candidate]:
+    """Leave out what has ropes too short for any, which noise makes too, unless there is nothing else."""
+
+    def shortest(each: _Candidate) -> float:
+        return min(float(path_length(nodes)[-1]) for nodes in each.one.fit.nodes)
+
+    return [each for each in found if shortest(each) > _SHORTEST * radius] or list(found)
+
+
 def _tubes(
     observed: Observed, taken: Sequence[RopeImage], table: tuple[Array, float], config: Config
 ) -> list[Array]:
@@ -183,7 +197,7 @@ def _tubes(
 
 def _best(
     scene: _Scene,
-    known: Sequence[tuple[RopeImages, list[RopeImage]]],
+    known: list[tuple[RopeImages, list[RopeImage]]],
     readings: Sequence[Sequence[Reading]],
 ) -> list[_Candidate]:
     """Fit readings of all masks; return those that depth agrees with most, fitted once more, best first."""
@@ -192,6 +206,7 @@ def _best(
         several = scene.fitted(images, read)
         gains = scene.gains(images, several)
         found += [_Candidate(gain, one, masks) for gain, one in zip(gains, several, strict=True)]
+    found = _without_bits(found, scene.radius)
     found.sort(key=lambda each: -each.gain)
     again = []
     for each in found[:_AGAIN]:
@@ -199,15 +214,29 @@ def _best(
         one = scene.again(images, each.one)
         again.append(_Candidate(scene.gains(images, [one])[0], one, each.masks))
     again.sort(key=lambda each: -each.gain)
-    for place, each in enumerate(again[:_ENDS]):
-        images, taken = known[each.masks]
-        reading = ends_moved(images, taken, each.one, scene.table, scene.noise, scene.radius)
-        for one in scene.fitted(images, [reading]):
-            one = scene.again(images, one)
-            gain = scene.gains(images, [one])[0]
-            if gain > again[place].gain:
-                again[place] = _Candidate(gain, one, each.masks)
-    return sorted(again, key=lambda each: -each.gain)
+    for place in range(min(_ENDS, len(again))):
+        images, taken = known[again[place].masks]
+        for _ in range(_ROUNDS):
+            one = scene.with_ends(images, again[place].one)
+            found = [one, *_fitted_again(scene, images, taken, one)]
+            gains = scene.gains(images, found)
+            if max(gains) <= again[place].gain:
+                break
+            best = int(np.argmax(gains))
+            again[place] = _Candidate(gains[best], found[best], again[place].masks)
+    return sorted(_without_bits(again, scene.radius), key=lambda each: -each.gain)
+
+
+def _fitted_again(
+    scene: _Scene, images: RopeImages, taken: Sequence[RopeImage], one: Explanation
+) -> list[Explanation]:
+    """Fit an explanation once more from where its view sees the ropes, and look for their ends."""
+    view = one.reading.view
+    poses = corrected_poses([image.pose for image in taken], one.fit.corrections)
+    image = replace(taken[view], pose=poses[view])
+    reading = replace(one.reading, chains=[image.projected(nodes) for nodes in one.fit.nodes])
+    again = [scene.again(images, each) for each in scene.fitted(images, [reading])]
+    return [scene.with_ends(images, each) for each in again]
 
 
 def _within(chains: Sequence[Array], radius: float) -> float:

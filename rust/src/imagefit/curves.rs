@@ -107,6 +107,16 @@ impl Curves {
         self.chains.iter().flat_map(|chain| [chain.start, chain.end - 1])
     }
 
+    /// The samples in the ends' caps, each with the last one of its chain before the cap.
+    pub fn caps(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.chains.iter().flat_map(|chain| {
+            let free = |&i: &usize| !self.samples[i].capped;
+            let first = chain.clone().find(free).unwrap_or(chain.start);
+            let last = chain.clone().rfind(free).unwrap_or(chain.end - 1);
+            (chain.start..first).map(move |i| (i, first)).chain((last + 1..chain.end).map(move |i| (i, last)))
+        })
+    }
+
     /// Where the samples are, and unit vectors along the rope.
     pub fn place(&self, positions: &mut Vec<Point>, tangents: &mut Vec<Point>) {
         positions.clear();

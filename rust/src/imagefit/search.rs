@@ -23,6 +23,10 @@ const ORDER: f64 = 6.0;
 /// Weight with which a rope rests on the table, for each radius of length, and how far above it loses its hold, radii.
 const REST: f64 = 2.0;
 const NEAR: f64 = 0.5;
+/// Weight with which an end that nothing carries does not rise, for each radius of length.
+const FALL: f64 = 4.0;
+/// How high an axis is that another strand carries, radii.
+const CARRIED: f64 = 3.0;
 /// How many pairs of a crossing count in full.
 const PAIRS: f64 = 6.0;
 /// The longest step of a control point, radii, and one after which nothing changes.
@@ -212,7 +216,7 @@ impl State<'_> {
         (matrix, band, border)
     }
 
-    /// Nothing lies below the table, and what is near it rests on it.
+    /// Nothing lies below the table, and what is near it rests on it. Ends rise no higher than what leads to them.
     fn add_table(&mut self) {
         let Some(plane) = self.plane else { return };
         for (i, &x) in self.positions.iter().enumerate() {
@@ -222,6 +226,14 @@ impl State<'_> {
             let by = plane.normal.map(|n| n / self.radius);
             let t = self.tangents[i];
             self.sums.add_place(i, advance(by, -dot(by, t), t), e, weight * STEP);
+        }
+        for (i, from) in self.curves.caps() {
+            let [end, inner] = [i, from].map(|i| plane.height(self.positions[i]) / self.radius);
+            // a strand of one table may carry it
+            let e = end - inner.max(CARRIED);
+            if e > 0.0 {
+                self.sums.add_place(i, plane.normal.map(|n| n / self.radius), e, FALL * STEP);
+            }
         }
     }
 

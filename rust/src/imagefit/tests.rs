@@ -169,6 +169,40 @@ fn the_upper_strand_is_on_top_and_both_keep_apart() {
 }
 
 #[test]
+fn a_fit_through_other_nodes_keeps_what_it_knows() {
+    let ropes = [Rope::straight(0.004), Rope::over(0.004)];
+    let image = view(&ropes, [0.0, -0.05, 0.5], 0.1);
+    let view = image.rope_view();
+    let lifted = lift(&view, &drawn(&view, &ropes), 0.004, Some(TABLE), &Sensor::DEFAULT).unwrap();
+    let pairs = pairs(&lifted);
+    let before =
+        fit(&[view], &lifted.nodes, 0.004, Some(TABLE), &pairs, &Sensor::DEFAULT, &options(lifted.sigma))
+            .unwrap();
+    let mut nodes = before.nodes.clone();
+    nodes[1].drain(..10);
+    let (now, moved) = before.through(&nodes, &pairs, 0.004);
+    for (nodes, wanted) in now.nodes.iter().zip(&nodes) {
+        for (end, wanted) in [(nodes.first(), wanted.first()), (nodes.last(), wanted.last())] {
+            assert!(squared_distance(*end.unwrap(), *wanted.unwrap()).sqrt() < 0.1 * 0.004);
+        }
+    }
+    let place = |fit: &ImageFit, on: OnChain| {
+        let nodes = &fit.nodes[on.chain];
+        nodes[(on.share * (nodes.len() - 1) as f64).round() as usize]
+    };
+    let both = pairs.iter().flatten().flatten().zip(moved.iter().flatten().flatten());
+    assert!(both.clone().count() > 4);
+    for (was, is) in both {
+        assert!(squared_distance(place(&before, *was), place(&now, *is)).sqrt() < 0.3 * 0.004);
+    }
+    // of the rope that is shorter, each node has the covariance of the one that was there
+    assert_eq!(now.covariances[1].len(), now.nodes[1].len());
+    assert_eq!(now.covariances[1].last(), before.covariances[1].last());
+    assert_eq!(now.covariances[1][0], before.covariances[1][10]);
+    assert_eq!((now.misfit, now.corrections), (before.misfit, before.corrections));
+}
+
+#[test]
 fn a_wrong_pose_is_put_right() {
     let rope = Rope::bent(0.004);
     let truth = view(std::slice::from_ref(&rope), [0.0, 0.0, 0.5], 0.0);

@@ -270,6 +270,33 @@ impl RopeImages {
         })
     }
 
+    /// A fit whose ropes run through other nodes; everything else is as it was.
+    ///
+    /// Parameters
+    /// ----------
+    /// before : ImageFit
+    /// nodes : sequence of (M, 3) ndarray
+    ///     As many ropes, world frame, metres.
+    ///
+    /// Returns
+    /// -------
+    /// ImageFit
+    fn through(&self, before: &ImageFit, nodes: Vec<Bound<'_, PyAny>>) -> PyResult<ImageFit> {
+        require_same_length("nodes", nodes.len(), before.fit.nodes.len())?;
+        let nodes = nodes_of("nodes", &nodes)?;
+        if nodes.iter().any(|nodes| nodes.len() < 2) {
+            return Err(PyValueError::new_err("nodes: expected two of each rope at least"));
+        }
+        let (fit, pairs) = before.fit.through(&nodes, &before.pairs, self.radius);
+        Ok(ImageFit {
+            fit,
+            pairs,
+            reference: before.reference,
+            noise: before.noise,
+            margins: before.margins.clone(),
+        })
+    }
+
     /// How much better depth agrees with ropes on a plane than with the bare plane.
     ///
     /// Parameters

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import strand
+from strand.images.lengthwise import points_along
 from strand.images.outlined import averaged, outlined
 from strand.images.raised import raised
 from strand.images.scattered import _within
-from strand.images.seen import rope_images
+from strand.images.seen import pixels_of, rope_images
 from strand.images.table import table_plane
 from strand.synthetic import scene
 
@@ -22,9 +23,20 @@ def noisy(name, relative, **options):
     return scene(name, radius=RADIUS, noise=relative * RADIUS, **options)
 
 
+def image_of(made):
+    (image,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    return image
+
+
 @pytest.mark.parametrize(
     ("name", "relative", "views", "seed"),
-    [("loop", 0.8, 1, 1), ("figure8", 0.7, 3, 2), ("overhand", 0.6, 3, 3), ("straight", 0.9, 2, 4)],
+    [
+        ("loop", 0.8, 1, 1),
+        ("figure8", 0.7, 3, 2),
+        ("overhand", 0.6, 3, 3),
+        ("straight", 0.9, 2, 4),
+        ("coil", 0.7, 3, 5),
+    ],
 )
 def test_ropes_are_right_in_wide_noise(name, relative, views, seed, measure):
     made = noisy(name, relative, views=views, seed=seed)
@@ -32,10 +44,35 @@ def test_ropes_are_right_in_wide_noise(name, relative, views, seed, measure):
     assert measure(model, made.truth, made.radius).right
 
 
+@pytest.mark.parametrize(("past", "views", "seed"), [(1.0, 1, 0), (1.0, 2, 0), (2.0, 2, 1)])
+def test_an_end_on_another_strand_is_found_in_wide_noise(past, views, seed, measure):
+    """It neither rises where nothing carries it nor stops at the strand."""
+    s, t = np.linspace(-25.0, past, 200), np.linspace(-25.0, 25.0, 200)
+    upper = np.stack([0.0 * s, s, 1.0 + 2.15 * np.exp(-((s / 3.0) ** 2))], axis=1)
+    lower = np.stack([t, 2.0 * np.sin(t / 12.0), np.ones_like(t)], axis=1)
+    chains = [RADIUS * upper, RADIUS * lower]
+    made = scene(chains=chains, radius=RADIUS, noise=0.75 * RADIUS, views=views, seed=seed)
+    model = strand.reconstruct(made.views, made.radius, made.bounds)
+    assert measure(model, made.truth, made.radius).right
+
+
+def test_means_along_a_rope_leave_little_of_the_noise():
+    made, clear = (noisy("figure8", relative, views=1, seed=9) for relative in (0.8, 0.0))
+    true = image_of(clear)
+    image = dataclasses.replace(image_of(made), mask=true.mask)
+    table = table_plane([image], 0, RADIUS)
+    points = points_along(image, table, made.bounds, RADIUS)
+    rows, columns = pixels_of(points, made.views[0].image)
+    assert np.count_nonzero(true.mask) == len(points)
+    errors = points[:, 2] - true.depth[rows, columns]
+    single = image.depth[rows, columns] - true.depth[rows, columns]
+    assert np.std(single) > 0.7 * RADIUS
+    assert np.std(errors) < 0.5 * np.std(single)
+
+
 def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     made, clear = (noisy("figure8", relative, views=1, seed=5) for relative in (0.8, 0.0))
-    (true,) = rope_images([view.crop(clear.bounds) for view in clear.views], clear.views, clear.bounds)
-    (image,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    true, image = image_of(clear), image_of(made)
     table = table_plane([image], 0, RADIUS)
     (smoothed,) = raised([image], table, made.bounds, RADIUS)
     (found,) = outlined(smoothed, table, made.bounds, RADIUS, made.noise, [0.9])
