@@ -79,16 +79,16 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return _accepted(tubes, tubes_run, run)
     images_run = Run(run.progress, run.timings)
     if scatter > _WIDE:
-        ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
+        open_ones = tubes is not None and not any(chain.closed for chain in tubes.chains)
+        ropes = [chain.points for chain in tubes.chains] if tubes is not None and open_ones else []
         try:
             what = read_scattered(observed, config, images_run, scatter * radius, ropes)
         except NotEnoughDataError:
             if tubes is None:
                 raise
             return _accepted(tubes, tubes_run, run)
-        best = what.explanations[0].fit
-        misread = best.noise > scatter + _MISREAD
-        if tubes is not None and (misread or _alike(best.nodes, ropes, radius)):
+        same = _alike(what.explanations[0].fit.nodes, ropes, radius)
+        if tubes is not None and (same or _misread(what, scatter)):
             return _accepted(tubes, tubes_run, run)
         return _accepted(answer(what, observed, config, images_run), images_run, run)
     try:
@@ -98,14 +98,18 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
             raise
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
-        # medians scatter less than single depths, unless the images are read wrong too
-        if what.explanations[0].fit.noise > scatter + _MISREAD:
+        if _misread(what, scatter):
             return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
     found = answer(what, observed, config, images_run)
     if not _certain(found):
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     return _accepted(found, images_run, run)
+
+
+def _misread(what: Read, scatter: float) -> bool:
+    """Tell whether medians scatter more than single depths: then images are read wrong."""
+    return what.explanations[0].fit.noise > scatter + _MISREAD
 
 
 def _images_first(observed: Observed, config: Config, run: Run) -> Found:
@@ -130,7 +134,7 @@ def _scatter(observed: Observed) -> float:
     for view, whole in zip(observed.views, observed.whole, strict=True):
         if whole.image is None:
             return 0.0
-        z = np.where((whole.image.depth > 0) & np.isfinite(whole.image.depth), whole.image.depth, np.nan)
+        z = np.where(whole.image.depth > 0, whole.image.depth, np.nan)
         # slopes cancel in second differences
         scatter = _spread(z[::_EVERY, :-2] - 2.0 * z[::_EVERY, 1:-1] + z[::_EVERY, 2:])
         if scatter > 0.0:

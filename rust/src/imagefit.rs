@@ -206,8 +206,8 @@ pub struct ImageFit {
 }
 
 impl ImageFit {
-    /// The same of ropes through other nodes, which keeps its covariances from the nearest of its own; and pairs of places
-    /// where they are then. The radius is that of the ropes, metres.
+    /// The same of ropes through other nodes, with covariances of the nearest of its own; and the pairs of places where they
+    /// are then, without those that are no longer on the ropes. The radius is that of the ropes, metres.
     pub fn through(
         &self,
         nodes: &[Vec<Point>],
@@ -233,9 +233,12 @@ impl ImageFit {
         let moved = |on: OnChain| {
             let (before, now) = (&self.nodes[on.chain], &nodes[on.chain]);
             let place = before[(on.share * (before.len() - 1) as f64).round() as usize];
-            OnChain { share: nearest(place, now) as f64 / (now.len() - 1) as f64, ..on }
+            let i = nearest(place, now);
+            let still = squared_distance(place, now[i]) < radius * radius;
+            still.then_some(OnChain { share: i as f64 / (now.len() - 1) as f64, ..on })
         };
-        let pairs = pairs.iter().map(|pairs| pairs.iter().map(|pair| pair.map(moved)).collect()).collect();
+        let both = |&[upper, lower]: &[OnChain; 2]| Some([moved(upper)?, moved(lower)?]);
+        let pairs = pairs.iter().map(|pairs| pairs.iter().filter_map(both).collect()).collect();
         (Self { curves: curves.splines(), nodes, covariances, ..self.clone() }, pairs)
     }
 }

@@ -12,13 +12,8 @@ from strand.polyline import path_length
 _REACH, _STEP, _AHEAD = 3.0, 0.375, 4
 # ends are led on from so much before them, radii, and may fall to the table this steeply
 _FROM, _FALLS = (0.0, 1.5, 3.0), (0.0, 0.4)
-# noise that is left at least, radii, as ropes are not quite round nor their poses exact
-_LEAST = 0.2
-
-
-def mean_noise(scatter: float, side: int, radius: float) -> float:
-    """Return the standard deviation of means of so many pixels a side, and of ropes about tubes, metres."""
-    return max(scatter / side, _LEAST * radius)
+# directions of which less than this is left point nowhere
+_STEEP = 0.1
 
 
 def ends_moved(
@@ -43,7 +38,6 @@ def ends_moved(
         The same one if all ends are best where they are.
     """
     chains = list(fit.nodes)
-    # of ends that depth tells as well, as behind other strands, the one that was found
     steps = np.arange(_STEP, _REACH + 0.5 * _STEP, _STEP) * radius
     changes = [(0.0, 0.0, 0.0), *((float(step), 0.0, 0.0) for step in steps)]
     for cut in (part * radius for part in _FROM):
@@ -56,6 +50,7 @@ def ends_moved(
             stem = _stem(nodes, radius)
             rest = [*chains[:number], nodes[:stem], *chains[number + 1 :]]
             ends = [way[stem - 1 :] for way in ways]
+            # of ends that depth tells as well, as behind other strands, the one that was found
             best = int(np.argmax(images.end_gains(rest, ends, fit.corrections, table, noise)))
             moved |= best > 0
             # both ends in turn, and back in order
@@ -64,27 +59,38 @@ def ends_moved(
 
 
 def _changed(
-    nodes: Array, less: float, more: float, fall: float, table: tuple[Array, float], radius: float
+    nodes: Array, cut: float, added: float, slope: float, table: tuple[Array, float], radius: float
 ) -> Array:
-    """Return a rope that is cut so much before its end, but not before its middle, and led on, metres.
+    """Return a rope that is cut before its end, but not before its middle, and led on from there.
 
     Nothing carries what is led on: it does not rise, and may fall until it lies on the table.
+
+    Parameters
+    ----------
+    nodes : (M, 3) ndarray
+    cut, added : float
+        How much is taken away, and then added, metres.
+    slope : float
+        By how much it falls for each length that it goes on.
+    table : ((3,) ndarray, float)
+    radius : float
+        Metres.
     """
     s = path_length(nodes)
-    if less > 0.0:
-        length = max(s[-1] - less, 0.5 * s[-1])
+    if cut > 0.0:
+        length = max(s[-1] - cut, 0.5 * s[-1])
         last = [np.interp(length, s, nodes[:, k]) for k in range(3)]
         nodes = np.vstack([nodes[s < length], last])
-    if more == 0.0:
-        return nodes
     normal, offset = table
     ahead = nodes[-1] - nodes[-min(_AHEAD, len(nodes))]
-    ahead /= np.linalg.norm(ahead)
-    ahead -= (max(float(ahead @ normal), 0.0) + fall) * normal
-    added = nodes[-1] + np.arange(_STEP * radius, more + 1e-9, _STEP * radius)[:, None] * ahead
-    above = added @ normal - offset
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-12)
+    ahead -= (max(float(ahead @ normal), 0.0) + slope) * normal
+    if added == 0.0 or np.linalg.norm(ahead) < slope + _STEEP:
+        return nodes
+    more = nodes[-1] + np.arange(_STEP * radius, added + 1e-9, _STEP * radius)[:, None] * ahead
+    above = more @ normal - offset
     low = min(radius, float(nodes[-1] @ normal) - offset)
-    return np.vstack([nodes, added + np.maximum(low - above, 0.0)[:, None] * normal])
+    return np.vstack([nodes, more + np.maximum(low - above, 0.0)[:, None] * normal])
 
 
 def _stem(nodes: Array, radius: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
@@ -43,16 +44,18 @@ def points_along(image: RopeImage, table: tuple[Array, float], bounds: Bounds | 
     above, seen, across = heights(image, table, bounds, radius)
     counted = np.where(seen, np.clip(above, LOWEST * radius, _HIGHEST * radius) / radius, 0.0)
     own = seen & image.mask
+    if not own.any():
+        return np.empty((0, 3))
     rows, columns = np.nonzero(own)
 
-    def mean(values: Array, deviation: float) -> Array:
+    def mean(values: Array | NDArray[np.bool_], deviation: float) -> Array:
         return np.asarray(
             _core.convolved(values.astype(np.float32), gaussian(max(deviation * across, _FINEST))), float
         )
 
     smooth = mean(counted, _SLOPE) / np.maximum(mean(seen, _SLOPE), 1e-6)
     down, aside = np.gradient(smooth)
-    squares = [mean(each, _COURSE)[rows, columns] for each in (aside**2, down**2, aside * down)]
+    squares = [mean(np.asarray(each), _COURSE)[rows, columns] for each in (aside**2, down**2, aside * down)]
     angle = 0.5 * np.arctan2(2.0 * squares[2], squares[0] - squares[1]) + 0.5 * np.pi
     sums, weights = mean(np.where(own, counted, 0.0), _ACROSS), mean(own, _ACROSS)
     deviation = (_ALONG**2 - _ACROSS**2) ** 0.5 * across

@@ -10,9 +10,10 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
-from strand.images.ends import ends_moved, mean_noise
+from strand.images.ends import ends_moved
 from strand.images.errors import Errors, expected_errors, measured_errors, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
+from strand.images.outlined import mean_noise
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane

@@ -17,6 +17,8 @@ from strand.images.seen import RopeImage
 _FINE = 3.0
 # ropes are this much above their table where they begin, radii, and heights count only up to there
 _EDGE, _HIGHEST = 0.6, 4.0
+# noise that is left at least, radii, as ropes are not quite round nor their poses exact
+_LEAST = 0.2
 # steps of the search for an outline
 _STEPS = 80
 # around what stands out in the smoothed image: radii, and pixels more
@@ -62,6 +64,11 @@ def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
         image.pose,
     )
     return coarse, side
+
+
+def mean_noise(scatter: float, side: int, radius: float) -> float:
+    """Return the standard deviation of means of so many pixels a side, and of ropes about tubes, metres."""
+    return max(scatter / side, _LEAST * radius)
 
 
 def outlined(

@@ -18,7 +18,8 @@ from strand.view import cropped, masked
 LOWEST = -2.0
 """Single heights count only above this, radii."""
 
-# and below this; the smoothing's standard deviation, and where a rope's edge is: at half of its mean height
+# and only below this; the smoothing's standard deviation, and where a rope's edge is: at half of its mean
+# height; radii
 _HIGHEST, _SMOOTH, _EDGE = 4.0, 0.45, 0.85
 # share of the smoothed pixels that must have depth
 _SEEN = 0.3

@@ -23,12 +23,12 @@ from strand.images.comparison import (
     likely_readings,
     refitted,
 )
-from strand.images.ends import ends_moved, mean_noise
+from strand.images.ends import ends_moved
 from strand.images.errors import Errors
 from strand.images.lengthwise import points_along
 from strand.images.method import Read
 from strand.images.nodes import corrected_poses
-from strand.images.outlined import averaged, outlined
+from strand.images.outlined import averaged, mean_noise, outlined
 from strand.images.raised import raised
 from strand.images.seen import RopeImage, prepared, rope_images
 from strand.images.table import table_plane
@@ -39,8 +39,8 @@ from strand.view import View
 
 # weights of the outline's length, one for each mask
 _OUTLINES = 0.5, 0.9, 1.4
-# which of the masks, after that of smoothed heights, are looked at as tubes
-_ALONG = 2
+# which of the masks is looked at as tubes; the first is that of smoothed heights
+_TUBES = 2
 # views that are read, readings of each, and how much more than the best one may cost
 _VIEWS, _READINGS, _MORE = 3, 8, 40.0
 # ropes are longer than so many radii
@@ -143,7 +143,7 @@ def read_scattered(
             for images, _ in known
         ]
     with run.stage("arcs"):
-        tubes = _tubes(observed, masked[_ALONG], table, config)
+        tubes = _tubes(observed, masked[_TUBES], table, config)
     for ropes in (others, tubes):
         if ropes:
             found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
@@ -184,6 +184,8 @@ def _tubes(
     """Return ropes found as tubes in means along them, none if there are none."""
     radius = float(observed.radii.values[0])
     views = [View(points_along(image, table, observed.bounds, radius), image.pose) for image in taken]
+    if not all(len(view.points) for view in views):
+        return []
     bounds = observed.bounds
     if bounds is not None:
         bounds = bounds[0] - radius, bounds[1] + radius
@@ -192,7 +194,8 @@ def _tubes(
         found = find_tubes(smooth, replace(config, sensor=None), Run(None))
     except NotEnoughDataError:
         return []
-    return [chain.points for chain in found.chains]
+    # images are read for open ropes
+    return [] if any(chain.closed for chain in found.chains) else [chain.points for chain in found.chains]
 
 
 def _best(
@@ -218,12 +221,12 @@ def _best(
         images, taken = known[again[place].masks]
         for _ in range(_ROUNDS):
             one = scene.with_ends(images, again[place].one)
-            found = [one, *_fitted_again(scene, images, taken, one)]
-            gains = scene.gains(images, found)
+            several = [one, *_fitted_again(scene, images, taken, one)]
+            gains = scene.gains(images, several)
             if max(gains) <= again[place].gain:
                 break
             best = int(np.argmax(gains))
-            again[place] = _Candidate(gains[best], found[best], again[place].masks)
+            again[place] = _Candidate(gains[best], several[best], again[place].masks)
     return sorted(_without_bits(again, scene.radius), key=lambda each: -each.gain)
 
 

@@ -16,6 +16,8 @@ from strand.tubes.join_costs import JoinCosts
 _UNIT = 1e6
 # so many ways to bridge gaps are compared, and so many to do without rings
 _WAYS, _RINGLESS = 20000, 500
+# of more joins than this the cheapest each are taken
+_MANY = 300
 
 Priced = Sequence[tuple[float, int, int]]
 
@@ -98,6 +100,8 @@ def joined_to(ropes: int, priced: Priced, chain_of: Sequence[int]) -> list[Pair]
     """
     wanted = len({number for number in chain_of if number >= 0}) - ropes
     first = _greedy(priced, chain_of, wanted)
+    if len(first) > _MANY:
+        return [(min(pair), max(pair)) for pair in first]
     while wanted > 0:
         more, all_tried = _cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
         if more:

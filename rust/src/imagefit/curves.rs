@@ -200,6 +200,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn caps_are_followed_from_the_last_sample_before_them() {
+        let radius = 0.004;
+        let straight = |length: f64| -> Vec<Point> {
+            (0..=40).map(|i| [length * radius * f64::from(i) / 40.0, 0.0, radius]).collect()
+        };
+        let curves = Curves::through(&[straight(20.0), straight(2.0)], radius);
+        let caps: Vec<(usize, usize)> = curves.caps().collect();
+        let last = curves.chains[0].end - 1;
+        // three of each end, and of what is all cap none that something leads to
+        assert_eq!(caps[..3], [(0, 3), (1, 3), (2, 3)]);
+        assert_eq!(caps[3..6], [(last - 2, last - 3), (last - 1, last - 3), (last, last - 3)]);
+        assert!(caps[6..].is_empty(), "{caps:?}");
+    }
+
+    #[test]
     fn a_ring_has_its_places_and_its_bending() {
         let (radius, ring) = (0.004, 0.04);
         let nodes: Vec<Point> = (0..=400)

@@ -229,10 +229,11 @@ impl State<'_> {
         }
         for (i, from) in self.curves.caps() {
             let [end, inner] = [i, from].map(|i| plane.height(self.positions[i]) / self.radius);
-            // a strand of one table may carry it
+            // a strand of the table may carry it, and what leads to it from higher up hangs from something else
             let e = end - inner.max(CARRIED);
             if e > 0.0 {
-                self.sums.add_place(i, plane.normal.map(|n| n / self.radius), e, FALL * STEP);
+                let weight = FALL / (1.0 + (inner - CARRIED).max(0.0).powi(2)).powi(2);
+                self.sums.add_place(i, plane.normal.map(|n| n / self.radius), e, weight * STEP);
             }
         }
     }

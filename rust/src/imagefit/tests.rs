@@ -200,6 +200,12 @@ fn a_fit_through_other_nodes_keeps_what_it_knows() {
     assert_eq!(now.covariances[1].last(), before.covariances[1].last());
     assert_eq!(now.covariances[1][0], before.covariances[1][10]);
     assert_eq!((now.misfit, now.corrections), (before.misfit, before.corrections));
+    // a crossing that is cut off is none
+    let beyond = nodes[1].len() / 2 + 8;
+    nodes[1].drain(..beyond);
+    let (_, left) = before.through(&nodes, &pairs, 0.004);
+    assert_eq!(left.len(), pairs.len());
+    assert!(left.iter().all(Vec::is_empty), "{left:?}");
 }
 
 #[test]

@@ -281,13 +281,13 @@ impl RopeImages {
     /// Returns
     /// -------
     /// ImageFit
-    fn through(&self, before: &ImageFit, nodes: Vec<Bound<'_, PyAny>>) -> PyResult<ImageFit> {
+    fn through(&self, py: Python<'_>, before: &ImageFit, nodes: Vec<Bound<'_, PyAny>>) -> PyResult<ImageFit> {
         require_same_length("nodes", nodes.len(), before.fit.nodes.len())?;
         let nodes = nodes_of("nodes", &nodes)?;
         if nodes.iter().any(|nodes| nodes.len() < 2) {
             return Err(PyValueError::new_err("nodes: expected two of each rope at least"));
         }
-        let (fit, pairs) = before.fit.through(&nodes, &before.pairs, self.radius);
+        let (fit, pairs) = py.detach(|| before.fit.through(&nodes, &before.pairs, self.radius));
         Ok(ImageFit {
             fit,
             pairs,
@@ -437,7 +437,12 @@ fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
 /// Ropes' nodes, (M, 3) each.
 fn nodes_of(name: &str, chains: &[Bound<'_, PyAny>]) -> PyResult<Vec<Vec<Point>>> {
     let chains = FloatArray::all(name, chains)?;
-    chains.iter().map(|nodes| Ok(nodes.rows(name, "(M, 3)")?.to_vec())).collect()
+    let nodes: Vec<Vec<Point>> =
+        chains.iter().map(|nodes| Ok(nodes.rows(name, "(M, 3)")?.to_vec())).collect::<PyResult<_>>()?;
+    if nodes.iter().flatten().flatten().any(|x| !x.is_finite()) {
+        return Err(PyValueError::new_err(format!("{name}: expected finite numbers")));
+    }
+    Ok(nodes)
 }
 
 fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {

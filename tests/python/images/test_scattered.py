@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import strand
+from strand.images.ends import _changed
 from strand.images.lengthwise import points_along
 from strand.images.outlined import averaged, outlined
 from strand.images.raised import raised
 from strand.images.scattered import _within
 from strand.images.seen import pixels_of, rope_images
 from strand.images.table import table_plane
+from strand.polyline import path_length
 from strand.synthetic import scene
 
 RADIUS = 0.004
@@ -68,6 +70,38 @@ def test_means_along_a_rope_leave_little_of_the_noise():
     single = image.depth[rows, columns] - true.depth[rows, columns]
     assert np.std(single) > 0.7 * RADIUS
     assert np.std(errors) < 0.5 * np.std(single)
+    assert abs(np.median(errors)) < 0.3 * RADIUS
+
+
+def test_ends_are_cut_and_led_on_along_the_table():
+    table = np.array([0.0, 0.0, 1.0]), 0.0
+    x = np.linspace(0.0, 40.0, 81)
+    rising = RADIUS * np.stack([x, 0.0 * x, 1.0 + 0.2 * np.maximum(x - 35.0, 0.0)], axis=1)
+    cut = _changed(rising, 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
+    assert path_length(rising)[-1] - path_length(cut)[-1] == pytest.approx(3.0 * RADIUS)
+    assert np.array_equal(_changed(rising, 0.0, 0.0, 0.0, table, RADIUS), rising)
+    level = _changed(rising, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS)
+    assert level[-1, 2] == pytest.approx(rising[-1, 2])
+    assert level[-1, 0] - rising[-1, 0] == pytest.approx(3.0 * RADIUS, rel=0.05)
+    falling = _changed(rising, 0.0, 6.0 * RADIUS, 0.4, table, RADIUS)
+    assert falling[-1, 2] == pytest.approx(RADIUS)
+    assert falling[:, 2].min() >= RADIUS - 1e-12
+    # not before its middle
+    short = _changed(rising[:5], 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
+    assert path_length(short)[-1] == pytest.approx(0.5 * path_length(rising[:5])[-1])
+    upright = RADIUS * np.stack([0.0 * x, 0.0 * x, 1.0 + x], axis=1)
+    assert np.array_equal(_changed(upright, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS), upright)
+
+
+def test_a_range_above_the_table_is_no_crash():
+    made = noisy("arc", 0.8, views=2, seed=8)
+    low, high = made.bounds
+    above = np.array([*low[:2], low[2] + 6.0 * RADIUS]), np.array([*high[:2], high[2] + 20.0 * RADIUS])
+    try:
+        model = strand.reconstruct(made.views, made.radius, above)
+    except strand.NotEnoughDataError:
+        return
+    assert model.confidence < 0.5
 
 
 def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():

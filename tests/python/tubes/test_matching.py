@@ -50,6 +50,12 @@ def test_as_many_chains_are_joined_as_can_be_without_trying_all_ways():
     found = joined_to(1, priced, list(range(28)))
     assert len(found) == 26
     assert len({end for pair in found for end in pair}) == 52
+    assert set(found) <= set(pairs)
+    group = list(range(28))
+    for i, j in found:
+        a, b = group[i // 2], group[j // 2]
+        assert a != b
+        group = [a if g == b else g for g in group]
 
 
 def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
