@@ -79,8 +79,7 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return _accepted(tubes, tubes_run, run)
     images_run = Run(run.progress, run.timings)
     if scatter > _WIDE:
-        open_ones = tubes is not None and not any(chain.closed for chain in tubes.chains)
-        ropes = [chain.points for chain in tubes.chains] if tubes is not None and open_ones else []
+        ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
         try:
             what = read_scattered(observed, config, images_run, scatter * radius, ropes)
         except NotEnoughDataError:
