@@ -32,10 +32,14 @@ def intrinsics() -> Array:
     return np.array([[camera["fx"], 0.0, camera["cx"]], [0.0, camera["fy"], camera["cy"]], [0.0, 0.0, 1.0]])
 
 
-def view(name: str) -> strand.View:
-    """The frame's points, turned so that y is up and z towards the camera: a plan of them stands upright."""
+def view(name: str, masked: bool = False) -> strand.View:
+    """The frame, turned so that y is up and z towards the camera: a plan of it stands upright.
+
+    All pixels with depth are rope; masked, a mask says so.
+    """
     pose = strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.0])
-    return strand.View.from_depth(depth(name), intrinsics(), pose)
+    seen = depth(name)
+    return strand.View.from_depth(seen, intrinsics(), pose, mask=seen > 0 if masked else None)
 
 
 def gray(name: str) -> NDArray[np.uint8] | None:

@@ -1,6 +1,6 @@
 """Reconstruct the real frames of a rope between two grippers and draw the chains over what the camera saw.
 
-python benches/real.py [--out DIR] [--frames 0500 0590]
+python benches/real.py [--out DIR] [--frames 0500 0590] [--masks]
 
 The frames are those of benches/frames.py: one view, radius 3.8 mm as the silhouettes show, one rope. The
 picture shows the order along the rope by colour, from the start in blue to the end in yellow, and what only
@@ -60,12 +60,13 @@ def main() -> int:
         default=frames.names(),
         help="(default: all)",
     )
+    parser.add_argument("--masks", action="store_true", help="give the pixels with depth as masks")
     arguments = parser.parse_args()
     lengths = ("length mm", "bridged mm", "median distance from the tube mm")
     print(head("frame", "points", "chains", *lengths, "confidence"))
     models = {}
     for frame in arguments.frames:
-        view = frames.view(frame)
+        view = frames.view(frame, arguments.masks)
         models[frame] = model = strand.reconstruct([view], radius=RADIUS, ropes=1)
         (chain, *_) = model.chains
         off = [abs(chain.nearest(point)[1] - RADIUS) for point in view.world_points]

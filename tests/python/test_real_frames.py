@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import strand
+from strand.view import masked
 
 PUBLISHED = strand.Config.published()
 # where the two grippers hold the rope, and the crossing, in the camera frame; read off the colour images
@@ -55,3 +56,18 @@ def test_a_rope_behind_a_bar_is_followed_from_gripper_to_gripper(frame):
         lengths.append(chain.length)
     # it is the same rope
     assert np.ptp(lengths) < 0.035 * np.mean(lengths)
+
+
+def test_a_mask_of_a_rope_behind_a_bar_leaves_it_as_long_as_it_is(frame):
+    lengths = []
+    for name in ("0091", "0156", "0190", "0285", "0500", "0590"):
+        view = frame(name)
+        seen = masked(view, view.image.depth > 0)
+        (chain,) = strand.reconstruct([seen], radius=0.0038, ropes=1).chains
+        for side in (view.points[:, 0].argmin(), view.points[:, 0].argmax()):
+            gripper = view.points[side, :2]
+            assert min(np.linalg.norm(chain.points[[0, -1], :2] - gripper, axis=1)) < 0.012
+        lengths.append(chain.length)
+    # nor does it double back where the mask is too wide, or leave the rest where nothing shows it
+    assert np.ptp(lengths) < 0.035 * np.mean(lengths)
+    assert abs(np.mean(lengths) - 0.514) < 0.012

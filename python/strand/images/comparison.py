@@ -30,6 +30,8 @@ ROPE = 6.0
 _LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
 # and each change from one label of a mask to another
 _LABEL = 4.0
+# and each radian that a rope turns more than a tube can that does not lie in itself
+_TIGHT = 10.0
 # nodes of fits are so far apart, in radii
 _STEP = 0.5
 # tube outside of masks from which on ropes may bridge gaps
@@ -157,6 +159,7 @@ def explained(
     costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
     costs += ROPE * np.array([len(reading.chains) for reading, _ in pairs])
     costs += [contradiction_of(fit, observed) for _, fit in pairs]
+    costs += [_TIGHT * _too_sharp(fit, float(observed.radii.values[0])) for _, fit in pairs]
     changes = np.array([_label_changes(reading, observed) for reading, _ in pairs])
     if not changes.min():
         # else labels are of pieces, or wrong
@@ -166,6 +169,18 @@ def explained(
         costs += [_seen_through(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
+
+
+def _too_sharp(fit: ImageFit, radius: float) -> float:
+    """Return by how much ropes turn more than with a bend of one radius, radians."""
+    excess = 0.0
+    for nodes in fit.nodes:
+        steps = np.diff(nodes, axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        cosines = (steps[:-1] * steps[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
+        turns = np.arccos(np.clip(cosines, -1.0, 1.0))
+        excess += float(np.maximum(turns - 0.5 * (lengths[:-1] + lengths[1:]) / radius, 0.0).sum())
+    return excess
 
 
 def _label_changes(reading: Reading, observed: Observed) -> int:

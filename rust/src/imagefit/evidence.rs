@@ -173,8 +173,12 @@ impl Seen {
                 continue;
             }
             let e = missing.min(3.0);
+            // across the rope: where it runs on outside of the mask, depth would else turn it aside
             let gradient = silhouette.gradient(self.image[i]);
-            let d = self.by_seen(scene, i, gradient.map(|g| -g / self.radii[i]));
+            let along = self.directions[i];
+            let part = gradient[0] * along[0] + gradient[1] * along[1];
+            let across: Place2 = std::array::from_fn(|k| gradient[k] - part * along[k]);
+            let d = self.by_seen(scene, i, across.map(|g| -g / self.radii[i]));
             let weight = INSIDE_WEIGHT * STEP / e.max(1.0);
             sums.add(i, scene.columns, &self.residual(scene, i, d, e, weight));
         }
