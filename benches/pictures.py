@@ -1,15 +1,17 @@
-"""Pictures of scenes: what a camera saw, the mask, the truth and the answer."""
+"""Pictures of scenes: what a camera saw, the mask, the truth and the answer; curves over how bad they are."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from strand.synthetic import SyntheticScene
 
+SURE = 0.9  # a confidence from which on an answer is said to be sure
 MARGIN = 15  # pixels around the ropes
 TRUTH, MASK, ANSWERS = "#ffffff", "#e45756", ("#222222", "#f58518", "#b279a2", "#54a24b", "#9d755d")
 
@@ -59,3 +61,36 @@ def projected(nodes: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> np
     """(N, 2) Columns and rows at which a camera sees nodes of the world."""
     seen = (nodes - pose[:3, 3]) @ pose[:3, :3] @ intrinsics.T
     return seen[:, :2] / seen[:, 2:]
+
+
+def severity(
+    records: Sequence[dict[str, Any]],
+    kinds: Mapping[str, Any],
+    said: Callable[[Any, float], str],
+    path: Path,
+) -> None:
+    """Draw how many runs are right, sure, and sure and wrong, for each kind over its strengths."""
+    shown = [name for name in kinds if any(r["kind"] == name for r in records)]
+    rows = -(-len(shown) // 6)
+    figure = Figure(figsize=(16, 2.3 * rows), layout="constrained")
+    axes = figure.subplots(rows, 6, squeeze=False, sharey=True).flat
+    for axis, name in zip(axes, shown, strict=False):
+        kind = kinds[name]
+        groups = [[r for r in records if r["kind"] == name and r["strength"] == s] for s in kind.strengths]
+        at = np.arange(len(groups))
+        for label, colour, counts in (
+            ("right", "#4c78a8", lambda r: r["right"]),
+            ("sure", "#222222", lambda r: r["confidence"] >= SURE),
+            ("sure and wrong", "#e45756", lambda r: r["confidence"] >= SURE and not r["right"]),
+        ):
+            values = [100.0 * sum(map(counts, group)) / max(len(group), 1) for group in groups]
+            axis.plot(at, values, "o-", markersize=3, color=colour, label=label)
+        axis.set_xticks(at, [said(kind, strength) for strength in kind.strengths], fontsize=6)
+        axis.set_title(name, fontsize=8)
+        axis.set_ylim(-4, 104)
+    for axis in axes:
+        axis.set_visible(False)
+    figure.axes[0].legend(fontsize=6)
+    figure.supylabel("% of scenes", fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,328 @@
+"""Scenes made worse in one respect at a time: what cameras, stages and callers get wrong.
+
+Each kind has strengths in ascending order of harm. What is perturbed is what the caller gives: images, poses,
+intrinsics, masks, radius, number and length of ropes. The truth stays in the world frame, so that poses or
+depths that are all wrong alike make the answer wrong: a gripper would close beside the rope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand
+from strand.checks import Array
+from strand.pose import rotation_about
+from strand.synthetic import SyntheticScene, render_depth
+from strand.synthetic.fields import field, spread
+
+FOREIGN = 500  # added to a scene's seed: the scene that a foreign view is of
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a caller gives `strand.reconstruct`.
+
+    Attributes
+    ----------
+    depth : list of (H, W) ndarray
+        Metres.
+    poses : list of (4, 4) ndarray
+    intrinsics : (3, 3) ndarray
+    masks : list of (H, W) ndarray or None
+    radius : float
+        Metres.
+    scene : SyntheticScene
+        What is seen.
+    other : callable
+        Makes another scene with as many views.
+    ropes : int, optional
+    length : list of float, optional
+        Metres.
+    """
+
+    depth: list[Array]
+    poses: list[Array]
+    intrinsics: Array
+    masks: list[NDArray[Any]] | None
+    radius: float
+    scene: SyntheticScene
+    other: Callable[[], SyntheticScene]
+    ropes: int | None = None
+    length: list[float] | None = None
+
+    @classmethod
+    def of(cls, scene: SyntheticScene, other: Callable[[], SyntheticScene]) -> Given:
+        """Return what is right."""
+        masks = None if scene.mask is None else list(scene.mask)
+        depth = list(scene.depth * scene.depth_scale)
+        return cls(depth, list(scene.poses), scene.intrinsics, masks, scene.radius, scene, other)
+
+    def reconstructed(self) -> strand.Model:
+        """Return the answer."""
+        masks = self.masks or [None] * len(self.depth)
+        views = [
+            strand.View.from_depth(image, self.intrinsics, pose, mask=mask)
+            for image, pose, mask in zip(self.depth, self.poses, masks, strict=True)
+        ]
+        return strand.reconstruct(views, self.radius, self.scene.bounds, ropes=self.ropes, length=self.length)
+
+    def images(self, change: Callable[[Array], Array]) -> Given:
+        """Change each depth image; pixels without a return stay so."""
+        return replace(self, depth=[np.where(z > 0, change(z), 0.0) for z in self.depth])
+
+
+Change = Callable[[Given, float, np.random.Generator], Given]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A way to make scenes worse.
+
+    Attributes
+    ----------
+    change : callable
+        Of what is given, a strength and a source of chance.
+    strengths : tuple of float
+    unit : str
+        Of the strengths.
+    masked : bool
+        Whether it needs views with masks.
+    """
+
+    change: Change
+    strengths: tuple[float, ...]
+    unit: str = ""
+    masked: bool = False
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    vector = rng.normal(size=3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _half(given: Given, rng: np.random.Generator) -> set[int]:
+    """Half of the views, at random; of an odd number one less or one more."""
+    count = len(given.poses)
+    return set(rng.permutation(count)[: (count + int(rng.integers(2))) // 2 or 1].tolist())
+
+
+def _turned(pose: Array, axis: Array, angle: float, own: bool) -> Array:
+    """Turn a pose about the camera's centre, or about the world's origin."""
+    motion = np.eye(4)
+    motion[:3, :3] = rotation_about(axis, angle)
+    if own:
+        motion[:3, 3] = pose[:3, 3] - motion[:3, :3] @ pose[:3, 3]
+    return np.asarray(motion @ pose)
+
+
+def _shifted(pose: Array, by: Array) -> Array:
+    other = pose.copy()
+    other[:3, 3] += by
+    return other
+
+
+def half_shifted(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    by, half = strength * _direction(rng), _half(given, rng)
+    return replace(given, poses=[_shifted(p, by) if i in half else p for i, p in enumerate(given.poses)])
+
+
+def half_turned(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    axis, half, own = _direction(rng), _half(given, rng), bool(rng.integers(2))
+    return replace(
+        given,
+        poses=[_turned(p, axis, strength, own) if i in half else p for i, p in enumerate(given.poses)],
+    )
+
+
+def all_shifted(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return replace(given, poses=[_shifted(p, strength * rng.normal(size=3)) for p in given.poses])
+
+
+def _sign(given: Given, rng: np.random.Generator) -> float:
+    """Either sign; of views without masks only that which does not raise the table into the bounds."""
+    return 1.0 if given.masks is None else float(rng.choice([-1.0, 1.0]))
+
+
+def depth_bias(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    by = strength * _sign(given, rng)
+    return given.images(lambda z: z + by)
+
+
+def depth_scale(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    factor = 1.0 + strength * _sign(given, rng)
+    return given.images(lambda z: z * factor)
+
+
+def focal_length(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    camera = given.intrinsics.copy()
+    camera[[0, 1], [0, 1]] *= 1.0 + strength * rng.choice([-1.0, 1.0])
+    return replace(given, intrinsics=camera)
+
+
+def principal_point(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    camera, angle = given.intrinsics.copy(), rng.uniform(0.0, 2.0 * math.pi)
+    camera[:2, 2] += strength * given.depth[0].shape[1] * np.array([math.cos(angle), math.sin(angle)])
+    return replace(given, intrinsics=camera)
+
+
+def radius_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return replace(given, radius=given.radius * strength)
+
+
+def ropes_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return replace(given, ropes=max(len(given.scene.truth) + int(strength), 1))
+
+
+def length_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    lengths = [
+        float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) * strength for nodes in given.scene.truth
+    ]
+    return replace(given, length=lengths)
+
+
+def _views(given: Given, numbers: list[int]) -> Given:
+    masks = None if given.masks is None else [given.masks[i] for i in numbers]
+    return replace(
+        given,
+        depth=[given.depth[i] for i in numbers],
+        poses=[given.poses[i] for i in numbers],
+        masks=masks,
+    )
+
+
+def dropped(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    count = max(len(given.depth) - int(strength), 1)
+    return _views(given, sorted(rng.permutation(len(given.depth))[:count].tolist()))
+
+
+def doubled(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    numbers = list(range(len(given.depth)))
+    return _views(given, numbers + rng.choice(numbers, int(strength)).tolist())
+
+
+def swapped(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    poses, pairs = list(given.poses), rng.permutation(len(given.poses)).tolist()
+    for _ in range(int(strength)):
+        a, b = pairs.pop(), pairs.pop()
+        poses[a], poses[b] = poses[b], poses[a]
+        pairs = pairs if len(pairs) > 1 else rng.permutation(len(poses)).tolist()
+    return replace(given, poses=poses)
+
+
+def foreign(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    other, depth = given.other(), list(given.depth)
+    for i in rng.permutation(len(depth))[: int(strength)].tolist():
+        depth[i] = other.depth[i] * other.depth_scale
+    return replace(given, depth=depth)
+
+
+def corrupt(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    def change(z: Array) -> Array:
+        wild = np.median(z[z > 0]) * rng.uniform(0.5, 1.5, z.shape)
+        return np.where(rng.random(z.shape) < strength, wild, z)
+
+    return given.images(change)
+
+
+def quantised(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return given.images(lambda z: np.rint(z / strength) * strength)
+
+
+def correlated_noise(smoothness: float) -> Change:
+    def change(given: Given, strength: float, rng: np.random.Generator) -> Given:
+        sd = strength * given.scene.radius
+        return given.images(lambda z: z + sd * field(z.shape, smoothness, rng))
+
+    return change
+
+
+def flying(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    """Pixels next to a step get a depth between the two sides."""
+    step = given.scene.radius
+
+    def change(z: Array) -> Array:
+        around = np.pad(z, 1, mode="edge")
+        height, width = z.shape
+        sides = np.stack([around[v : v + height, u : u + width] for v in range(3) for u in range(3)])
+        sides = np.where(sides > 0, sides, z)
+        gap = np.take_along_axis(sides - z, np.abs(sides - z).argmax(axis=0)[None], axis=0)[0]
+        flies = (np.abs(gap) > step) & (rng.random(z.shape) < strength)
+        return z + np.where(flies, rng.random(z.shape) * gap, 0.0)
+
+    return given.images(change)
+
+
+def lost(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return given.images(lambda z: np.where(rng.random(z.shape) < strength, 0.0, z))
+
+
+def masks_grown(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    reach = abs(int(strength))
+    assert given.masks is not None
+    masks = [mask != 0 for mask in given.masks]
+    masks = [spread(m, reach) if strength > 0 else ~spread(~m, reach) for m in masks]
+    return replace(given, masks=masks)
+
+
+def table_at_ends(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    """Discs of the images about the ropes' ends are as deep as the table."""
+    scene = given.scene
+    ends = np.array([nodes[i] for nodes in scene.truth for i in (0, -1)])
+    camera, depth = scene.intrinsics, []
+    for image, pose in zip(given.depth, scene.poses_true, strict=True):
+        table = render_depth([scene.truth[0]], 1e-6, camera, pose, image.shape[::-1])
+        rows, columns = np.indices(image.shape)
+        changed = image.copy()
+        for end in (ends - pose[:3, 3]) @ pose[:3, :3]:
+            u, v, z = camera @ end / [end[2], end[2], 1.0]
+            near = (np.hypot(columns - u, rows - v) < strength * camera[0, 0] / z) & (image > 0)
+            changed[near] = table[near] + scene.noise * rng.normal(size=np.count_nonzero(near))
+        depth.append(changed)
+    return replace(given, depth=depth)
+
+
+def nothing(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    return given
+
+
+_SHARES = (0.01, 0.02, 0.05)
+
+KINDS = {
+    "nothing": Kind(nothing, (0.0,)),
+    "nothing, masks": Kind(nothing, (0.0,), masked=True),
+    "half the poses shifted": Kind(half_shifted, (2e-3, 4e-3, 7e-3, 10e-3), "m"),
+    "half the poses turned": Kind(half_turned, tuple(map(math.radians, (0.5, 1.0, 2.0, 3.0))), "rad"),
+    "poses noisy": Kind(all_shifted, (2e-3, 4e-3, 8e-3), "m"),
+    "depth off": Kind(depth_bias, (1e-3, 2e-3, 4e-3, 8e-3), "m"),
+    "depth off, masks": Kind(depth_bias, (2e-3, 4e-3, 8e-3), "m", masked=True),
+    "depth scaled": Kind(depth_scale, _SHARES),
+    "depth scaled, masks": Kind(depth_scale, _SHARES, masked=True),
+    "focal length off": Kind(focal_length, _SHARES),
+    "principal point off": Kind(principal_point, _SHARES, "of the width"),
+    "radius too small": Kind(radius_given, (0.9, 0.75, 0.5), "times"),
+    "radius too large": Kind(radius_given, (1.1, 1.25, 1.5), "times"),
+    "radius wrong, masks": Kind(radius_given, (1.2, 0.8, 1.5, 0.6), "times", masked=True),
+    "ropes wrong": Kind(ropes_given, (1.0, -1.0), "more"),
+    "length wrong": Kind(length_given, (0.95, 1.1, 1.3), "times"),
+    "views dropped": Kind(dropped, (1.0, 2.0), "views"),
+    "views doubled": Kind(doubled, (1.0, 3.0), "views"),
+    "poses swapped": Kind(swapped, (1.0, 2.0), "pairs"),
+    "foreign views": Kind(foreign, (1.0, 2.0), "views"),
+    "corrupt pixels": Kind(corrupt, (0.01, 0.05, 0.1, 0.2)),
+    "quantised": Kind(quantised, (1e-3, 2e-3, 5e-3), "m"),
+    "correlated noise, 1 px": Kind(correlated_noise(1.0), (0.25, 0.5, 1.0, 2.0), "r"),
+    "correlated noise, 3 px": Kind(correlated_noise(3.0), (0.25, 0.5, 1.0, 2.0), "r"),
+    "flying pixels": Kind(flying, (0.2, 0.5, 1.0)),
+    "pixels lost": Kind(lost, (0.5, 0.8, 0.9)),
+    "masks grown": Kind(masks_grown, (1.0, 2.0, 3.0), "pixels", masked=True),
+    "masks eaten": Kind(masks_grown, (-1.0, -2.0, -3.0), "pixels", masked=True),
+    "table at the ends": Kind(table_at_ends, (5e-3, 10e-3, 15e-3), "m"),
+    "table at the ends, masks": Kind(table_at_ends, (5e-3, 15e-3), "m", masked=True),
+}
+"""What can be wrong, by name."""

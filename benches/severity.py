@@ -1,0 +1,171 @@
+"""Make random scenes worse in every way that is known, and say how often the answer is sure and wrong.
+
+python benches/severity.py [--scenes N] [--first SEED] [--only TEXT] [--out DIR]
+
+Scene k is drawn from the seed k: 0 to 3 crossings, one or two ropes, a radius of 2.5 to 7 mm, 3, 5 or 7 views
+of 320 x 240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/perturbations.py at each
+strength is applied to N of them. The radius is given, the number of ropes is not, unless it is what is wrong.
+Right is what benches/judging.py calls so: chains within 1.5 radii of the ropes, in the world frame.
+
+`--out` gets severity.jsonl, a line for each run, and severity.png; runs that have their line there are not
+done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import functools
+import json
+import math
+import sys
+import time
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pictures
+from judging import SURE
+from measure import measured
+from perturbations import FOREIGN, KINDS, Given, Kind
+from tables import head, row
+
+import strand
+from strand.synthetic import SyntheticScene, random_ropes, scene
+
+MOST = 0.005  # the share of sure and wrong answers that is stated
+
+
+@functools.lru_cache(maxsize=1)
+def draw(seed: int, masked: bool) -> SyntheticScene:
+    """Return the scene of a seed."""
+    rng = np.random.default_rng(seed)
+    radius = float(np.exp(rng.uniform(math.log(2.5e-3), math.log(7e-3))))
+    ropes, crossings = int(rng.choice([1, 2], p=[0.75, 0.25])), int(rng.integers(0, 4))
+    while True:
+        try:
+            chains = random_ropes(crossings, ropes, radius, seed)
+            break
+        except ValueError:
+            crossings -= 1
+    drawn = scene(
+        chains=chains,
+        radius=radius,
+        seed=seed,
+        noise=float(rng.uniform(0.05, 0.2)) * radius,
+        views=int(rng.choice([3, 5, 7], p=[0.6, 0.25, 0.15])),
+        mask=strand.synthetic.Segmentation() if masked else None,
+    )
+    return dataclasses.replace(drawn, name=f"severity_{seed}")
+
+
+def other_scene(seed: int, views: int) -> SyntheticScene:
+    """Return another scene, of other ropes, with as many views."""
+    like = draw.__wrapped__(seed + FOREIGN, False)
+    return scene(chains=like.truth, radius=like.radius, seed=seed, noise=like.noise, views=views)
+
+
+def given(seed: int, name: str, strength: float) -> Given:
+    """Return what is given of a scene made worse."""
+    kind = KINDS[name]
+    right = draw(seed, kind.masked)
+    whole = Given.of(right, lambda: other_scene(seed, len(right.depth)))
+    chance = np.random.default_rng([seed, zlib.crc32(name.encode()), round(1e6 * abs(strength))])
+    return kind.change(whole, strength, chance)
+
+
+def judge(seed: int, name: str, strength: float) -> dict[str, Any]:
+    """Reconstruct one scene made worse, and compare with the truth."""
+    what = given(seed, name, strength)
+    record = {"seed": seed, "kind": name, "strength": strength, "views": len(what.depth)}
+    start = time.perf_counter()
+    try:
+        model = what.reconstructed()
+    except strand.StrandError as error:
+        return {**record, "right": False, "confidence": 0.0, "error": str(error)}
+    seconds = time.perf_counter() - start
+    found = measured([chain.points for chain in model.chains], what.scene.truth, what.scene.radius)
+    return {
+        **record,
+        "right": found.right,
+        "confidence": model.confidence,
+        "frechet": found.frechet,
+        "rms": found.rms,
+        "doubts": [(doubt.kind, round(doubt.amount, 3)) for doubt in model.doubts],
+        "seconds": seconds,
+    }
+
+
+def shares(records: Sequence[dict[str, Any]]) -> tuple[int, int, int]:
+    """How many are right, sure, and sure and wrong."""
+    sure = [r for r in records if r["confidence"] >= SURE]
+    return sum(r["right"] for r in records), len(sure), sum(not r["right"] for r in sure)
+
+
+def table(records: Sequence[dict[str, Any]]) -> str:
+    """A row for each kind and strength, and one for all."""
+    lines = [head("what is wrong", "by", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")]
+    for name, kind in KINDS.items():
+        for strength in kind.strengths:
+            some = [r for r in records if r["kind"] == name and r["strength"] == strength]
+            if some:
+                lines.append(row(name, said(kind, strength), len(some), *shares(some)))
+    lines.append(row("all", "", len(records), *shares(records)))
+    return "\n".join(lines)
+
+
+def said(kind: Kind, strength: float) -> str:
+    """A strength in words."""
+    if kind.unit == "m":
+        return f"{strength * 1e3:.3g} mm"
+    if kind.unit == "rad":
+        return f"{math.degrees(strength):.2g}°"
+    if kind.unit in ("", "of the width"):
+        return f"{100 * strength:.2g} % {kind.unit}".strip()
+    return f"{strength:g} {kind.unit}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=int, default=30, metavar="N", help="of each strength (default: 30)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--only", default="", metavar="TEXT", help="kinds whose name holds this text")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write severity.jsonl and .png here")
+    arguments = parser.parse_args()
+    if arguments.scenes < 1:
+        parser.error("--scenes: expected at least 1")
+    names = [name for name in KINDS if arguments.only in name]
+    if not names:
+        parser.error(f"--only: no kind whose name holds {arguments.only!r}")
+    lines = arguments.out / "severity.jsonl" if arguments.out else None
+    known = {}
+    if lines is not None:
+        lines.parent.mkdir(parents=True, exist_ok=True)
+        if lines.exists():
+            each = map(json.loads, lines.read_text().splitlines())
+            known = {(r["seed"], r["kind"], r["strength"]): r for r in each}
+    # scenes are small: one thread each, so that several runs share a machine
+    strand.set_num_threads(1)
+    records = []
+    # kinds with and without masks in turn: a scene is drawn once for each
+    names.sort(key=lambda name: KINDS[name].masked)
+    for seed in range(arguments.first, arguments.first + arguments.scenes):
+        for name in names:
+            for strength in KINDS[name].strengths:
+                done = known.get((seed, name, strength))
+                if done is None:
+                    done = judge(seed, name, strength)
+                    if lines is not None:
+                        with lines.open("a") as file:
+                            file.write(json.dumps(done) + "\n")
+                records.append(done)
+    print(table(records))
+    if arguments.out is not None:
+        pictures.severity(records, KINDS, said, arguments.out / "severity.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
