@@ -13,13 +13,16 @@ import numpy as np
 from strand._core import NotEnoughDataError
 from strand.checks import Array
 from strand.config import Config
+from strand.evidence import systematic
 from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked
 from strand.images.scattered import read_scattered
 from strand.images.seen import pixels_of
+from strand.model import ModelWarning
 from strand.stages import Found, Observed, Run
+from strand.tubes import systematic as of_tubes
 from strand.tubes.hypotheses import alike
 from strand.tubes.method import find_chains as find_tubes
 
@@ -36,6 +39,8 @@ _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
+# doubts of less are not mentioned; more makes an answer unsure, and is warned of
+_LEAST, _WARNED = 1e-3, 0.1
 
 
 def find_chains(observed: Observed, config: Config, run: Run) -> Found:
@@ -56,6 +61,19 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     strand.NotEnoughDataError
         If neither finds a rope.
     """
+    found = _found(observed, config, run)
+    against = [*systematic.doubts(observed, found, config), *of_tubes.doubts(observed, found)]
+    against = [doubt for doubt in against if doubt.amount > _LEAST]
+    run.warnings.extend(
+        ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
+        for doubt in against
+        # a radius that the points contradict has its warning
+        if doubt.amount > _WARNED and doubt.kind != "radius"
+    )
+    return replace(found, doubts=(*(found.doubts or ()), *against))
+
+
+def _found(observed: Observed, config: Config, run: Run) -> Found:
     # images are read for open ropes of one radius
     if len(observed.radii.values) > 1 or config.linking.rings == "always":
         return find_tubes(observed, config, run)

@@ -38,6 +38,11 @@ DOUBTS = (
     "prior",
     "points",
     "mask",
+    "pose",
+    "radius",
+    "range",
+    "residuals",
+    "view",
     "order",
     "uncovered",
     "count",
@@ -50,18 +55,21 @@ DOUBTS = (
 hardly more; "end": the rope may end elsewhere; "left out": a segment became part of no rope; "noise": it is
 wide against the rope; "prior": the answer explains the points worse than one without what was known
 beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
-from what is around it; "order": depth hardly tells which strand is on top at a crossing; "uncovered": ropes
-and masks do not cover each other; "count", "length", "ring": the ropes are not as they are known to be.
+from what is around it; "pose": poses moved farther than they are said to be wrong; "radius": ropes look
+thicker or thinner than the radius that was given; "range": ropes leave the extraction range; "residuals":
+they are alike along stretches of rope; "view": one saw through the ropes; "order": depth hardly tells which
+strand is on top at a crossing; "uncovered": ropes and masks do not cover each other; "count", "length",
+"ring": the ropes are not as they are known to be.
 """
 
-WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "radius", "unused view")
+WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "unused view")
 """Kinds of warning: those of doubts, and
 
 "mask": beside the doubt, a mask has labels for more ropes than there are;
+"radius": beside the doubt, the points contradict the radius that was given, or hardly fix one that was not;
 "branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
-the data leave a direction of a view's pose open; "radius": the points contradict the radius that was given,
-or hardly fix one that was not; "unused view": a view saw nothing; "kept pose": a view could not be registered
-and stays at its reported pose.
+the data leave a direction of a view's pose open; "unused view": a view saw nothing; "kept pose": a view could
+not be registered and stays at its reported pose.
 """
 
 # so many chains a model's repr names

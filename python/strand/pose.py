@@ -5,6 +5,8 @@ Equations are those of *Shape Modeling of A String And Recognition Using Distanc
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -119,6 +121,21 @@ def rotation_about(axis: Array, angle: float) -> Array:
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
+
+
+def rotation_vector(rotation: Array) -> Array:
+    """(3,) Unit axis of a (3, 3) rotation times its angle, radians; the inverse of `rotation_about`."""
+    axis = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    sine = 0.5 * float(np.linalg.norm(axis))
+    angle = math.atan2(sine, 0.5 * (float(np.trace(rotation)) - 1.0))
+    # a half turn's axis is not told by the differences; corrections are smaller
+    return 0.5 * axis * (angle / sine if sine > 0.0 else 1.0)
 
 
 def moved(points: Array, motion: Array) -> Array:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from strand._core import EndObservation
 from strand.chain import Chain
 from strand.checks import Array, Bounds
 from strand.evidence.prior import Prior
@@ -84,6 +85,8 @@ class Found:
         Other answers, the best first.
     sensor : Sensor or None
         The sensor's errors as measured; None if the method does not.
+    ends : tuple of EndObservation
+        Where views saw the curves of the "fit" end, if the method asks each.
     all_rings : bool
         Whether the method was told that all ropes are rings.
     """
@@ -96,4 +99,5 @@ class Found:
     doubts: tuple[Doubt, ...] | None = None
     alternatives: tuple[Alternative, ...] = ()
     sensor: Sensor | None = None
+    ends: tuple[EndObservation, ...] = ()
     all_rings: bool = False

@@ -87,7 +87,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     for reopenings in range(1 + _REOPENED):
         ropes, closed = chosen(by_class)
         with run.stage("fit"):
-            fit, noise = fit_ropes(clouds, cameras, ropes, closed, before, radii, given, config)
+            fit, noise, ends = fit_ropes(clouds, cameras, ropes, closed, before, radii, given, config)
         with run.stage("ends"):
             parts = rope_parts(fit, ropes, closed, before, prior, config)
             # no decision is reopened that no fit would follow
@@ -119,15 +119,16 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     uncertain = doubts(by_class, joins, open_parts, fit, visibility)
     run.warnings.extend(about_fit(fit, noise, radii, observed.numbers, config))
     run.warnings.extend(about_answer(chains, uncertain, visibility, observed.bounds, config.linking))
-    ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
+    starts = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     return Found(
         chains,
         poses=[motion @ view.pose for motion, view in zip(fit.motions, observed.views, strict=True)],
         pose_sd=list(fit.pose_sd),
-        stages={"registered": tuple(np.split(fit.points, ends)), "arcs": tuple(arcs.nodes), "fit": fit},
+        stages={"registered": tuple(np.split(fit.points, starts)), "arcs": tuple(arcs.nodes), "fit": fit},
         joins=joins,
         doubts=uncertain,
         alternatives=alternatives(by_class),
         sensor=noise.sensor,
+        ends=tuple(ends),
         all_rings=config.linking.rings == "always",
     )

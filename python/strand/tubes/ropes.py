@@ -30,7 +30,7 @@ def fit_ropes(
     radii: Radii,
     given: Noise | None,
     config: Config,
-) -> tuple[TubeFit, Noise]:
+) -> tuple[TubeFit, Noise, list[EndObservation]]:
     """Fit whole ropes with the poses along the rays, then again to where views see them end.
 
     Radii that are free are first each rope's own; ropes whose radii agree then share one.
@@ -55,6 +55,8 @@ def fit_ropes(
     TubeFit
     Noise
         As measured on the first of the fits. The deviations of the second are for it if none is given.
+    list of EndObservation
+        Where views saw the ropes of the first end.
     """
     classes, start = ropes.classes, before.radii
     if radii.free:
@@ -101,7 +103,7 @@ def fit_ropes(
         classes = agreeing(fit.radii, fit.radii_sd)
         first = [classes.index(number) for number in range(max(classes) + 1)]
         start, radii = start[first], radii.only(first)
-    return fit_again(uncertainty=True, noise=given or measured), measured
+    return fit_again(uncertainty=True, noise=given or measured), measured, ends
 
 
 def rope_parts(

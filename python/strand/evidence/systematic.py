@@ -1,0 +1,172 @@
+"""Errors that all pixels of a view share: where what was given contradicts an answer of either method.
+
+Noise averages out, and covariances say what is left of it. An error of a pose, of intrinsics or of depth's
+scale does not, and a fit may follow it without a residual. But poses then move farther than they are said to
+be wrong, ropes leave the extraction range, or a view sees through them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from strand.chain import Chain
+from strand.checks import Array, Bounds
+from strand.config import Config, Poses
+from strand.model import Doubt
+from strand.pose import moved, rotation_vector
+from strand.stages import Found, Observed
+from strand.view import View
+
+# unknowns of a pose that its error may have moved, and of a shift; standard normal deviates beyond which
+# corrections are more than chance, and the doubt for each deviate more
+_POSE, _SHIFT, _CHANCE, _CORRECTED = 4, 3, 2.5, 0.15
+# corrections that move ropes by less than the first, in radii, raise none of it, by the second all
+_SMALL = (0.4, 0.8)
+# doubt for the share of axes that lie outside the extraction range by more than so many radii
+_OUTSIDE, _OUT = 0.1, 0.2
+# a depth so many radii behind the surface saw through the rope; share of the places that a view may see
+# through, and doubt for each share more
+_BEHIND, _SEEN_THROUGH, _THROUGH = 1.6, 0.06, 2.0
+# share of the ropes' pixels that may be lost, and doubt for the share that is more
+_USUALLY_LOST, _LOST = 0.6, 0.7
+# fewest places of a rope that a view must show
+_FEWEST = 10
+
+
+def doubts(observed: Observed, found: Found, config: Config) -> list[Doubt]:
+    """Say where what was given contradicts the answer.
+
+    Parameters
+    ----------
+    observed : Observed
+    found : Found
+        The answer, with poses of the observed views.
+    config : Config
+
+    Returns
+    -------
+    list of Doubt
+    """
+    said = [*_of_poses(observed.views, found, config.poses), *_of_views(observed.whole, found)]
+    if observed.bounds is not None:
+        said += _of_range(found.chains, observed.bounds)
+    return said
+
+
+def deviate(square: float, freedom: int) -> float:
+    """Return the standard normal deviate as rare as a chi-square (Wilson and Hilferty 1931)."""
+    spread = 2.0 / (9.0 * freedom)
+    return float(((square / freedom) ** (1.0 / 3.0) - 1.0 + spread) / math.sqrt(spread))
+
+
+def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Doubt]:
+    """Doubt poses that moved farther than they are said to be wrong.
+
+    Which are right is not known: views that agree may be wrong alike, and the one that is held too.
+    """
+    others = [number for number in range(len(views)) if number != len(views) // 2]
+    if not others:
+        return
+    nodes = np.concatenate([chain.points for chain in found.chains])
+    middle, radius = nodes.mean(axis=0), min(chain.radius for chain in found.chains)
+    shifts, squares, far = [], [], 0.0
+    for number in others:
+        motion = found.poses[number] @ np.linalg.inv(views[number].pose)
+        shift = moved(middle, motion) - middle
+        far = max(far, float(np.linalg.norm(moved(nodes, motion) - nodes, axis=1).max()))
+        turn = rotation_vector(motion[:3, :3])
+        shifts.append(shift)
+        squares.append(
+            float(turn @ turn) / prior.rotation_sd**2 + float(shift @ shift) / prior.translation_sd**2
+        )
+    together = np.sum(shifts, axis=0)
+    alike = float(together @ together) / (len(others) * prior.translation_sd**2)
+    farthest = max(squares)
+    rare = max(
+        deviate(sum(squares), _POSE * len(others)),
+        # the greatest of several
+        deviate(farthest, _POSE) - 0.5 * math.log(len(others)),
+        deviate(alike, _SHIFT),
+    )
+    # an error that is small against the ropes leaves the answer right
+    share = min(max((far / radius - _SMALL[0]) / (_SMALL[1] - _SMALL[0]), 0.0), 1.0)
+    reason = (
+        f"registration moved views by up to {far * 1e3:.1f} mm, reported poses are said to be right to "
+        f"{prior.translation_sd * 1e3:.1f} mm and {math.degrees(prior.rotation_sd):.1f} degrees; poses, "
+        "intrinsics or depths may be wrong"
+    )
+    yield Doubt("pose", _CORRECTED * share * max(rare - _CHANCE, 0.0), "where the ropes are", reason)
+
+
+def _of_range(chains: Sequence[Chain], bounds: Bounds) -> Iterator[Doubt]:
+    """Doubt ropes whose axis leaves the range that was said to hold them."""
+    low, high = bounds
+    outside = [
+        (
+            (chain.points < low - _OUTSIDE * chain.radius) | (chain.points > high + _OUTSIDE * chain.radius)
+        ).any(axis=1)
+        for chain in chains
+    ]
+    share = float(np.concatenate(outside).mean())
+    reason = (
+        f"{share:.0%} of the ropes' axes lie outside the extraction range, which should hold the ropes; "
+        "depths or poses may be wrong, or the range"
+    )
+    yield Doubt("range", _OUT * share, "where the ropes are", reason)
+
+
+def _of_views(views: Sequence[View], found: Found) -> Iterator[Doubt]:
+    """Doubt what a view saw through, and ropes of which most pixels are lost."""
+    worst, where, shown, lost = 0.0, -1, 0, 0
+    for number, (view, pose) in enumerate(zip(views, found.poses, strict=True)):
+        behind = np.concatenate([depth_behind(view, pose, chain) for chain in found.chains])
+        returned = int(np.isfinite(behind).sum())
+        shown, lost = shown + returned, lost + int(np.isinf(behind).sum())
+        through = int((behind[np.isfinite(behind)] > _BEHIND).sum())
+        if returned >= _FEWEST and through / returned > worst:
+            worst, where = through / returned, number
+    reason = (
+        f"a view, number {where} of those used, saw through {worst:.0%} of the ropes; it may be of something "
+        "else, or its pose wrong"
+    )
+    yield Doubt("view", _THROUGH * max(worst - _SEEN_THROUGH, 0.0), "of the ropes found", reason)
+    share = lost / max(shown + lost, 1)
+    reason = f"{share:.0%} of the pixels that should show the ropes have no depth"
+    yield Doubt("points", _LOST * max(share - _USUALLY_LOST, 0.0), "where the ropes end", reason)
+
+
+def depth_behind(view: View, pose: Array, chain: Chain) -> Array:
+    """Return how far behind a rope's surface a view saw something.
+
+    Parameters
+    ----------
+    view : View
+        With all that it saw.
+    pose : (4, 4) ndarray
+        Camera to world.
+    chain : Chain
+
+    Returns
+    -------
+    (M,) ndarray
+        For each node, in radii along the camera's axis; negative before the surface, infinite where its pixel
+        has no return, NaN where it is in no image.
+    """
+    image = view.image
+    behind = np.full(len(chain.points), np.nan)
+    if image is None:
+        return behind
+    nodes = (chain.points - pose[:3, 3]) @ pose[:3, :3]
+    height, width = image.depth.shape
+    ahead = np.flatnonzero(nodes[:, 2] > chain.radius)
+    x, y, z = nodes[ahead].T
+    column = np.rint(x / z * image.focal[0] + image.centre[0])
+    row = np.rint(y / z * image.focal[1] + image.centre[1])
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    ahead, z = ahead[inside], z[inside]
+    depth = image.depth[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+    behind[ahead] = np.where(depth > 0, (depth - z) / chain.radius + 1.0, np.inf)
+    return behind
