@@ -7,15 +7,17 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
 import strand
 from strand import config
-from strand.files import extra
+from strand.files import extra, require_writable
+from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
 from strand.io.scenes import load_scene
 from strand.report import figures, tables
@@ -23,7 +25,7 @@ from strand.report import figures, tables
 EXIT_CODES = """\
 exit codes:
   0    done
-  1    the data do not support an answer, or a file is damaged or not what it should be
+  1    the data do not support an answer; a file is damaged, not what it should be, or too large
   2    wrong arguments, or values that are not accepted
   3    a file is missing, or cannot be read or written; or an optional package is not installed
   130  interrupted
@@ -49,25 +51,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SystemExit
         From argparse: with 2 for wrong usage, with 0 after `--help` and `--version`.
     """
-    options = _parser().parse_args(arguments)
+    _open_closed_streams()
     try:
+        options = _parser().parse_args(arguments)
         options.run(options)
+        code = 0
+    except SystemExit as error:  # help is printed, which may fail as all that is printed
+        code = _flushed(error.code if isinstance(error.code, int) else 2)
+        raise SystemExit(code) from None
+    except BaseException as error:
+        code = _code_of(error)
+    return _flushed(code)
+
+
+def _code_of(error: BaseException) -> int:
+    """Say what was wrong, and return the exit code; what no one expects is raised again."""
+    match error:
+        case BrokenPipeError():
+            return 141
+        case KeyboardInterrupt():
+            return _fail("interrupted", 130)
+        case MemoryError():
+            return _fail("out of memory", 1)
+        case strand.StrandError():
+            return _fail(error, 1)
+        case ValueError() | TypeError():
+            return _fail(error, 2)
+        case OSError():
+            return _fail(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
+        case ImportError():
+            return _fail(error, 3)
+    raise error
+
+
+def _flushed(code: int) -> int:
+    """Print what is left to print, and return the exit code: of an error of that if there was none."""
+    try:
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         # what is left in the buffer would fail once more when Python exits
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
-    except KeyboardInterrupt:
-        return _fail("interrupted", 130)
-    except strand.StrandError as error:
-        return _fail(error, 1)
-    except (ValueError, TypeError) as error:
-        return _fail(error, 2)
-    except OSError as error:
-        return _fail(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
-    except ImportError as error:
-        return _fail(error, 3)
-    return 0
+        return code or _code_of(error)
+    return code
+
+
+def _open_closed_streams() -> None:
+    """Make standard streams that the caller closed lead nowhere, and stdout print any file's name."""
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -147,6 +180,18 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct.add_argument(
         "--config", type=Path, metavar="FILE", help="a TOML file with the method's numbers"
     )
+    reconstruct.add_argument(
+        "--max-bytes",
+        type=int,
+        default=MAX_BYTES,
+        metavar="N",
+        help=f"how much memory the scene's files may take (default: {MAX_BYTES})",
+    )
+    reconstruct.add_argument(
+        "--outside",
+        action="store_true",
+        help="let the scene.toml name files outside of its folder, which may be any of yours",
+    )
     reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
     # lengths such as -4mm are values, not options
     reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
@@ -185,8 +230,10 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    recorded = load_scene(options.scene, options.mask)
-    _keep_input(options.scene, options.mask or (), options.out)
+    recorded = load_scene(options.scene, options.mask, max_bytes=options.max_bytes, outside=options.outside)
+    read = recorded.files if options.config is None else (*recorded.files, options.config)
+    _keep_input(read, options.out, options.figures)
+    require_writable(options.out)
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
@@ -219,20 +266,22 @@ def _reconstruct(options: argparse.Namespace) -> None:
             print(path)
 
 
-def _keep_input(recorded: Path, masks: Sequence[Path], out: Path) -> None:
-    """Refuse to write the model over the scene, a file of its folder or a mask.
+def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
+    """Refuse to write the model, or a figure, over a file that was read.
 
     Raises
     ------
     ValueError
         If it would.
     """
-    recorded, out = recorded.resolve(), out.resolve()
-    folder = recorded if recorded.is_dir() else recorded.parent if recorded.suffix == ".toml" else None
-    ours = out.suffix == ".json" or not out.exists()
-    is_mask = any(mask.resolve() == out for mask in masks)
-    if is_mask or out == recorded or (folder is not None and folder in out.parents and not ours):
-        raise ValueError(f"--out: {out} is part of the scene; choose another file")
+    kept = {os.path.realpath(path) for path in read}
+    written = {"--out": [out]}
+    if drawn is not None and drawn.is_dir():
+        written["--figures"] = list(drawn.glob("[0-9]-*.png"))
+    for option, paths in written.items():
+        for path in paths:
+            if os.path.realpath(path) in kept:
+                raise ValueError(f"{option}: {path} is part of the scene or the configuration")
 
 
 def _length(text: str) -> float:
@@ -246,7 +295,7 @@ def _length(text: str) -> float:
 def _progress(stages: int) -> Iterator[Callable[[str], None]]:
     """Show so many stages on stderr as they start: a bar on a terminal, lines elsewhere or without rich."""
     if not sys.stderr.isatty() or find_spec("rich") is None:
-        yield lambda stage: print(f"strand: {stage}", file=sys.stderr, flush=True)
+        yield lambda stage: _say(f"strand: {stage}")
         return
     console = extra("rich.console").Console(stderr=True)
     rich = extra("rich.progress")
@@ -258,9 +307,15 @@ def _progress(stages: int) -> Iterator[Callable[[str], None]]:
 
 def _warn(model: strand.Model) -> None:
     for warning in model.warnings:
-        print(f"strand: warning: {warning}", file=sys.stderr)
+        _say(f"strand: warning: {warning}")
 
 
 def _fail(error: object, code: int) -> int:
-    print("strand: error:", " ".join(str(error).split()), file=sys.stderr)
+    _say(f"strand: error: {' '.join(str(error).split())}")
     return code
+
+
+def _say(line: str) -> None:
+    """Print a line to stderr; that it may be full is no reason to stop."""
+    with suppress(OSError):
+        print(line, file=sys.stderr, flush=True)

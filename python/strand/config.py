@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import sys
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,7 +45,7 @@ def _check(section: object) -> None:
         if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
             kind = "a whole number" if whole else "a number"
             raise TypeError(f"{where}.{entry.name}: expected {kind}, got {value!r}")
-        if not math.isfinite(value) or value < 0 or (value == 0 and not whole):
+        if not abs(value) <= sys.float_info.max or value < 0 or (value == 0 and not whole):
             bound = "at least 0" if whole else "above 0"
             raise ValueError(f"{where}.{entry.name}: expected a number {bound}, got {value!r}")
 
@@ -442,19 +443,19 @@ def load(path: str | os.PathLike[str]) -> Config:
             sections[name] = values
             continue
         if name not in known_sections:
-            raise FileFormatError(f"{path}: unknown section [{name}]; known are {', '.join(known_sections)}")
+            raise FileFormatError(path, f"unknown section [{name}]; known are {', '.join(known_sections)}")
         section = known_sections[name]
         known = [entry.name for entry in dataclasses.fields(section)]
         if not isinstance(values, dict):
-            raise FileFormatError(f"{path}: {name} is not a section; write [{name}]")
+            raise FileFormatError(path, f"{name} is not a section; write [{name}]")
         for key in values:
             if key not in known:
-                raise FileFormatError(f"{path}: [{name}] has no {key}; known are {', '.join(known)}")
+                raise FileFormatError(path, f"[{name}] has no {key}; known are {', '.join(known)}")
         try:
             sections[name] = section(**values)
         except (TypeError, ValueError) as error:
-            raise FileFormatError(f"{path}: {error}") from error
+            raise FileFormatError.of(path, error) from error
     try:
         return Config(**sections)
     except (TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: {error}") from error
+        raise FileFormatError.of(path, error) from error

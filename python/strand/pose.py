@@ -103,13 +103,14 @@ def turntable_pose(
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If `camera` is not a rigid motion, `axis` has no length, or a number is not finite.
+        If `camera` is not a rigid motion, `axis` has no length or one beyond 1e150, or a number is not
+        finite.
     """
     camera = rigid_motion("camera", camera)
     centre, axis = small_array("centre", centre, (3,)), small_array("axis", axis, (3,))
+    if not 1e-150 < np.abs(axis).max() < 1e150:  # else its length is 0 or infinite
+        raise ValueError(f"axis: expected a direction, got {axis}")
     length = float(np.linalg.norm(axis))
-    if length == 0.0:
-        raise ValueError("axis: expected a direction, got the zero vector")
     turn = np.eye(4)
     turn[:3, :3] = rotation_about(axis / length, -number("angle", angle))
     turn[:3, 3] = centre - turn[:3, :3] @ centre

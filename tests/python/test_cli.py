@@ -331,7 +331,7 @@ def test_version_and_help(capsys):
     ],
 )
 def test_exit_codes(monkeypatch, capsys, error, code, line):
-    def fail(*_):
+    def fail(*_, **__):
         raise error
 
     monkeypatch.setattr(cli, "load_scene", fail)
@@ -340,7 +340,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
 
 
 def test_errors_of_ours_are_not_hidden(monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise ZeroDivisionError
 
     monkeypatch.setattr(cli, "load_scene", fail)

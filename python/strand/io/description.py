@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.checks import Array, Bounds, extraction_range, rigid_motion
+from strand.checks import Array, Bounds, extraction_range, number, rigid_motion
+from strand.files import shown
 from strand.pose import pose_from_angles, turntable_pose
 
 POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}
@@ -37,6 +38,12 @@ class RecordedView:
     pose: Array
     color: str | None = None
     mask: str | None = None
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files that there are, by their keys."""
+        named = {"file": self.file, "color": self.color, "mask": self.mask}
+        return {key: name for key, name in named.items() if name is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +89,15 @@ def parse_length(value: str | float) -> float:
         If it is not a finite number with one of the units, or with none.
     """
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise TypeError(f"length: expected a number of metres or text such as '4.2mm', got {value!r}")
+        raise TypeError(f"length: expected a number of metres or text such as '4.2mm', got {shown(value)}")
     match = LENGTH.fullmatch(value if isinstance(value, str) else repr(value))
     if match is None:
-        raise ValueError(f"length: expected metres, or a number with mm, cm or m, got {value!r}")
+        raise ValueError(f"length: expected metres, or a number with mm, cm or m, got {shown(value)}")
     number, unit = match.groups()
     # by a decimal shift, as 4.2 * 0.001 differs from 0.0042 in the last digit
     length = float(Decimal(number).scaleb(POWER_OF_TEN[unit]))
     if not math.isfinite(length):
-        raise ValueError(f"length: expected a finite number, got {value!r}")
+        raise ValueError(f"length: expected a finite number, got {shown(value)}")
     return length
 
 
@@ -115,13 +122,19 @@ def parse_description(table: Mapping[str, Any]) -> Description:
         raise ValueError("view: expected at least one [[view]] table")
     intrinsics, depth_scale = _camera(table["camera"]) if "camera" in table else (None, None)
     return Description(
-        name=str(table["name"]) if "name" in table else None,
+        name=_name(table["name"]) if "name" in table else None,
         intrinsics=intrinsics,
         depth_scale=depth_scale,
         bounds=_bounds(table["extract"]) if "extract" in table else None,
         radius=_radius(table["radius"]) if "radius" in table else None,
         views=tuple(_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views, 1)),
     )
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"name: expected text, got {shown(value)}")
+    return value
 
 
 def _camera(table: Any) -> tuple[Array, float | None]:
@@ -146,7 +159,7 @@ def _bounds(table: Any) -> Bounds:
 def _radius(value: Any) -> float:
     radius = parse_length(value)
     if radius <= 0:
-        raise ValueError(f"radius: expected a positive length, got {value!r}")
+        raise ValueError(f"radius: expected a positive length, got {shown(value)}")
     return radius
 
 
@@ -154,8 +167,8 @@ def _view(name: str, table: Any, turntable: Any) -> RecordedView:
     accepted = (*_FILES, "pose", "angles_deg", "origin", "turntable_deg")
     _check_keys(name, table, accepted, required=("file",))
     for key in _FILES:
-        if key in table and not (isinstance(table[key], str) and table[key]):
-            raise TypeError(f"{name}.{key}: expected a file's name, got {table[key]!r}")
+        if key in table and not (isinstance(table[key], str) and table[key] and "\0" not in table[key]):
+            raise TypeError(f"{name}.{key}: expected a file's name, got {shown(table[key])}")
     files = {key: table.get(key) for key in _FILES}
     if "turntable_deg" not in table:
         return RecordedView(pose=_pose(name, table), **files)
@@ -181,7 +194,7 @@ def _pose(name: str, table: Mapping[str, Any]) -> Array:
     if given == {"angles_deg", "origin"}:
         angles = _numbers(f"{name}.angles_deg", table["angles_deg"])
         if angles.shape != (3,):
-            raise ValueError(f"{name}.angles_deg: expected three angles, got {table['angles_deg']!r}")
+            raise ValueError(f"{name}.angles_deg: expected three angles, got {shown(angles)}")
         rx, ry, rz = np.radians(angles).tolist()
         return pose_from_angles(rx, ry, rz, _numbers(f"{name}.origin", table["origin"]))
     raise ValueError(
@@ -192,7 +205,7 @@ def _pose(name: str, table: Mapping[str, Any]) -> Array:
 
 def _check_keys(name: str, table: Any, accepted: Collection[str], required: Collection[str] = ()) -> None:
     if not isinstance(table, Mapping):
-        raise TypeError(f"{name}: expected a table, got {table!r}")
+        raise TypeError(f"{name}: expected a table, got {shown(table)}")
     unknown = sorted(set(table) - set(accepted))
     if unknown:
         raise ValueError(f"{name}: unknown key {', '.join(unknown)}; accepted are {', '.join(accepted)}")
@@ -202,9 +215,10 @@ def _check_keys(name: str, table: Any, accepted: Collection[str], required: Coll
 
 
 def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise TypeError(f"{name}: expected a finite number, got {value!r}")
-    return float(value)
+    try:
+        return number(name, value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name}: expected a finite number, got {shown(value)}") from error
 
 
 def _numbers(name: str, value: Any) -> Array:
@@ -214,5 +228,5 @@ def _numbers(name: str, value: Any) -> Array:
     except ValueError:  # rows of different lengths
         array = np.empty(0, dtype=object)
     if not isinstance(value, list) or array.dtype.kind not in "iuf":
-        raise TypeError(f"{name}: expected a list of numbers, got {value!r}")
+        raise TypeError(f"{name}: expected a list of numbers, got {shown(value)}")
     return array.astype(np.float64)

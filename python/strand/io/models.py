@@ -8,19 +8,22 @@ from typing import Any
 import numpy as np
 
 from strand.chain import Chain
+from strand.checks import number, whole
 from strand.curve import Curve
-from strand.files import FileFormatError, read_json
+from strand.files import JSON_BYTES, FileFormatError, read_json, shown
 from strand.model import FORMAT, VERSION, Alternative, Doubt, Join, Model, ModelWarning
 from strand.sensor import Sensor
 
 
-def load(path: str | os.PathLike[str]) -> Model:
+def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
     """Read a model that `Model.save` wrote.
 
     Parameters
     ----------
     path : str or path-like
         The JSON file.
+    max_bytes : int
+        How large it may be. What it says takes up to 25 times as much memory.
 
     Returns
     -------
@@ -33,18 +36,20 @@ def load(path: str | os.PathLike[str]) -> Model:
     FileNotFoundError
         If there is no such file.
     strand.FileFormatError
-        If the file is truncated or is not a model.
+        If the file is truncated, is not a model, or is larger than `max_bytes`.
     """
-    data = read_json(path)
+    data = read_json(path, whole("max_bytes", max_bytes, 1))
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FileFormatError(f"{path}: not a {FORMAT}")
+        raise FileFormatError(path, f"not a {FORMAT}")
     if data.get("version") != VERSION:
-        raise FileFormatError(f"{path}: model version {data.get('version')!r}, this reads version {VERSION}")
+        raise FileFormatError(
+            path, f"model version {shown(data.get('version'))}, this reads version {VERSION}"
+        )
     try:
         return Model(
             chains=tuple(_chain(chain) for chain in data["chains"]),
             poses=np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4),
-            timings=dict(data["timings"]),
+            timings={stage: number("timings", spent) for stage, spent in data["timings"].items()},
             warnings=tuple(ModelWarning(**warning) for warning in data["warnings"]),
             pose_sd=np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6),
             confidence=float("nan") if data["confidence"] is None else float(data["confidence"]),
@@ -55,7 +60,7 @@ def load(path: str | os.PathLike[str]) -> Model:
             sensor=None if data.get("sensor") is None else Sensor(**data["sensor"]),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: not a {FORMAT} ({error})") from error
+        raise FileFormatError(path, f"not a {FORMAT} ({error})") from error
 
 
 def _chain(data: dict[str, Any]) -> Chain:

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import os
 import re
-import zipfile
-import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array, Bounds, extraction_range, finite_array, mask_array, several
-from strand.files import FileFormatError, read_toml
-from strand.io.description import Description, RecordedView, parse_description
-from strand.io.readers import content, read_color, read_mask, read_npy, read_ply, read_png
+from strand.checks import Array, Bounds, extraction_range, finite_array, mask_array, several, whole
+from strand.files import TOML_BYTES, FileFormatError, read_toml
+from strand.io.arrays import Archive, read_npy
+from strand.io.budget import MAX_BYTES, Budget
+from strand.io.description import Description, parse_description
+from strand.io.images import read_color, read_depth_png, read_mask_png
+from strand.io.ply import read_ply
 from strand.view import View
+
+_TRUTH = re.compile(r"truth_[0-9]{1,9}")
+# bytes of a view beside its arrays, and of each pixel's depth (float64), mask (int32) and colours (3 float64)
+_VIEW, _DEPTH, _MASK, _COLOUR = 4096, 8, 4, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,8 @@ class Scene:
         The ropes' radius, metres; None: not known.
     truth : tuple of (M, 3) ndarray
         The true centrelines in the world frame, metres, where they are known.
+    files : tuple of Path
+        What it was read from.
     """
 
     name: str
@@ -45,9 +51,16 @@ class Scene:
     bounds: Bounds | None
     radius: float | None
     truth: tuple[Array, ...] = ()
+    files: tuple[Path, ...] = ()
 
 
-def load_scene(path: str | os.PathLike[str], masks: Sequence[str | os.PathLike[str]] | None = None) -> Scene:
+def load_scene(
+    path: str | os.PathLike[str],
+    masks: Sequence[str | os.PathLike[str]] | None = None,
+    *,
+    max_bytes: int = MAX_BYTES,
+    outside: bool = False,
+) -> Scene:
     """Read a scene: an `.npz` file, or a folder with a `scene.toml`.
 
     The `.npz` holds `depth` (V, H, W) uint16 in units of `depth_scale` metres, 0 where there is no
@@ -107,7 +120,12 @@ def load_scene(path: str | os.PathLike[str], masks: Sequence[str | os.PathLike[s
     path : str or path-like
         The `.npz` file, the folder, or its `scene.toml`.
     masks : sequence of str or path-like, optional
-        Mask files, one for each view, in place of the scene's own.
+        Mask files, one for each view, in place of the scene's own. These may be anywhere.
+    max_bytes : int
+        How many bytes the arrays of the files, and the views that are made of them, may take together. It is
+        asked before anything is decoded.
+    outside : bool
+        Whether a `scene.toml` may name files, or links to files, outside of its folder.
 
     Returns
     -------
@@ -117,24 +135,28 @@ def load_scene(path: str | os.PathLike[str], masks: Sequence[str | os.PathLike[s
     ------
     FileNotFoundError
         If the file, the folder or a view's file does not exist.
+    OSError
+        If one cannot be read: a folder, for example, or a link to itself.
     strand.FileFormatError
-        If a file is empty, truncated or not what it should be; the message names the file.
+        If a file is empty, truncated or not what it should be; takes more than `max_bytes`; is no regular
+        file, or is outside of the scene's folder. `file`, `place` and `reason` say which, where, and why.
     TypeError
-        If `masks` is not a sequence of paths.
+        If `masks` is not a sequence of paths, or `max_bytes` not a whole number.
     ValueError
-        If it does not hold one for each view.
+        If `masks` does not hold one for each view, or `max_bytes` is not positive.
     ImportError
         If reading a PNG or PLY file (or, on Python 3.10, TOML) needs a package that is not installed.
     """
     path = Path(path)
     given = None if masks is None else [Path(one) for one in several("masks", masks, "paths")]
+    budget = Budget(whole("max_bytes", max_bytes, 1))
     if path.is_dir():
-        return _load_description(path / "scene.toml", given)
+        return _load_description(path / "scene.toml", given, budget, outside)
     if path.suffix.lower() == ".toml":
-        return _load_description(path, given)
+        return _load_description(path, given, budget, outside)
     if path.suffix.lower() == ".npz" or not path.exists():
-        return _load_archive(path, given)
-    raise FileFormatError(f"{path}: expected a folder with a scene.toml, a .toml or an .npz file")
+        return _load_archive(path, given, budget)
+    raise FileFormatError(path, "expected a folder with a scene.toml, a .toml or an .npz file")
 
 
 def _require_one_each(masks: Sequence[Path], views: int) -> None:
@@ -142,33 +164,35 @@ def _require_one_each(masks: Sequence[Path], views: int) -> None:
         raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
 
 
-def _read_mask(path: Path, shape: tuple[int, int]) -> NDArray[np.int32]:
+def _read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.int32]:
     """Return the mask of an image of a shape."""
-    labels = read_mask(path, content(path))
+    labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
+    budget.take(path, _MASK * labels.size)
     try:
         return mask_array("mask", labels, shape)
     except (TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: {error}") from error
+        raise FileFormatError.of(path, error) from error
 
 
-def _load_archive(path: Path, masks: Sequence[Path] | None) -> Scene:
-    data = content(path)
-    if not zipfile.is_zipfile(BytesIO(data)):
-        raise FileFormatError(f"{path}: truncated, or not an .npz file")
-    try:
-        with np.load(BytesIO(data), allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FileFormatError(f"{path}: truncated, or not an .npz file ({error})") from error
+def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> Scene:
+    with Archive(path, budget) as archive:
+        wanted = {"depth", "depth_scale", "K", "poses", "box", "radius", "name", "color", "mask"}
+        if masks is not None:
+            wanted.remove("mask")
+        names = [name for name in archive.names if name in wanted or _TRUTH.fullmatch(name)]
+        arrays = {name: archive.read(name) for name in names}
     depth = arrays.get("depth", np.empty(0))
+    if depth.ndim == 3:
+        colour = _COLOUR if "color" in arrays else 0
+        budget.take(path, len(depth) * _VIEW + depth.size * (_DEPTH + _MASK + colour), "depth")
     if masks is not None and depth.ndim == 3:
         _require_one_each(masks, len(depth))
-        labels = [_read_mask(one, image.shape) for one, image in zip(masks, depth, strict=True)]
+        labels = [_read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
         arrays["mask"] = np.array(labels, dtype=np.int32).reshape(depth.shape)
     try:
-        return _archived_scene(path.stem, arrays)
+        return replace(_archived_scene(path.stem, arrays), files=(path, *(masks or ())))
     except (TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: {error}") from error
+        raise FileFormatError.of(path, error) from error
 
 
 def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
@@ -178,6 +202,8 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     depth, poses = arrays["depth"], arrays["poses"]
     if depth.dtype != np.uint16 or depth.ndim != 3:
         raise ValueError(f"depth: expected (V, H, W) uint16, got {depth.shape} {depth.dtype}")
+    if not len(depth):
+        raise ValueError("depth: expected at least one image")
     if poses.shape != (len(depth), 4, 4):
         raise ValueError(f"poses: expected {(len(depth), 4, 4)}, got {poses.shape}")
     scale = _scalar("depth_scale", arrays["depth_scale"])
@@ -203,63 +229,107 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     if "box" in arrays:
         bounds = extraction_range(tuple(finite_array("box", arrays["box"], (2, 3))))
     radius = _scalar("radius", arrays["radius"]) if "radius" in arrays else None
-    truths = sorted((key for key in arrays if re.fullmatch(r"truth_\d+", key)), key=lambda key: int(key[6:]))
+    truths = sorted((key for key in arrays if _TRUTH.fullmatch(key)), key=lambda key: int(key[6:]))
     truth = tuple(finite_array(key, arrays[key], ("N", 3)) for key in truths)
-    return Scene(str(arrays.get("name", name)), views, bounds, radius, truth)
+    if "name" in arrays:
+        name = _text("name", arrays["name"])
+    return Scene(name, views, bounds, radius, truth)
+
+
+def _text(name: str, array: NDArray[Any]) -> str:
+    if array.shape != () or array.dtype.kind != "U":
+        raise ValueError(f"{name}: expected one text, got {array.shape} {array.dtype}")
+    text = str(array)
+    text.encode()  # halves of characters cannot be printed
+    return text
 
 
 def _scalar(name: str, array: NDArray[Any]) -> float:
-    if array.shape != () or array.dtype.kind not in "iuf" or not (np.isfinite(array) and array > 0):
-        raise ValueError(f"{name}: expected one positive number, got {array}")
-    return float(array)
+    if array.shape != () or array.dtype.kind not in "iuf":
+        raise ValueError(f"{name}: expected one positive number, got {array.shape} {array.dtype}")
+    number = float(array)
+    if not 0 < number < np.inf:
+        raise ValueError(f"{name}: expected one positive number, got {number}")
+    return number
 
 
-def _load_description(path: Path, masks: Sequence[Path] | None) -> Scene:
-    table = read_toml(path)
+def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, outside: bool) -> Scene:
+    table = read_toml(path, min(TOML_BYTES, budget.max_bytes))
     try:
         description = parse_description(table)
-    except (TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: {error}") from error
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise FileFormatError.of(path, error) from error
     recorded = description.views
     if masks is not None:
         _require_one_each(masks, len(recorded))
-        # absolute, as the scene's own are relative to it
-        recorded = tuple(
-            replace(view, mask=str(mask.absolute())) for view, mask in zip(recorded, masks, strict=True)
-        )
-    views = tuple(_load_view(view, path.parent, description) for view in recorded)
-    name = description.name or path.resolve().parent.name
-    return Scene(name, views, description.bounds, description.radius)
+        recorded = tuple(replace(view, mask=None) for view in recorded)
+    # where a link to a description points to is no matter: files are beside the link
+    folder = None if outside else Path(os.path.realpath(path.parent))
+    views, files = [], [path]
+    for i, view in enumerate(recorded):
+        own = {key: _own_file(path, f"view {i + 1}.{key}", name, folder) for key, name in view.files.items()}
+        if masks is not None:
+            own["mask"] = masks[i]
+        views.append(_load_view(own, view.pose, description, budget))
+        files += own.values()
+    name = description.name or Path(os.path.realpath(path)).parent.name
+    return Scene(name, tuple(views), description.bounds, description.radius, files=tuple(files))
 
 
-def _load_view(recorded: RecordedView, folder: Path, description: Description) -> View:
-    path, pose = folder / recorded.file, recorded.pose
-    readers = {".png": read_png, ".npy": read_npy, ".ply": read_ply}
+def _own_file(description: Path, place: str, name: str, folder: Path | None) -> Path:
+    """Return the path of a file that a description names, inside of a folder if there is one.
+
+    Raises
+    ------
+    strand.FileFormatError
+        If the file, or what it links to, is outside.
+    """
+    file = description.parent / name
+    if folder is not None and folder not in Path(os.path.realpath(file)).parents:
+        reason = f"{name} is outside of the scene's folder; outside=True (--outside) allows that"
+        raise FileFormatError(description, reason, place)
+    return file
+
+
+def _load_view(files: Mapping[str, Path], pose: Array, description: Description, budget: Budget) -> View:
+    path = files["file"]
+    readers = {".png": read_depth_png, ".npy": _read_depth_or_points, ".ply": read_ply}
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise FileFormatError(f"{path}: expected a .png, .ply or .npy file")
-    array = reader(path, content(path))
-    colors = None
-    if recorded.color is not None:
-        color = folder / recorded.color
-        colors = read_color(color, content(color))
+        raise FileFormatError(path, "expected a .png, .ply or .npy file")
+    array = reader(path, budget)
+    colors = read_color(files["color"], budget) if "color" in files else None
+    budget.take(path, _VIEW + array.size * (_DEPTH if colors is None else _DEPTH + _COLOUR))
+    scale = None
     try:
         if array.dtype == np.uint16:
             if description.depth_scale is None:
                 raise ValueError("a 16-bit depth image needs depth_scale in the [camera] table")
-            array = array * description.depth_scale
+            scale = description.depth_scale
         elif array.shape[1] == 3:
             if colors is not None:
                 raise ValueError("color: only depth images have colour images")
-            if recorded.mask is not None:
+            if "mask" in files:
                 raise ValueError("mask: only depth images have masks")
             finite = np.isfinite(array).all(axis=1)
             return View(array[finite], pose, int((~finite).sum()))
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        mask = None if recorded.mask is None else _read_mask(folder / recorded.mask, array.shape)
-        return View.from_depth(array, description.intrinsics, pose, colors, mask=mask)
+        mask = _read_mask(files["mask"], array.shape, budget) if "mask" in files else None
+        return View.from_depth(array, description.intrinsics, pose, colors, depth_scale=scale, mask=mask)
     except FileFormatError:  # the mask's, which names it
         raise
     except (TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: {error}") from error
+        raise FileFormatError.of(path, error) from error
+
+
+def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any]:
+    """(H, W) uint16, or (H, W) or (N, 3) of floats, of an NPY file."""
+    array = read_npy(path, budget)
+    if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
+        raise FileFormatError(
+            path,
+            "expected a depth image (H, W) of floats or uint16, or points (N, 3) of floats, "
+            f"got {array.shape} {array.dtype}",
+        )
+    return array

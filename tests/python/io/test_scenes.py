@@ -173,7 +173,6 @@ def test_scene_files_hold_colour_images(tmp_path):
     ("package", "file"),
     [
         ("PIL", "a.png"),
-        ("trimesh", "a.ply"),
         ("tomllib" if sys.version_info >= (3, 11) else "tomli", "a.npy"),
     ],
 )

@@ -1,0 +1,81 @@
+"""What strand depends on: licences, duplicates and sources of crates as `deny.toml` says; licences of packages."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from strand.files import read_toml
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def rules():
+    return read_toml(ROOT / "deny.toml")
+
+
+@pytest.fixture(scope="module")
+def crates():
+    """Every crate that Cargo.lock names, on any system and with all features, but strand itself."""
+    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--all-features"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    found = [crate for crate in json.loads(done.stdout)["packages"] if crate["source"] is not None]
+    assert len(found) > 50
+    return found
+
+
+def is_allowed(expression, allowed):
+    """Whether a licence expression of SPDX can be met with some licences."""
+    words = re.findall(r"\(|\)|[^\s()/]+(?:\s+WITH\s+[^\s()/]+)?|/", expression)
+    meaning = {"OR": "or", "/": "or", "AND": "and", "(": "(", ")": ")"}
+    return eval(" ".join(meaning.get(word, str(" ".join(word.split()) in allowed)) for word in words))
+
+
+@pytest.mark.parametrize(
+    ("expression", "met"),
+    [
+        ("MIT", True),
+        ("GPL-3.0", False),
+        ("MIT OR GPL-3.0", True),
+        ("MIT/Apache-2.0", True),
+        ("MIT AND GPL-3.0", False),
+        ("(MIT OR GPL-3.0) AND Zlib", True),
+        ("Apache-2.0 WITH LLVM-exception", False),
+    ],
+)
+def test_licence_expressions(expression, met):
+    assert is_allowed(expression, {"MIT", "Zlib"}) is met
+
+
+def test_licences_are_those_of_the_list(rules, crates):
+    allowed = set(rules["licenses"]["allow"])
+    assert not [
+        f"{crate['name']}: {crate['license']}"
+        for crate in crates
+        if not is_allowed(crate["license"] or "none", allowed)
+    ]
+
+
+def test_no_crate_comes_twice_but_those_of_the_list(rules, crates):
+    skipped = {entry["crate"] for entry in rules["bans"]["skip"]}
+    kept = [crate["name"] for crate in crates if f"{crate['name']}@{crate['version']}" not in skipped]
+    assert len(kept) == len(crates) - len(skipped), "a crate that is not there any more is in the list"
+    assert not {name for name in kept if kept.count(name) > 1}
+
+
+def test_crates_come_from_the_registry_of_the_list(rules, crates):
+    accepted = {f"registry+{url}" for url in rules["sources"]["allow-registry"]}
+    assert {crate["source"] for crate in crates} == accepted
+
+
+def test_packages_name_their_licence():
+    text = (ROOT / "pyproject.toml").read_text()
+    lines = re.findall(r'^    "[a-z]+>=.*$', text[: text.index("test = [")], re.MULTILINE)
+    assert len(lines) >= 5
+    for line in lines:
+        assert re.search(r"# (BSD|MIT|Apache|PSF)[^:]*: ", line), line
