@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import random
 import resource
 import signal
 import sys
@@ -25,7 +24,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from mutations import CAMERA, COLOURS, DEPTH, LABELS, Kind, image, kinds, mutated, npy, ply
+from mutations import CAMERA, COLOURS, DEPTH, LABELS, Kind, image, kinds, npy, numbered, ply
 
 import strand
 from strand import config
@@ -33,6 +32,8 @@ from strand.files import FileFormatError
 
 SECONDS = 2.0
 MEMORY = 200_000  # kB
+ALLOWED = ("answer", "FileFormatError", "OSError")
+SHOWN = (*ALLOWED, "finding")
 LIMIT = 1 << 23  # bytes that a scene may take: the files are small
 
 
@@ -74,7 +75,7 @@ def read(kind: Kind, folder: Path) -> object:
         again = strand.load(folder / "again.json")
         np.testing.assert_array_equal(again.poses, made.poses)
         return again
-    scene = strand.load_scene(folder if kind.view else path, **LIMITS)
+    scene = strand.load_scene(folder if kind.view else path, max_bytes=LIMIT)
     assert scene.views, "a scene without views"
     scene.name.encode()
     for view in scene.views:
@@ -83,24 +84,21 @@ def read(kind: Kind, folder: Path) -> object:
     return scene
 
 
-LIMITS = {"max_bytes": LIMIT}
-
-
-def outcome(kind: Kind, folder: Path) -> str | None:
-    """Why what comes of a file is a finding; None if it is none."""
+def outcome(kind: Kind, folder: Path) -> str:
+    """What comes of a file: "answer", "FileFormatError", "OSError", or why it is a finding."""
     try:
         read(kind, folder)
     except FileFormatError as error:
         if not error.file.startswith(str(folder)) or len(error.reason) > 1000:
             return f"message: {str(error)[:100]}"
+        return "FileFormatError"
     except OSError as error:
-        if kind.name != "scene.toml" or error.filename is None:
-            return where(error)
-    except (KeyboardInterrupt, SystemExit):
+        return where(error) if kind.name != "scene.toml" or error.filename is None else "OSError"
+    except (KeyboardInterrupt, TooLong):
         raise
     except BaseException as error:
         return where(error)
-    return None
+    return "answer"
 
 
 def where(error: BaseException) -> str:
@@ -134,8 +132,8 @@ def main() -> None:
     warnings.filterwarnings("ignore", module="PIL")
     warnings.showwarning = lambda message, category, *_, **__: warned.append(f"{category.__name__} {message}")
     every = kinds()
-    chosen = [kind for kind in every if options.kind in (None, kind.name)]
-    files: Counter[str] = Counter()
+    chosen = tuple(kind for kind in every if options.kind in (None, kind.name))
+    files: Counter[tuple[str, str]] = Counter()
     findings: Counter[tuple[str, str]] = Counter()
     started = time.monotonic()
     shared = "/dev/shm" if Path("/dev/shm").is_dir() else None
@@ -148,12 +146,9 @@ def main() -> None:
         numbers = range(options.files) if options.only is None else [options.only]
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for number in numbers:
-            draw = random.Random(f"{options.seed} {number}")
-            kind = draw.choice(chosen)
-            data = mutated(draw, kind, every)
+            kind, data = numbered(options.seed, number, chosen, every)
             (folders[kind.name] / kind.name).write_bytes(data)
             warned.clear()
-            why = None
             try:
                 signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
                 signal.setitimer(signal.ITIMER_REAL, 60 * SECONDS)  # waits take no processor time
@@ -164,12 +159,12 @@ def main() -> None:
                 why = "too long"
             grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most
             most += grown
-            if why is None and grown > MEMORY:
+            if why in ALLOWED and grown > MEMORY:
                 why = f"{grown // 1000} MB"
-            if why is None and warned:
+            if why in ALLOWED and warned:
                 why = f"warning: {warned[0][:60]}"
-            files[kind.name] += 1
-            if why is not None:
+            files[kind.name, why if why in ALLOWED else "finding"] += 1
+            if why not in ALLOWED:
                 findings[kind.name, why] += 1
                 if options.findings and findings[kind.name, why] <= 3:
                     options.findings.mkdir(parents=True, exist_ok=True)
@@ -177,10 +172,16 @@ def main() -> None:
                     print(f"{number}: {kind.name}: {why}", file=sys.stderr, flush=True)
             if number % 100_000 == 99_999:
                 print(f"{number + 1} files, {sum(findings.values())} findings", file=sys.stderr, flush=True)
-    print("| file | read | findings |\n|---|---|---|")
-    for name, count in files.items():
-        print(f"| {name} | {count:,} | {sum(n for (of, _), n in findings.items() if of == name):,} |")
-    print(f"| all | {sum(files.values()):,} | {sum(findings.values()):,} |")
+    print("| file | read | answers | refused | findings |\n|---|---|---|---|---|")
+    for name in [kind.name for kind in chosen] + ["all"]:
+        count = {
+            what: sum(n for (of, is_), n in files.items() if name in (of, "all") and is_ == what)
+            for what in SHOWN
+        }
+        refused = count["FileFormatError"] + count["OSError"]
+        print(
+            f"| {name} | {sum(count.values()):,} | {count['answer']:,} | {refused:,} | {count['finding']:,} |"
+        )
     print(f"{sum(files.values()) / (time.monotonic() - started):.0f} files a second")
     for (name, why), count in findings.most_common():
         print(f"{count:8} {name}: {why}")

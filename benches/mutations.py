@@ -587,6 +587,15 @@ def kinds() -> tuple[Kind, ...]:
     )
 
 
+def numbered(
+    seed: int, number: int, chosen: tuple[Kind, ...], others: tuple[Kind, ...]
+) -> tuple[Kind, bytes]:
+    """The damaged file of a seed and a number, of one of some kinds, and its kind."""
+    draw = random.Random(f"{seed} {number}")
+    kind = draw.choice(chosen)
+    return kind, mutated(draw, kind, others)
+
+
 def mutated(draw: random.Random, kind: Kind, others: tuple[Kind, ...]) -> bytes:
     """A damaged file of a kind: one to three mutations, or the start of one file and the end of another."""
     data = draw.choice(kind.whole)

@@ -1,4 +1,4 @@
-"""What strand depends on: licences, duplicates and sources of crates as `deny.toml` says; licences of packages."""
+"""Licences, duplicates and sources of crates, as `deny.toml` says; licences of packages."""
 
 from __future__ import annotations
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import pickle
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from strand import FileFormatError, StrandError
-from strand.files import read_json, read_toml, write_bytes, write_json
+from strand.files import open_file, read_bytes, read_json, read_toml, write_bytes, write_json
 
 
 def test_write_bytes_replaces_the_file_and_leaves_nothing_else(tmp_path):
@@ -106,3 +108,67 @@ def test_file_format_error_is_a_strand_error_and_a_value_error():
 def test_read_toml(tmp_path):
     (tmp_path / "a.toml").write_text("a = 1\n[b]\nc = 'd'\n")
     assert read_toml(tmp_path / "a.toml") == {"a": 1, "b": {"c": "d"}}
+
+
+def test_the_error_says_file_place_and_reason():
+    error = FileFormatError("a.npz", "takes 9 bytes", "depth")
+    assert (error.file, error.place, error.reason) == ("a.npz", "depth", "takes 9 bytes")
+    assert str(error) == "a.npz: depth: takes 9 bytes"
+    assert str(FileFormatError(Path("a.npz"), "the file is empty")) == "a.npz: the file is empty"
+    assert len(str(FileFormatError("a", "x" * 10**6))) < 500
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.place) == (FileFormatError, str(error), "depth")
+
+
+def test_the_place_of_a_check_is_what_its_message_begins_with():
+    error = FileFormatError.of("a", ValueError("camera.fx: expected a number, got 3: no"))
+    assert (error.place, error.reason) == ("camera.fx", "expected a number, got 3: no")
+    assert FileFormatError.of("a", RecursionError()).reason == "RecursionError"
+
+
+def test_only_regular_files_are_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "endless").symlink_to("/dev/zero")
+    for name in ("pipe", "endless"):
+        with pytest.raises(FileFormatError, match=rf"{name}: expected a regular file"):
+            open_file(tmp_path / name)
+    (tmp_path / "loop").symlink_to("loop")
+    for name, number in (("loop", errno.ELOOP), (".", errno.EISDIR), ("no", errno.ENOENT)):
+        with pytest.raises(OSError, match=re.escape(os.strerror(number))) as caught:
+            open_file(tmp_path / name)
+        assert caught.value.errno == number
+
+
+def test_no_more_is_read_than_allowed(tmp_path):
+    (tmp_path / "a").write_bytes(b"12345")
+    assert read_bytes(tmp_path / "a", 5) == b"12345"
+    with pytest.raises(FileFormatError, match="a: larger than the 4 bytes that may be read"):
+        read_bytes(tmp_path / "a", 4)
+    for read in (read_json, read_toml):
+        with pytest.raises(FileFormatError, match="larger than the 4 bytes"):
+            read(tmp_path / "a", 4)
+
+
+@pytest.mark.parametrize(
+    "data", [b"a = " + b"[" * 100_000, b"a = " + b"{a=" * 5000, b"a.b.c" + b".d" * 50 + b" = 1", b"\xff"]
+)
+def test_read_toml_names_a_bad_file(tmp_path, data):
+    (tmp_path / "a.toml").write_bytes(data)
+    with pytest.raises(FileFormatError, match=r"a\.toml: truncated, or not TOML"):
+        read_toml(tmp_path / "a.toml")
+
+
+def test_json_numbers_beyond_floats_are_refused(tmp_path):
+    (tmp_path / "a.json").write_text("[1,\n2e999]")
+    with pytest.raises(FileFormatError, match="2e999 is more than a number holds"):
+        read_json(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text("[1,\n2")
+    with pytest.raises(FileFormatError) as caught:
+        read_json(tmp_path / "a.json")
+    assert caught.value.place == "line 2"
+
+
+def test_a_link_to_itself_is_not_written(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match="Too many levels of symbolic links"):
+        write_bytes(tmp_path / "loop", b"")

@@ -80,8 +80,9 @@ def test_elements_before_the_vertices_and_columns_between(tmp_path, encoding):
     row = np.dtype([("z", order + "f8"), ("red", "u1"), ("x", order + "f4"), ("y", order + "f4")])
     table = np.zeros(3, dtype=row)
     table["x"], table["y"], table["z"] = [1, 2, 3], [4, 5, 6], [7, 8, 9]
-    header = f"ply\nformat {encoding} 1.0\nelement camera 2\nproperty short x\nproperty uchar \xe9\nelement vertex 3\n"
-    header += "property double z\nproperty uint8 red\nproperty float32 x\nproperty float y\nend_header\n"
+    header = f"ply\nformat {encoding} 1.0\nelement camera 2\nproperty short x\nproperty uchar \xe9\n"
+    header += "element vertex 3\nproperty double z\nproperty uint8 red\nproperty float32 x\n"
+    header += "property float y\nend_header\n"
     body = bytes(6) + table.tobytes()
     if encoding == "ascii":
         body = b"7 7\n\n7 7\n7 0 1 4\n  8 0 2 5 \n\n9 0 3 6"

@@ -299,3 +299,74 @@ def test_mask_files_missing_damaged_or_of_points(tmp_path):
     (tmp_path / "a.ply").write_bytes(ply())
     with pytest.raises(FileFormatError, match=r"a\.ply: mask: only depth images have masks"):
         load_scene(scene_of(tmp_path, "a.ply", pose=IDENTITY + 'mask = "m.npy"\n'))
+
+
+def test_a_description_names_no_files_outside_of_its_folder(tmp_path):
+    np.save(tmp_path / "secret.npy", POINTS)
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "link.npy").symlink_to(tmp_path / "secret.npy")
+    (folder / "own.npy").symlink_to(folder / "b.npy")
+    np.save(folder / "b.npy", POINTS)
+    for name in ("../secret.npy", str(tmp_path / "secret.npy"), "link.npy", "../scene/../secret.npy"):
+        scene_of(folder, name)
+        with pytest.raises(
+            FileFormatError, match=r"scene\.toml: view 1\.file: .* is outside of the scene's folder"
+        ) as caught:
+            load_scene(folder)
+        assert (caught.value.file, caught.value.place) == (str(folder / "scene.toml"), "view 1.file")
+        assert len(load_scene(folder, outside=True).views[0].points) == len(POINTS)
+    for name in ("own.npy", "../scene/b.npy", "./b.npy"):
+        assert len(load_scene(scene_of(folder, name)).views[0].points) == len(POINTS)
+    (tmp_path / "link").symlink_to(folder)
+    assert load_scene(tmp_path / "link").files == (
+        tmp_path / "link" / "scene.toml",
+        tmp_path / "link" / "./b.npy",
+    )
+
+
+def test_views_share_one_limit(tmp_path):
+    np.save(tmp_path / "a.npy", POINTS)
+    (tmp_path / "scene.toml").write_text(f'[[view]]\nfile = "a.npy"\n{IDENTITY}' * 50)
+    assert len(load_scene(tmp_path).views) == 50
+    with pytest.raises(FileFormatError, match=r"a\.npy: takes .* are left of max_bytes=100000"):
+        load_scene(tmp_path, max_bytes=100_000)
+    with pytest.raises(ValueError, match="max_bytes: expected at least 1, got 0"):
+        load_scene(tmp_path, max_bytes=0)
+    with pytest.raises(TypeError, match=r"max_bytes: expected an integer"):
+        load_scene(tmp_path, max_bytes=1e9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "place"),
+    [
+        ({"depth": np.zeros((0, 6, 8), np.uint16), "poses": np.zeros((0, 4, 4))}, "depth"),
+        ({"name": np.array(["a", "b"])}, "name"),
+        ({"name": np.array(3)}, "name"),
+        ({"radius": np.zeros((2, 2))}, "radius"),
+        ({"depth_scale": np.float64(np.nan)}, "depth_scale"),
+        ({"poses": np.full((2, 4, 4), 1e308)}, "pose"),
+    ],
+)
+def test_npz_that_used_to_end_otherwise(tmp_path, changes, place):
+    save_npz(tmp_path / "a.npz", **changes)
+    with np.errstate(all="raise"), pytest.raises(FileFormatError) as caught:
+        load_scene(tmp_path / "a.npz")
+    assert (caught.value.file, caught.value.place) == (str(tmp_path / "a.npz"), place)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[camera]\nfx = 1" + "0" * 400 + "\nfy = 1\ncx = 1\ncy = 1",
+        "radius = 0x" + "f" * 9000,
+        "name = [1]",
+        "[turntable]\naxis = [1e308, 1e308, 0]\n" + IDENTITY,
+    ],
+)
+def test_descriptions_that_used_to_end_otherwise(tmp_path, text):
+    np.save(tmp_path / "a.npy", POINTS)
+    with pytest.raises(FileFormatError, match=r"scene\.toml: "):
+        load_scene(scene_of(tmp_path, "a.npy", text, "turntable_deg = 30" if "turn" in text else IDENTITY))
+    with pytest.raises(FileFormatError, match=r"view 1\.file: expected a file's name"):
+        load_scene(scene_of(tmp_path, r"a\u0000.npy"))
