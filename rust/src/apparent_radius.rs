@@ -63,6 +63,7 @@ pub(crate) fn apparent_radii(
 
 /// The strip around a seed.
 fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentRadius> {
+    parallel::go_on();
     let ray = normalized(sub(seed, viewpoint));
     let range = dot(sub(seed, viewpoint), ray);
     let least = (0..3).min_by(|&a, &b| ray[a].abs().total_cmp(&ray[b].abs()))?;

@@ -1,6 +1,8 @@
 //! Curves over the gaps between stretches of rope.
 
 use crate::Point;
+use crate::checks::check_positive;
+use crate::error::{Error, Result};
 use crate::geometry::{advance, cross, dot, sub};
 use crate::polyline::arc_length;
 
@@ -8,6 +10,9 @@ use crate::polyline::arc_length;
 const TOUCHING: f64 = 1.2;
 /// A curve between two ends turns by at most this at each, radians.
 const MOST_TURN: f64 = 1.4;
+
+/// Most nodes of a bridge.
+const MOST_NODES: f64 = 1e6;
 
 /// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it.
 ///
@@ -30,16 +35,26 @@ pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
 ///
 /// The direction of each stretch is taken over `span` of it. `reach` holds the lengths of the tangents at the two ends, as
 /// parts of the gap.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if `spacing` is not positive, or too small for the gap.
 pub(crate) fn bridge(
     before: &[Point],
     after: &[Point],
     span: f64,
     spacing: f64,
     reach: [f64; 2],
-) -> Vec<Point> {
-    let (Some(&start), Some(&stop)) = (before.last(), after.first()) else { return Vec::new() };
+) -> Result<Vec<Point>> {
+    check_positive("spacing", spacing)?;
+    let (Some(&start), Some(&stop)) = (before.last(), after.first()) else { return Ok(Vec::new()) };
     let step = sub(stop, start);
     let gap = dot(step, step).sqrt();
+    // a gap that is not finite has no nodes either
+    if !(gap / spacing < MOST_NODES) {
+        let reason =
+            format!("expected a gap of less than {MOST_NODES:e} spacings, got {gap} m / {spacing} m");
+        return Err(Error::invalid("spacing", reason));
+    }
     let count = (gap / spacing) as usize + 1;
     let backwards: Vec<Point> = after.iter().rev().copied().collect();
     let leave = end_direction(before, 0.0, span).map(|x| x * gap * reach[0]);
@@ -54,7 +69,7 @@ pub(crate) fn bridge(
                 + (cube - square) * arrive[k]
         })
     };
-    (1..count).map(hermite).collect()
+    Ok((1..count).map(hermite).collect())
 }
 
 /// Cost of the curve that leaves the end p along `leave` and meets the end q, which points along `arrive`.
@@ -104,10 +119,19 @@ mod tests {
 
     #[test]
     fn a_bridge_between_two_ends_of_a_line_is_straight() {
-        let nodes = bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, 0.1, [1.0, 1.0]);
+        let nodes = bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, 0.1, [1.0, 1.0]).unwrap();
         assert_eq!(nodes.len(), 10);
         assert!(nodes.iter().all(|p| p[0] > 1.0 && p[0] < 2.0 && p[1] == 0.0 && p[2] == 0.0));
         assert!(bending(&nodes) < 1e-12);
+    }
+
+    #[test]
+    fn a_bridge_of_more_nodes_than_memory_holds_is_refused() {
+        for spacing in [1e-12, 0.0, f64::NAN, -1.0] {
+            assert!(bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, spacing, [1.0, 1.0]).is_err());
+        }
+        assert!(bridge(&line(0.0, 1.0), &line(1e9, 2e9), 0.5, 0.1, [1.0, 1.0]).is_err());
+        assert!(bridge(&line(0.0, 1.0), &line(f64::NAN, 3.0), 0.5, 0.1, [1.0, 1.0]).is_err());
     }
 
     #[test]

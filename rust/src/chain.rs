@@ -89,6 +89,7 @@ impl Tracer<'_> {
 
     /// Clears the targets within `near` of a node and finds the nearest of the others within reach.
     fn next(&mut self, node: usize) -> Option<usize> {
+        parallel::go_on();
         let Self { grid, target, near } = self;
         let mut nearest: Option<(f64, usize)> = None;
         let limit = *near * *near;

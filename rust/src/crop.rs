@@ -56,7 +56,10 @@ pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let found: Vec<Vec<Point>> = parallel::run(|| {
         bands
             .par_iter()
-            .map(|&(number, first_row, depth)| crop_band(&views[number], first_row, depth, bounds))
+            .map(|&(number, first_row, depth)| {
+                parallel::go_on();
+                crop_band(&views[number], first_row, depth, bounds)
+            })
             .collect()
     });
     let mut points = vec![Vec::new(); views.len()];

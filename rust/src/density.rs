@@ -26,6 +26,7 @@ pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> 
     let mut counts: Vec<usize> = parallel::run(|| {
         let grid = Grid::new(points, radius);
         let others = |position: usize| {
+            parallel::go_on();
             let mut count = 0;
             grid.visit_around(position, |_, _, _| {
                 count += 1;

@@ -26,18 +26,19 @@ pub(crate) fn has_return(z: f64) -> bool {
     z > 0.0 && z < f64::INFINITY
 }
 
-/// A copy of a depth image with 0 where pixels are NaN or infinite, as they have no return either; and how many are.
+/// A depth image with 0 where pixels are NaN or infinite, as they have no return either; and how many are.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
-pub(crate) fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usize)> {
-    let mut copy = Vec::with_capacity(depth.len());
+pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, usize)> {
     let (mut dropped, mut outside) = (0, false);
-    for part in depth.chunks(1024) {
-        copy.extend(part.iter().map(|&z| if z.is_finite() { z } else { 0.0 }));
+    for part in depth.chunks_mut(1024) {
         dropped += part.iter().filter(|z| !z.is_finite()).count();
         // infinities are dropped
         outside |= part.iter().fold(false, |out, &z| out | (((z < 0.0) | (z > farthest)) & z.is_finite()));
+        for z in part {
+            *z = if z.is_finite() { *z } else { 0.0 };
+        }
     }
     if outside {
         let reason = format!("expected depths from 0 to {farthest:.3e}, where points are finite");
@@ -46,7 +47,7 @@ pub(crate) fn copy_depth(depth: &[f64], farthest: f64) -> Result<(Vec<f64>, usiz
             None => Error::invalid("depth", reason),
         });
     }
-    Ok((copy, dropped))
+    Ok((depth, dropped))
 }
 
 /// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
@@ -71,9 +72,9 @@ mod tests {
         let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
         let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
         assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
-        assert_eq!(copy_depth(&depth, 4.0).unwrap(), (vec![0.0, 2.0, 0.0, 4.0, 0.0, 0.0], 2));
-        assert!(copy_depth(&depth, 3.9).is_err());
-        assert!(copy_depth(&[-1.0], 4.0).is_err());
+        assert_eq!(cleaned(depth.to_vec(), 4.0).unwrap(), (vec![0.0, 2.0, 0.0, 4.0, 0.0, 0.0], 2));
+        assert!(cleaned(depth.to_vec(), 3.9).is_err());
+        assert!(cleaned(vec![-1.0], 4.0).is_err());
         assert!(unproject(&[], 0, camera).is_empty());
     }
 }

@@ -1,6 +1,8 @@
 //! Where a rope ends: its points stop, which counting finds.
 
 use crate::arclength::{ByLength, tangent};
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
 use crate::geometry::{advance, dot, sub};
 use crate::{Point, Tube};
 
@@ -12,6 +14,8 @@ const NEAR_END: f64 = 7.0;
 const INSIDE: [f64; 2] = [1.0, 5.0];
 /// How far an end may lie from the first full bin, in radii.
 const REACH: f64 = 1.5;
+/// Longest curve, in radii.
+const MOST_RADII: f64 = 1e6;
 /// Fewer points support no curve.
 const FEWEST: usize = 8;
 
@@ -36,14 +40,32 @@ pub(crate) struct OnTube {
 /// Points near an end that lie on another curve's surface too say nothing about that end. `surface_tolerance` gives for
 /// each curve how far from a surface its points may lie to count as on it, metres, and leaves these points out; None
 /// counts all points.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too long for it.
 pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],
     points: &[OnTube],
     surface_tolerance: Option<&[f64]>,
-) -> Vec<Option<[f64; 2]>> {
+) -> Result<Vec<Option<[f64; 2]>>> {
+    for &radius in radii {
+        check_positive("radii", radius)?;
+    }
+    for tube in tubes {
+        check_finite("curves", &tube.curve.control)?;
+    }
     let curves: Vec<ByLength> =
         tubes.iter().map(|tube| ByLength::new(&tube.curve, 0.0, tube.curve.end())).collect();
+    for (curve, tube) in curves.iter().zip(tubes) {
+        let length = curve.length() / radii[tube.radius_class];
+        if length > MOST_RADII {
+            return Err(Error::invalid(
+                "radii",
+                format!("a curve is {length:.1e} radii long, more than {MOST_RADII:e}"),
+            ));
+        }
+    }
     let strands = surface_tolerance.map(|tolerance| (Strands::new(&curves, tubes, radii), tolerance));
     let mut places: Vec<Vec<f64>> = vec![Vec::new(); tubes.len()];
     let mut near_ends: Vec<[Vec<(f64, usize)>; 2]> = vec![Default::default(); tubes.len()];
@@ -67,7 +89,7 @@ pub(crate) fn rope_extents(
             }
         }
     }
-    places
+    let found = places
         .into_iter()
         .enumerate()
         .map(|(number, s)| {
@@ -81,7 +103,8 @@ pub(crate) fn rope_extents(
             let stop = length - end(&backwards, length, radius);
             (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
         })
-        .collect()
+        .collect();
+    Ok(found)
 }
 
 /// Arc length at which places of points, in any order and at least two, begin.
@@ -224,11 +247,13 @@ mod tests {
         let tubes = [Tube { curve: straight(40.0, 16), radius_class: 0 }];
         let points = on_top(&tubes[0]);
         for tolerance in [None, Some(&[0.15][..])] {
-            let parts = rope_extents(&tubes, &[1.0], &points, tolerance);
+            let parts = rope_extents(&tubes, &[1.0], &points, tolerance).unwrap();
             let [start, stop] = parts[0].unwrap().map(|u| u * 2.5);
             assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
         }
-        assert_eq!(rope_extents(&tubes, &[1.0], &points[..7], None), [None]);
+        assert_eq!(rope_extents(&tubes, &[1.0], &points[..7], None).unwrap(), [None]);
+        // bins of a rope as thin as this would fill the memory
+        assert!(rope_extents(&tubes, &[1e-9], &points, None).is_err());
     }
 
     #[test]
@@ -238,7 +263,7 @@ mod tests {
             [Tube { curve: straight(40.0, 16), radius_class: 0 }, Tube { curve: across, radius_class: 0 }];
         let mut points = on_top(&tubes[0]);
         points.retain(|point| point.position[0] < 34.0 || point.position[0] > 36.2);
-        let stop = |tolerance| rope_extents(&tubes, &[1.0], &points, tolerance)[0].unwrap()[1] * 2.5;
+        let stop = |tolerance| rope_extents(&tubes, &[1.0], &points, tolerance).unwrap()[0].unwrap()[1] * 2.5;
         assert!(stop(None) > 34.5);
         assert!(stop(Some(&[0.15, 0.15])) < 34.3);
     }

@@ -21,6 +21,7 @@ pub fn short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<
     let (mut right, mut down) = (values.clone(), values.clone());
     let beyond = vec![0.0f32; w];
     for _ in 0..steps {
+        crate::parallel::go_on();
         for y in 0..h {
             let row = y * w..(y + 1) * w;
             let here = &ahead[row.clone()];

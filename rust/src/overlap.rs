@@ -2,6 +2,7 @@
 
 use crate::Point;
 use crate::geometry::squared_distance;
+use crate::parallel::go_on;
 
 /// A place of a curve.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +21,11 @@ pub(crate) fn overlapping(places: &[Along], distance: f64, apart: f64) -> Vec<bo
         squared_distance(a.position, b.position) < distance * distance
             && (a.curve != b.curve || (a.arc_length - b.arc_length).abs() >= apart)
     };
-    places.iter().map(|one| places.iter().any(|other| overlap(one, other))).collect()
+    let any = |one: &Along| {
+        go_on();
+        places.iter().any(|other| overlap(one, other))
+    };
+    places.iter().map(any).collect()
 }
 
 #[cfg(test)]

@@ -1,60 +1,187 @@
 //! The only owner of thread pools.
 //!
 //! Rayon's global pool does not survive `fork`, which is how Python's `multiprocessing` starts workers on
-//! Linux: the child has the pool's memory but none of its threads, and would wait for ever. The pool here
-//! is built on first use in each process.
+//! Linux: the child has the pool's memory but none of its threads, and would wait for ever. The pools here
+//! are built on first use in each process, and end when another number of threads is wanted and no work is left.
+//!
+//! Work that a caller may give up, as Python's main thread does at Ctrl-C, has a pool of its own: its threads know that
+//! they work for nobody, and end what they do at the next [`go_on`].
 
+use std::any::Any;
+use std::cell::OnceCell;
 use std::marker::PhantomData;
-use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// A pool, and the one that was built before it.
-struct ProcessPool {
-    process: u32,
+/// A pool of so many threads.
+struct Pool {
     threads: usize,
     pool: ThreadPool,
-    older: *const ProcessPool,
+    given_up: Arc<AtomicBool>,
 }
 
-/// The pool that was built last.
-static NEWEST: AtomicPtr<ProcessPool> = AtomicPtr::new(std::ptr::null_mut());
-static WANTED_THREADS: AtomicUsize = AtomicUsize::new(0);
+/// The pools of a process, one for each [`Caller`].
+struct Process {
+    id: u32,
+    pools: [Mutex<Option<Arc<Pool>>>; 2],
+}
+
+/// Who waits for work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Caller {
+    /// One that waits until it has its answer.
+    Patient,
+    /// One, at most one at a time, that may give up.
+    Hasty,
+}
+
+/// This process' pools, or those of the one that it was forked from.
+static NEWEST: AtomicPtr<Process> = AtomicPtr::new(std::ptr::null_mut());
+static WANTED_THREADS: AtomicUsize = AtomicUsize::new(UNKNOWN);
+/// No one said yet how many threads are wanted.
+const UNKNOWN: usize = usize::MAX;
 /// More threads than any machine can use here; tens of thousands would take minutes to start.
 const MOST_THREADS: usize = 256;
+/// The environment variable that says how many threads are wanted.
+pub(crate) const VARIABLE: &str = "STRAND_NUM_THREADS";
 
 /// Values of an image that are worked on at a time, and fewest rows: some need what is beside them.
 const VALUES: usize = 1 << 16;
 const FEWEST_ROWS: usize = 32;
 
+thread_local! {
+    /// Whether this thread's pool works for nobody; only a pool's threads have it.
+    static GIVEN_UP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
+}
+
+/// What unwinds from work that was given up.
+struct GivenUp;
+
 /// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core.
 ///
-/// Results do not depend on it.
+/// Results do not depend on it. Until it is called, the environment variable `STRAND_NUM_THREADS` says it, if it is a whole
+/// number, and else there is one for each core.
 pub fn set_num_threads(threads: usize) {
     WANTED_THREADS.store(threads.min(MOST_THREADS), Ordering::Relaxed);
 }
 
 /// How many threads the kernels use.
 pub fn num_threads() -> usize {
-    match WANTED_THREADS.load(Ordering::Relaxed) {
+    let mut wanted = WANTED_THREADS.load(Ordering::Relaxed);
+    if wanted == UNKNOWN {
+        let asked = threads_of_environment().ok().flatten().unwrap_or(0).min(MOST_THREADS);
+        // a number that was set meanwhile holds
+        let set = WANTED_THREADS.compare_exchange(UNKNOWN, asked, Ordering::Relaxed, Ordering::Relaxed);
+        wanted = set.map_or_else(|set| set, |_| asked);
+    }
+    match wanted {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     }
 }
 
-/// Runs `work` where rayon's parallel iterators use this process' pool.
-pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    match pool() {
-        Some(pool) => pool.install(work),
-        // the system gives no threads: rayon then runs the iterators on the calling one
-        None => work(),
+/// How many threads the environment asks for, if it does; what it says, if that is no number.
+pub(crate) fn threads_of_environment() -> Result<Option<usize>, String> {
+    match std::env::var_os(VARIABLE) {
+        None => Ok(None),
+        Some(text) if text.is_empty() => Ok(None),
+        Some(text) => {
+            let text = text.to_string_lossy().into_owned();
+            text.trim().parse().map(Some).map_err(|_| text)
+        }
     }
 }
 
-/// Runs `work` in the pool that already runs, or in this process'.
-fn within<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    if rayon::current_thread_index().is_some() { work() } else { run(work) }
+/// Runs `work` where rayon's parallel iterators use this process' pool, or the one that already runs.
+pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    if is_worker() {
+        return work();
+    }
+    match pool(Caller::Patient) {
+        Some(pool) => pool.pool.install(work),
+        None => alone(work),
+    }
+}
+
+/// Whether this thread belongs to a pool of this module.
+fn is_worker() -> bool {
+    GIVEN_UP.with(|given_up| given_up.get().is_some())
+}
+
+/// Runs `work` where the system gives no threads: this one becomes a pool of itself, for good.
+fn alone<T>(work: impl FnOnce() -> T) -> T {
+    if let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
+        GIVEN_UP.with(|given_up| given_up.get_or_init(Arc::default).store(false, Ordering::Relaxed));
+        std::mem::forget(pool);
+    }
+    work()
+}
+
+/// Ends the work that this thread does if nobody waits for it any more. Loops that last call it now and then.
+#[inline]
+pub(crate) fn go_on() {
+    if GIVEN_UP.with(|given_up| given_up.get().is_some_and(|given_up| given_up.load(Ordering::Relaxed))) {
+        resume_unwind(Box::new(GivenUp));
+    }
+}
+
+/// Work that was begun in a pool.
+pub(crate) struct Begun<T> {
+    answer: Receiver<std::thread::Result<T>>,
+    caller: Caller,
+    pool: Arc<Pool>,
+}
+
+/// Begins `work` in the caller's pool; gives it back where the system gives no threads.
+pub(crate) fn begin<T: Send + 'static, F: FnOnce() -> T + Send + 'static>(
+    caller: Caller,
+    work: F,
+) -> Result<Begun<T>, F> {
+    let Some(pool) = pool(caller) else { return Err(work) };
+    let (sender, answer) = sync_channel(1);
+    pool.pool.spawn(move || {
+        // nobody takes the answer of work that was given up
+        let _ = sender.send(catch_unwind(AssertUnwindSafe(|| {
+            go_on();
+            work()
+        })));
+    });
+    Ok(Begun { answer, caller, pool })
+}
+
+impl<T> Begun<T> {
+    /// The answer, or what the work panicked with; none if it is not there in time.
+    pub(crate) fn wait(&mut self, longest: Option<Duration>) -> Option<std::thread::Result<T>> {
+        let lost = || Err(Box::new("a thread ended before its work") as Box<dyn Any + Send>);
+        match longest {
+            None => Some(self.answer.recv().unwrap_or_else(|_| lost())),
+            Some(longest) => match self.answer.recv_timeout(longest) {
+                Ok(answer) => Some(answer),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => Some(lost()),
+            },
+        }
+    }
+
+    /// Leaves the work: it ends soon, and its pool with it.
+    pub(crate) fn give_up(self) {
+        self.pool.given_up.store(true, Ordering::Relaxed);
+        let mut current = locked(this_process(), self.caller);
+        if current.as_ref().is_some_and(|current| Arc::ptr_eq(current, &self.pool)) {
+            *current = None;
+        }
+    }
+}
+
+/// Whether a panic is no defect, but work that was given up.
+pub(crate) fn was_given_up(panic: &(dyn Any + Send)) -> bool {
+    panic.is::<GivenUp>()
 }
 
 /// Results of some work on each of several things, in parallel.
@@ -63,49 +190,89 @@ pub(crate) fn each<T: Sync, R: Send>(
     things: &[T],
     work: impl Fn(&T) -> crate::Result<R> + Sync + Send,
 ) -> crate::Result<Vec<R>> {
+    let work = |thing: &T| {
+        go_on();
+        work(thing)
+    };
     run(|| things.par_iter().map(work).collect())
 }
 
-/// What some work makes of each of several things, in parallel; where a pool already runs, in that.
+/// What some work makes of each of several things, in parallel.
 pub(crate) fn map<T: Sync, R: Send>(things: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
-    within(|| things.par_iter().map(work).collect())
+    let work = |thing: &T| {
+        go_on();
+        work(thing)
+    };
+    run(|| things.par_iter().map(work).collect())
 }
 
 /// What two pieces of work make, in parallel.
 pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
-    within(|| rayon::join(a, b))
+    run(|| rayon::join(a, b))
 }
 
 /// Works on an image's rows, in parallel: on stretches of them, given the number of the first.
 pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
     let many = (VALUES / width.max(1)).max(FEWEST_ROWS);
     let stretches = values.par_chunks_mut(many * width.max(1)).enumerate();
-    within(|| stretches.for_each(|(k, part)| work(k * many, part)));
+    run(|| {
+        stretches.for_each(|(k, part)| {
+            go_on();
+            work(k * many, part);
+        });
+    });
 }
 
-/// The pool of this process with the wanted number of threads.
+/// A caller's pool with the wanted number of threads, or with one if the system gives no more.
 ///
-/// Lock-free, because a lock that another thread holds at the moment of a fork stays locked in the child.
-/// Pools are never ended: a worker may be inside one, and its number of threads may be wanted again.
-fn pool() -> Option<&'static ThreadPool> {
-    let (process, threads) = (std::process::id(), num_threads());
+/// What another number of threads had ends with its last work.
+fn pool(caller: Caller) -> Option<Arc<Pool>> {
+    let threads = num_threads();
+    let mut current = locked(this_process(), caller);
+    if let Some(pool) = current.as_ref().filter(|pool| pool.threads == threads) {
+        return Some(pool.clone());
+    }
+    let pool = Arc::new([threads, 1].into_iter().find_map(|given| build(given, threads))?);
+    *current = Some(pool.clone());
+    Some(pool)
+}
+
+fn build(given: usize, threads: usize) -> Option<Pool> {
+    let given_up = Arc::<AtomicBool>::default();
+    let theirs = given_up.clone();
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(given)
+        .thread_name(|i| format!("strand-{i}"))
+        .start_handler(move |_| GIVEN_UP.with(|given_up| given_up.set(theirs.clone()).unwrap_or_default()))
+        .build()
+        .ok()?;
+    Some(Pool { threads, pool, given_up })
+}
+
+fn locked(process: &Process, caller: Caller) -> MutexGuard<'_, Option<Arc<Pool>>> {
+    process.pools[caller as usize].lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What this process has.
+///
+/// Found without a lock, because one that another thread holds at the moment of a fork stays locked in the child. The
+/// locks inside are this process' own, and what a process had is left alone by those that were forked from it.
+fn this_process() -> &'static Process {
+    let id = std::process::id();
     let mut newest = NEWEST.load(Ordering::Acquire);
-    let mut next: *const ProcessPool = newest;
-    // SAFETY: a pointer in the list is null or came from Box::leak below, and is never freed
-    while let Some(built) = unsafe { next.as_ref() } {
-        if built.process == process && built.threads == threads {
-            return Some(&built.pool);
+    loop {
+        // SAFETY: the pointer is null or came from Box::leak below, and what it points to is never freed
+        if let Some(process) = unsafe { newest.as_ref() }
+            && process.id == id
+        {
+            return process;
         }
-        next = built.older;
+        let process = Box::leak(Box::new(Process { id, pools: Default::default() }));
+        match NEWEST.compare_exchange(newest, process, Ordering::AcqRel, Ordering::Acquire) {
+            Ok(_) => return process,
+            Err(newer) => newest = newer,
+        }
     }
-    let pool =
-        ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("strand-{i}")).build().ok()?;
-    let made = Box::leak(Box::new(ProcessPool { process, threads, pool, older: newest }));
-    while let Err(newer) = NEWEST.compare_exchange(newest, made, Ordering::AcqRel, Ordering::Acquire) {
-        newest = newer;
-        made.older = newer;
-    }
-    Some(&made.pool)
 }
 
 /// Places that tasks fill in any order.
@@ -137,19 +304,73 @@ impl<'a, T: Copy> Slots<'a, T> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    /// The number of threads belongs to the process.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+    fn alone() -> MutexGuard<'static, ()> {
+        ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     #[test]
-    fn the_pool_has_the_wanted_number_of_threads_and_is_built_once() {
+    fn the_pool_has_the_wanted_number_of_threads_and_ends_with_the_next() {
+        let _alone = alone();
+        let mut before: Option<std::sync::Weak<Pool>> = None;
         for threads in [1, 3, 2] {
-            super::set_num_threads(threads);
-            assert_eq!(super::run(rayon::current_num_threads), threads);
+            set_num_threads(threads);
+            assert_eq!(run(rayon::current_num_threads), threads);
+            assert!(before.is_none_or(|before| before.upgrade().is_none()));
+            let (one, other) = (pool(Caller::Patient).unwrap(), pool(Caller::Patient).unwrap());
+            assert!(Arc::ptr_eq(&one, &other));
+            before = Some(Arc::downgrade(&one));
         }
-        let address = || super::pool().map(std::ptr::from_ref);
-        let two = address();
-        super::set_num_threads(3);
-        assert_ne!(address(), two);
-        super::set_num_threads(2);
-        assert_eq!(address(), two);
-        super::set_num_threads(0);
-        assert!(super::num_threads() >= 1);
+        set_num_threads(0);
+        assert!(num_threads() >= 1);
+    }
+
+    #[test]
+    fn work_that_was_given_up_ends_and_the_next_is_done() {
+        let _alone = alone();
+        let ended = Arc::new(AtomicBool::new(false));
+        let mark = ended.clone();
+        let begun = begin(Caller::Hasty, move || {
+            struct AtEnd(Arc<AtomicBool>);
+            impl Drop for AtEnd {
+                fn drop(&mut self) {
+                    self.0.store(true, Ordering::Relaxed);
+                }
+            }
+            let _at_end = AtEnd(mark);
+            let never: Vec<usize> = map(&[1, 2, 3], |_| {
+                loop {
+                    go_on();
+                }
+            });
+            never.len()
+        });
+        let Ok(mut begun) = begun else { panic!("no threads") };
+        assert!(begun.wait(Some(Duration::from_millis(20))).is_none());
+        begun.give_up();
+        let start = Instant::now();
+        while !ended.load(Ordering::Relaxed) {
+            assert!(start.elapsed() < Duration::from_secs(10));
+            std::thread::yield_now();
+        }
+        let Ok(mut begun) = begin(Caller::Hasty, || map(&[1, 2, 3], |x| x + 1)) else { panic!("no threads") };
+        assert_eq!(begun.wait(None).unwrap().unwrap(), [2, 3, 4]);
+    }
+
+    #[test]
+    fn a_panic_in_the_pool_comes_back_to_who_waits() {
+        let _alone = alone();
+        let broken = || map(&[0usize, 1], |&i| [1.0][i]);
+        let Ok(mut begun) = begin(Caller::Hasty, broken) else { panic!("no threads") };
+        let panic = begun.wait(None).unwrap().unwrap_err();
+        assert!(!was_given_up(panic.as_ref()));
+        assert_eq!(run(|| 7), 7);
     }
 }

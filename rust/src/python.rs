@@ -1,6 +1,7 @@
 //! The Python bindings, a file for each topic: they validate, release the GIL, call the core and map the error. No maths.
 
 mod arguments;
+mod arrays;
 mod centerline;
 mod curves;
 mod density;
@@ -11,6 +12,7 @@ mod image_fit;
 mod images;
 mod masks;
 mod normals;
+mod released;
 mod tubes;
 mod views;
 mod visibility;
@@ -68,6 +70,12 @@ fn num_threads() -> usize {
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
+    if let Err(text) = crate::parallel::threads_of_environment() {
+        let reason = format!("{}: expected a whole number >= 0, got {text:?}", crate::parallel::VARIABLE);
+        return Err(PyValueError::new_err(reason));
+    }
+    released::keep_panics_quiet();
+    arrays::prepare(py)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("StrandError", py.get_type::<StrandError>())?;
     module.add("NotEnoughDataError", py.get_type::<NotEnoughDataError>())?;

@@ -119,6 +119,7 @@ impl Tracer {
     /// Traces arcs from seeds, the best first, of at least a score.
     fn follow(&mut self, seeds: Vec<Seed>, enough: f64, min_nodes: usize, arcs: &mut Vec<Arc>) {
         for seed in seeds {
+            parallel::go_on();
             if seed.support.score < enough {
                 break;
             }
@@ -185,6 +186,7 @@ impl Tracer {
     }
 
     fn seed(&self, position: usize) -> Option<Seed> {
+        parallel::go_on();
         let p = self.grid.point(position);
         let limit = (1.3 * self.radius).powi(2);
         let mut moments = Moments::default();
@@ -223,6 +225,7 @@ impl Tracer {
         let mut steps: Vec<(Tubelet, f64)> = Vec::new();
         let (mut last, mut typical) = (start, density);
         loop {
+            parallel::go_on();
             let expected = last.ahead(STEP * r);
             let patch = self.patch(expected.center);
             let (tubelet, support) = fit(&patch, expected, &MARCH);

@@ -166,6 +166,7 @@ impl Visibility {
 /// stretch or beside it.
 pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
     stretch.iter().any(|&place| {
+        parallel::go_on();
         let to_camera = normalized(sub(camera, place));
         others.iter().any(|&other| {
             let offset = sub(other, place);

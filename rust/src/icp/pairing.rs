@@ -12,6 +12,8 @@ use std::sync::OnceLock;
 use nalgebra::SMatrix;
 use rayon::prelude::*;
 
+use crate::parallel::go_on;
+
 use super::IcpOptions;
 use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
@@ -126,7 +128,10 @@ impl Pairing {
         let mut batches = std::mem::take(&mut self.batches);
         let parts: Vec<[f64; TERMS]> = batches
             .par_chunks_mut(BATCHES_PER_TASK)
-            .map_init(Around::default, |around, batches| pair(self, batches, pose, origin, around))
+            .map_init(Around::default, |around, batches| {
+                go_on();
+                pair(self, batches, pose, origin, around)
+            })
             .collect();
         self.batches = batches;
         self.pose = *pose;

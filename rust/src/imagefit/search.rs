@@ -115,6 +115,7 @@ impl State<'_> {
         let reference = &self.seen[self.options.reference];
         self.ends = self.curves.ends().map(|i| reference.image[i]).collect();
         while taken < most {
+            crate::parallel::go_on();
             let far = (taken as f64) < most as f64 * FAR;
             let (matrix, band, border) = self.equations(LIMITS[usize::from(!far)]);
             let (step, rest) = matrix.factor()?.solve(&band, &border);

@@ -2,38 +2,134 @@
 
 use std::borrow::Cow;
 use std::convert::Infallible;
+use std::ops::Deref;
 
-use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::Borrowed;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::{Point, RigidMotion};
+use crate::{Point, RigidMotion, Viewpoints};
 
-/// An (N, 3) array that is handed back.
-pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
+/// A C-ordered array made of an argument: a copy, because other threads may write to the caller's memory while kernels run.
+#[derive(Clone)]
+pub(super) struct Array<T> {
+    values: Vec<T>,
+    shape: Vec<usize>,
+}
 
-/// A C-ordered float64 array made of an argument; borrowed where it already is one.
-pub(super) struct FloatArray<'py>(pub(super) PyReadonlyArrayDyn<'py, f64>);
+/// An array of numbers in double precision, made of any kind of them.
+pub(super) type FloatArray = Array<f64>;
 
-impl<'py> FloatArray<'py> {
+impl<T> Array<T> {
+    pub(super) fn slice(&self) -> &[T] {
+        &self.values
+    }
+
+    pub(super) fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    pub(super) fn into_values(self) -> Vec<T> {
+        self.values
+    }
+
+    /// Height and width of an image.
+    pub(super) fn image_shape(&self, name: &str) -> PyResult<[usize; 2]> {
+        self.shape[..].try_into().map_err(|_| wrong_shape(name, "(H, W)", &self.shape))
+    }
+}
+
+impl<T: Element + Copy> Array<T> {
+    /// A copy of an array that has this type already, of so many dimensions.
+    pub(super) fn exactly(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
+        let refuse = || {
+            let (wanted, got) = (T::get_dtype(value.py()), value.get_type());
+            let got = value.getattr("dtype").map_or_else(|_| got.to_string(), |dtype| dtype.to_string());
+            PyTypeError::new_err(format!("{name}: expected a C-ordered array of {wanted}, got {got}"))
+        };
+        let array = value.cast::<PyArrayDyn<T>>().map_err(|_| refuse())?;
+        if array.ndim() != dimensions {
+            let axes = ["()", "(N,)", "(H, W)"].get(dimensions).copied().unwrap_or("another");
+            return Err(wrong_shape(name, axes, array.shape()));
+        }
+        let values = copied(name, array)?;
+        let values = values.ok_or_else(|| PyValueError::new_err(format!("{name}: expected C order")))?;
+        Ok(Self { values, shape: array.shape().to_vec() })
+    }
+}
+
+impl Array<bool> {
+    /// A copy of a mask (H, W).
+    pub(super) fn mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::flags(name, value, 2)
+    }
+
+    /// A copy of an array of so many dimensions.
+    pub(super) fn flags(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
+        if value.getattr("dtype").is_ok_and(|dtype| dtype.eq("bool").unwrap_or(false)) {
+            // a byte that another thread writes need not be 0 or 1
+            let bytes = value.call_method1("view", ("uint8",))?;
+            let Array { values, shape } = Array::<u8>::exactly(name, &bytes, dimensions)?;
+            return Ok(Self { values: values.into_iter().map(|byte| byte != 0).collect(), shape });
+        }
+        Self::exactly(name, value, dimensions)
+    }
+}
+
+/// About how much memory a kernel works in, in parts of its argument. It is asked for before the work begins, if the argument
+/// has more bytes than some, because what Rust lacks while it works ends the process.
+const WORK: usize = 8;
+const LARGE: usize = 1 << 20;
+
+/// A copy of an array's numbers, if they lie in C order.
+fn copied<T: Element + Copy, D: Dimension>(
+    name: &str,
+    array: &Bound<'_, PyArray<T, D>>,
+) -> PyResult<Option<Vec<T>>> {
+    if !array.is_c_contiguous() || !array.data().is_aligned() {
+        return Ok(None);
+    }
+    let count = array.len();
+    let mut values = reserved(name, count)?;
+    if size_of::<T>() * count > LARGE {
+        drop(reserved::<T>(name, WORK * count)?);
+    }
+    // SAFETY: the array holds as many numbers from there on, and this holds the GIL, without which it is not freed; no
+    // reference is made to what other threads may write. Every pattern of bits is a number of these types
+    unsafe {
+        std::ptr::copy_nonoverlapping(array.data().cast_const(), values.as_mut_ptr(), count);
+        values.set_len(count);
+    }
+    Ok(Some(values))
+}
+
+/// Room for so many values of an argument.
+fn reserved<T>(name: &str, count: usize) -> PyResult<Vec<T>> {
+    let mut values = Vec::new();
+    let short = || PyMemoryError::new_err(format!("{name}: no memory for {count} values"));
+    values.try_reserve_exact(count).map_err(|_| short())?;
+    Ok(values)
+}
+
+impl FloatArray {
     /// An array of lengths, which whole numbers are not: they have no unit.
-    pub(super) fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+    pub(super) fn new(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::of_kind(name, value, "f")
     }
 
     /// A small array that can mean only numbers; these may be whole.
-    pub(super) fn of_numbers(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+    pub(super) fn of_numbers(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::of_kind(name, value, "fiu")
     }
 
-    fn of_kind(name: &str, value: &Bound<'py, PyAny>, kinds: &str) -> PyResult<Self> {
+    fn of_kind(name: &str, value: &Bound<'_, PyAny>, kinds: &str) -> PyResult<Self> {
         let py = value.py();
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
-            && array.is_c_contiguous()
-            && array.data().is_aligned()
+            && let Some(values) = copied(name, array)?
         {
-            return Ok(Self(array.readonly()));
+            return Ok(Self { values, shape: array.shape().to_vec() });
         }
         let numpy = py.import("numpy")?;
         let array = numpy.call_method1("asarray", (value,)).map_err(|error| named(py, name, error))?;
@@ -51,29 +147,56 @@ impl<'py> FloatArray<'py> {
                 "{name}: expected {wanted}, got dtype {dtype}{reason}"
             )));
         }
-        // C order and alignment, copied only where the array lacks either
         let array = numpy.call_method1("require", (array, "float64", "CA"))?;
-        Ok(Self(array.extract()?))
+        let array = array.cast_into::<PyArrayDyn<f64>>()?;
+        let shape = array.shape().to_vec();
+        let values =
+            copied(name, &array)?.ok_or_else(|| PyValueError::new_err(format!("{name}: no order")))?;
+        Ok(Self { values, shape })
     }
 
     /// The arrays of a sequence, each with its number in errors.
-    pub(super) fn all(name: &str, values: &[Bound<'py, PyAny>]) -> PyResult<Vec<Self>> {
+    pub(super) fn all(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<Self>> {
         values.iter().enumerate().map(|(i, value)| Self::new(&format!("{name}[{i}]"), value)).collect()
     }
 
     /// The array as rows of three; `shape` is what the error message asks for.
-    pub(super) fn rows(&self, name: &str, shape: &str) -> PyResult<&[Point]> {
-        match self.0.shape() {
-            [_, 3] => Ok(self.slice()?.as_chunks().0),
-            other => Err(wrong_shape(name, shape, other)),
+    pub(super) fn points(self, name: &str, shape: &str) -> PyResult<Points> {
+        match self.shape[..] {
+            [_, 3] => Ok(Points(self.values)),
+            _ => Err(wrong_shape(name, shape, &self.shape)),
         }
     }
+}
 
-    pub(super) fn slice(&self) -> PyResult<&[f64]> {
-        // numpy.require made it so; as_slice alone would accept Fortran order too
-        debug_assert!(self.0.is_c_contiguous());
-        self.0.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))
+/// An (N, 3) array made of an argument.
+#[derive(Clone)]
+pub(super) struct Points(Vec<f64>);
+
+impl Points {
+    /// `shape` is what the error message asks for.
+    pub(super) fn new(name: &str, value: &Bound<'_, PyAny>, shape: &str) -> PyResult<Self> {
+        FloatArray::new(name, value)?.points(name, shape)
     }
+
+    /// The clouds of a sequence, each with its number in errors.
+    pub(super) fn all(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<Self>> {
+        let cloud = |(i, value)| Self::new(&format!("{name}[{i}]"), value, "(N, 3)");
+        values.iter().enumerate().map(cloud).collect()
+    }
+}
+
+impl Deref for Points {
+    type Target = [Point];
+
+    fn deref(&self) -> &[Point] {
+        self.0.as_chunks().0
+    }
+}
+
+/// The points of several clouds.
+pub(super) fn slices(clouds: &[Points]) -> Vec<&[Point]> {
+    clouds.iter().map(|cloud| &**cloud).collect()
 }
 
 pub(super) fn wrong_shape(name: &str, want: &str, got: &[usize]) -> PyErr {
@@ -91,16 +214,11 @@ pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     }
 }
 
-/// The points of several clouds.
-pub(super) fn rows_of<'a>(name: &str, clouds: &'a [FloatArray]) -> PyResult<Vec<&'a [Point]>> {
-    clouds.iter().enumerate().map(|(i, cloud)| cloud.rows(&format!("{name}[{i}]"), "(N, 3)")).collect()
-}
-
 /// So many numbers.
 pub(super) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
     let array = FloatArray::of_numbers(name, value)?;
-    let found = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
-    found.ok_or_else(|| wrong_shape(name, &format!("({N},)"), array.0.shape()))
+    let found = array.slice().try_into().ok().filter(|_| array.shape.len() == 1);
+    found.ok_or_else(|| wrong_shape(name, &format!("({N},)"), &array.shape))
 }
 
 /// A place or a vector.
@@ -125,10 +243,9 @@ pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
 /// A rigid motion.
 pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {
     let array = FloatArray::of_numbers(name, value)?;
-    if array.0.shape() != [4, 4] {
-        return Err(wrong_shape(name, "(4, 4)", array.0.shape()));
-    }
-    let rows: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| array.0.as_array()[[i, j]]));
+    let rows: Option<[[f64; 4]; 4]> = array.slice().as_chunks().0.try_into().ok();
+    let rows =
+        rows.filter(|_| array.shape == [4, 4]).ok_or_else(|| wrong_shape(name, "(4, 4)", &array.shape))?;
     RigidMotion::from_rows(&rows)
         .map_err(|error| PyValueError::new_err(error.to_string().replacen("pose", name, 1)))
 }
@@ -225,41 +342,39 @@ pub(super) fn require_same_length(name: &str, got: usize, want: usize) -> PyResu
 }
 
 /// One camera's centre, or one for each of several points.
-pub(super) enum Viewpoint<'py> {
+pub(super) enum Viewpoint {
     One(Point),
-    Each(FloatArray<'py>),
+    Each(Points),
 }
 
-impl<'py> Viewpoint<'py> {
+impl Viewpoint {
     const SHAPE: &'static str = "(3,) or (N, 3)";
 
-    pub(super) fn new(value: &Bound<'py, PyAny>) -> PyResult<Self> {
+    /// That of `count` points.
+    pub(super) fn new(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Self> {
         let array = FloatArray::of_numbers("viewpoint", value)?;
-        if array.0.ndim() == 2 {
-            return Ok(Self::Each(FloatArray::new("viewpoint", value)?));
+        if array.shape.len() == 2 {
+            let each = Points::new("viewpoint", value, Self::SHAPE)?;
+            require_same_length("viewpoint", each.len(), count)?;
+            return Ok(Self::Each(each));
         }
-        let one = array.slice()?.try_into().ok().filter(|_| array.0.ndim() == 1);
-        one.map(Self::One).ok_or_else(|| wrong_shape("viewpoint", Self::SHAPE, array.0.shape()))
+        let one = array.slice().try_into().ok().filter(|_| array.shape.len() == 1);
+        one.map(Self::One).ok_or_else(|| wrong_shape("viewpoint", Self::SHAPE, &array.shape))
     }
 
-    /// Those of `count` points, if there is one for each.
-    pub(super) fn each(&self, count: usize) -> PyResult<Option<&[Point]>> {
-        let Self::Each(array) = self else { return Ok(None) };
-        let rows = array.rows("viewpoint", Self::SHAPE)?;
-        require_same_length("viewpoint", rows.len(), count)?;
-        Ok(Some(rows))
-    }
-
-    /// That of all points; NaN if there is one for each.
-    pub(super) fn one(&self) -> Point {
+    /// Those of each point, if there is not one for all.
+    pub(super) fn each(&self) -> Option<&[Point]> {
         match self {
-            Self::One(one) => *one,
-            Self::Each(_) => [f64::NAN; 3],
+            Self::One(_) => None,
+            Self::Each(each) => Some(each),
         }
     }
-}
 
-pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
-    let rows = points.len();
-    PyArray1::from_vec(py, points.into_flattened()).reshape([rows, 3])
+    /// Runs `ask` with those of the kept rows.
+    pub(super) fn of<T>(&self, rows: &Rows, ask: impl FnOnce(Viewpoints) -> T) -> T {
+        match self {
+            Self::One(one) => ask(Viewpoints::One(*one)),
+            Self::Each(each) => ask(Viewpoints::Each(&rows.select(each))),
+        }
+    }
 }

@@ -4,8 +4,15 @@
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyList;
 
-use super::arguments::{FloatArray, PointsArray, Rows, count, number, points_array, require_same_length};
+use super::arguments::{Points, Rows, count, number, require_same_length};
+use super::arrays::{PointsArray, list, points_array};
+use super::released::released;
+use crate::Error;
+
+/// After so many chains are made arrays, signals are looked at.
+const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14;
 
 /// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
 ///
@@ -49,15 +56,17 @@ pub(super) fn centerline<'py>(
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<(PointsArray<'py>, Bound<'py, PyArray1<i64>>)> {
-    let (points, normals) = (FloatArray::new("points", points)?, FloatArray::new("normals", normals)?);
-    let (points, normals) = (points.rows("points", "(N, 3)")?, normals.rows("normals", "(N, 3)")?);
+    let (points, normals) =
+        (Points::new("points", points, "(N, 3)")?, Points::new("normals", normals, "(N, 3)")?);
     require_same_length("normals", normals.len(), points.len())?;
     let radius = number("radius", radius)?;
     let min_neighbors = count("min_neighbors", min_neighbors)?;
-    let rows = Rows::new(nonfinite, &[points, normals])?;
-    let result =
-        py.detach(|| crate::centerline(&rows.select(points), &rows.select(normals), radius, min_neighbors))?;
-    Ok((points_array(py, result.points)?, PyArray1::from_vec(py, rows.original(result.indices))))
+    let rows = Rows::new(nonfinite, &[&points, &normals])?;
+    let (points, indices) = released(py, move || {
+        let found = crate::centerline(&rows.select(&points), &rows.select(&normals), radius, min_neighbors)?;
+        Ok::<_, Error>((found.points, rows.original(found.indices)))
+    })??;
+    Ok((points_array(py, points)?, list(py, indices)?))
 }
 
 /// Trace ordered chains through axis points (section V-A, fig. 9-10).
@@ -102,11 +111,10 @@ pub(super) fn trace_chains<'py>(
     far: &Bound<'py, PyAny>,
     start: Option<&Bound<'py, PyAny>>,
     nonfinite: &str,
-) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+) -> PyResult<Bound<'py, PyList>> {
+    let points = Points::new("points", points, "(N, 3)")?;
     let (near, far) = (number("near", near)?, number("far", far)?);
-    let rows = Rows::new(nonfinite, &[points])?;
+    let rows = Rows::new(nonfinite, &[&points])?;
     let start = start.map(|value| count("start", value)).transpose()?;
     let start = match (start, &rows.kept) {
         (Some(start), Some(kept)) => Some(kept.binary_search(&start).map_err(|_| {
@@ -114,6 +122,17 @@ pub(super) fn trace_chains<'py>(
         })?),
         (start, _) => start,
     };
-    let chains = py.detach(|| crate::trace_chains(&rows.select(points), near, far, start))?;
-    Ok(chains.into_iter().map(|chain| PyArray1::from_vec(py, rows.original(chain))).collect())
+    let chains = released(py, move || {
+        let chains = crate::trace_chains(&rows.select(&points), near, far, start)?;
+        Ok::<Vec<_>, Error>(chains.into_iter().map(|chain| rows.original(chain)).collect())
+    })??;
+    // there may be as many as points
+    let found = PyList::empty(py);
+    for (number, chain) in chains.into_iter().enumerate() {
+        found.append(list(py, chain)?)?;
+        if number % CHAINS_BETWEEN_SIGNALS == 0 {
+            py.check_signals()?;
+        }
+    }
+    Ok(found)
 }

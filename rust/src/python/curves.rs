@@ -1,10 +1,12 @@
 //! Bindings of curves: splines, polylines and bridges between these.
 
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, PointsArray, point, points_array, require_same_length};
+use super::arguments::{Array, FloatArray, Points, point, require_same_length};
+use super::arrays::{PointsArray, list, points_array};
+use super::released::{guarded, released_if_many};
 use crate::arclength::ByLength;
 use crate::overlap::{self, Along};
 use crate::{Point, Spline, bridge, polyline, straighten};
@@ -40,9 +42,11 @@ pub(super) fn spline_through<'py>(
     spacing: f64,
     extension: f64,
 ) -> PyResult<PointsArray<'py>> {
-    let nodes = FloatArray::new("nodes", nodes)?;
-    let nodes = nodes.rows("nodes", "(M, 3)")?;
-    let spline = py.detach(|| Spline::through(nodes, spacing, extension))?;
+    let nodes = Points::new("nodes", nodes, "(M, 3)")?;
+    // the fit is dense
+    let spans = polyline::arc_length(&nodes).last().map_or(0.0, |length| length / spacing);
+    let effort = nodes.len().saturating_add((spans * spans) as usize);
+    let spline = released_if_many(py, effort, move || Spline::through(&nodes, spacing, extension))??;
     points_array(py, spline.control)
 }
 
@@ -55,14 +59,16 @@ pub(super) fn spline_places<'py>(
 ) -> PyResult<(PointsArray<'py>, PointsArray<'py>, PointsArray<'py>)> {
     let (spline, parameters) =
         (checked_spline("control", control)?, FloatArray::new("parameters", parameters)?);
-    let parameters = parameters.slice()?;
-    let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(parameters.len()));
-    for place in parameters.iter().map(|&u| spline.at(u)) {
-        for (all, one) in places.iter_mut().zip([place.position, place.first, place.second]) {
-            all.push(one);
+    let count = parameters.slice().len();
+    let [position, first, second] = released_if_many(py, count, move || {
+        let mut places: [Vec<Point>; 3] = std::array::from_fn(|_| Vec::with_capacity(count));
+        for place in parameters.slice().iter().map(|&u| spline.at(u)) {
+            for (all, one) in places.iter_mut().zip([place.position, place.first, place.second]) {
+                all.push(one);
+            }
         }
-    }
-    let [position, first, second] = places;
+        places
+    })?;
     Ok((points_array(py, position)?, points_array(py, first)?, points_array(py, second)?))
 }
 
@@ -75,7 +81,15 @@ pub(super) fn arc_lengths<'py>(
     stop: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let spline = checked_spline("control", control)?;
-    Ok(PyArray1::from_vec(py, ByLength::new(&spline, start, stop).into_table()))
+    for (name, value) in [("start", start), ("stop", stop)] {
+        if !(0.0..=spline.end()).contains(&value) {
+            let reason = format!("{name}: expected a parameter from 0 to {}, got {value}", spline.end());
+            return Err(PyValueError::new_err(reason));
+        }
+    }
+    let controls = spline.control.len();
+    let table = released_if_many(py, controls, move || ByLength::new(&spline, start, stop).into_table())?;
+    list(py, table)
 }
 
 /// Which places of curves lie nearer than `distance` to another curve, or to their own at least `apart` along it.
@@ -85,20 +99,22 @@ pub(super) fn arc_lengths<'py>(
 pub(super) fn overlapping<'py>(
     py: Python<'py>,
     places: &Bound<'py, PyAny>,
-    curve: PyReadonlyArray1<'py, i64>,
-    arc_length: PyReadonlyArray1<'py, f64>,
+    curve: &Bound<'py, PyAny>,
+    arc_length: &Bound<'py, PyAny>,
     distance: f64,
     apart: f64,
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-    let places = FloatArray::new("places", places)?;
-    let (places, curve, arc_length) =
-        (places.rows("places", "(N, 3)")?, curve.as_slice()?, arc_length.as_slice()?);
-    require_same_length("curve", curve.len(), places.len())?;
-    require_same_length("arc_length", arc_length.len(), places.len())?;
-    let places: Vec<Along> = (places.iter().zip(curve).zip(arc_length))
+    let places = Points::new("places", places, "(N, 3)")?;
+    let curve = Array::<i64>::exactly("curve", curve, 1)?;
+    let arc_length = Array::<f64>::exactly("arc_length", arc_length, 1)?;
+    require_same_length("curve", curve.slice().len(), places.len())?;
+    require_same_length("arc_length", arc_length.slice().len(), places.len())?;
+    let places: Vec<Along> = (places.iter().zip(curve.slice()).zip(arc_length.slice()))
         .map(|((&position, &curve), &arc_length)| Along { curve: curve as usize, arc_length, position })
         .collect();
-    Ok(PyArray1::from_vec(py, py.detach(|| overlap::overlapping(&places, distance, apart))))
+    // each with each
+    let effort = places.len().saturating_mul(places.len() / 64);
+    list(py, released_if_many(py, effort, move || overlap::overlapping(&places, distance, apart))?)
 }
 
 /// Arc length from the first of ordered nodes to each, metres.
@@ -107,8 +123,8 @@ pub(super) fn path_length<'py>(
     py: Python<'py>,
     nodes: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let nodes = FloatArray::new("nodes", nodes)?;
-    Ok(PyArray1::from_vec(py, polyline::arc_length(nodes.rows("nodes", "(M, 3)")?)))
+    let nodes = Points::new("nodes", nodes, "(M, 3)")?;
+    list(py, released_if_many(py, nodes.len(), move || polyline::arc_length(&nodes))?)
 }
 
 /// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it; metres.
@@ -119,8 +135,9 @@ pub(super) fn end_direction<'py>(
     skip: f64,
     span: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let nodes = FloatArray::new("nodes", nodes)?;
-    Ok(PyArray1::from_slice(py, &bridge::end_direction(nodes.rows("nodes", "(M, 3)")?, skip, span)))
+    let nodes = Points::new("nodes", nodes, "(M, 3)")?;
+    let direction = released_if_many(py, nodes.len(), move || bridge::end_direction(&nodes, skip, span))?;
+    list(py, direction.to_vec())
 }
 
 /// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
@@ -137,9 +154,10 @@ pub(super) fn bridge_nodes<'py>(
     spacing: f64,
     reach: [f64; 2],
 ) -> PyResult<PointsArray<'py>> {
-    let (before, after) = (FloatArray::new("before", before)?, FloatArray::new("after", after)?);
-    let (before, after) = (before.rows("before", "(K, 3)")?, after.rows("after", "(K, 3)")?);
-    points_array(py, bridge::bridge(before, after, span, spacing, reach))
+    let (before, after) = (Points::new("before", before, "(K, 3)")?, Points::new("after", after, "(K, 3)")?);
+    let effort = before.len() + after.len();
+    let bridge = move || bridge::bridge(&before, &after, span, spacing, reach);
+    points_array(py, released_if_many(py, effort, bridge)??)
 }
 
 /// Undo what the average over two radii does to the bends of a chain of axis points.
@@ -153,14 +171,16 @@ pub(super) fn straightened<'py>(
     radius: f64,
     span: f64,
 ) -> PyResult<PointsArray<'py>> {
-    let nodes = FloatArray::new("nodes", nodes)?;
-    points_array(py, straighten::straighten(nodes.rows("nodes", "(M, 3)")?, radius, span))
+    let nodes = Points::new("nodes", nodes, "(M, 3)")?;
+    let straight = released_if_many(py, nodes.len(), move || straighten::straighten(&nodes, radius, span))?;
+    points_array(py, straight)
 }
 
 /// Bending energy of a polyline, 1/m.
 #[pyfunction]
-pub(super) fn bending(nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
-    Ok(bridge::bending(FloatArray::new("nodes", nodes)?.rows("nodes", "(M, 3)")?))
+pub(super) fn bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let nodes = Points::new("nodes", nodes, "(M, 3)")?;
+    released_if_many(py, nodes.len(), move || bridge::bending(&nodes))
 }
 
 /// Cost of the curve that leaves the end `p` along `leave` and meets the end `q`, which points along `arrive`.
@@ -176,13 +196,13 @@ pub(super) fn join_cost(
 ) -> PyResult<f64> {
     let [p, leave, q, arrive] =
         [("p", p), ("leave", leave), ("q", q), ("arrive", arrive)].map(|(name, value)| point(name, value));
-    Ok(bridge::join_cost(p?, leave?, q?, arrive?, radius))
+    let (p, leave, q, arrive) = (p?, leave?, q?, arrive?);
+    guarded(|| bridge::join_cost(p, leave, q, arrive, radius))
 }
 
 /// A spline of checked control points.
 pub(super) fn checked_spline(name: &str, control: &Bound<'_, PyAny>) -> PyResult<Spline> {
-    let array = FloatArray::new(name, control)?;
-    let control = array.rows(name, "(n, 3)")?.to_vec();
+    let control = Points::new(name, control, "(n, 3)")?.to_vec();
     if control.len() < 4 {
         let reason = format!("{name}: expected at least four control points, got {}", control.len());
         return Err(PyValueError::new_err(reason));

@@ -3,8 +3,10 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, Rows, count, number, rows_of};
-use crate::parallel;
+use super::arguments::{Points, Rows, count, number};
+use super::arrays::list;
+use super::released::released;
+use crate::{Error, parallel};
 
 /// Tell outliers: which points have enough neighbours within a searching radius (section IV-A).
 ///
@@ -42,13 +44,15 @@ pub(super) fn radius_outlier_mask<'py>(
     min_neighbors: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+    let points = Points::new("points", points, "(N, 3)")?;
     let min_neighbors = count("min_neighbors", min_neighbors)?;
     let radius = number("radius", radius)?;
-    let rows = Rows::new(nonfinite, &[points])?;
-    let mask = py.detach(|| crate::radius_outlier_mask(&rows.select(points), radius, min_neighbors))?;
-    Ok(PyArray1::from_vec(py, rows.scatter(mask, false)))
+    let rows = Rows::new(nonfinite, &[&points])?;
+    let mask = released(py, move || {
+        let mask = crate::radius_outlier_mask(&rows.select(&points), radius, min_neighbors)?;
+        Ok::<_, Error>(rows.scatter(mask, false))
+    })??;
+    list(py, mask)
 }
 
 /// Count each point's neighbours within a radius.
@@ -81,13 +85,14 @@ pub(super) fn count_neighbors<'py>(
     radius: &Bound<'py, PyAny>,
     nonfinite: &str,
 ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+    let points = Points::new("points", points, "(N, 3)")?;
     let radius = number("radius", radius)?;
-    let rows = Rows::new(nonfinite, &[points])?;
-    let counts = py.detach(|| crate::count_neighbors(&rows.select(points), radius))?;
-    let counts = counts.into_iter().map(|count| count as i64).collect();
-    Ok(PyArray1::from_vec(py, rows.scatter(counts, 0)))
+    let rows = Rows::new(nonfinite, &[&points])?;
+    let counts = released(py, move || {
+        let counts = crate::count_neighbors(&rows.select(&points), radius)?;
+        Ok::<_, Error>(rows.scatter(whole(counts), 0))
+    })??;
+    list(py, counts)
 }
 
 /// Count the neighbours of the points of several clouds; see `count_neighbors`.
@@ -97,10 +102,13 @@ pub(super) fn count_neighbors_each<'py>(
     clouds: Vec<Bound<'py, PyAny>>,
     radius: f64,
 ) -> PyResult<Vec<Bound<'py, PyArray1<i64>>>> {
-    let clouds = FloatArray::all("clouds", &clouds)?;
-    let clouds = rows_of("clouds", &clouds)?;
-    let counts = py.detach(|| parallel::each(&clouds, |cloud| crate::count_neighbors(cloud, radius)))?;
-    let array =
-        |counts: Vec<usize>| PyArray1::from_vec(py, counts.into_iter().map(|count| count as i64).collect());
-    Ok(counts.into_iter().map(array).collect())
+    let clouds = Points::all("clouds", &clouds)?;
+    let counts = released(py, move || {
+        parallel::each(&clouds, |cloud| Ok(whole(crate::count_neighbors(cloud, radius)?)))
+    })??;
+    counts.into_iter().map(|counts| list(py, counts)).collect()
+}
+
+fn whole(counts: Vec<usize>) -> Vec<i64> {
+    counts.into_iter().map(|count| count as i64).collect()
 }

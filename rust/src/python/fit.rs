@@ -3,17 +3,20 @@
 mod end_observation;
 mod outcome;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 pub(super) use end_observation::EndObservation;
 pub(super) use outcome::TubeFit;
+use outcome::in_range;
 
 use super::arguments::{
-    FloatArray, Given, count, motions, number, numbers, points_array, rows_of, wrong_shape,
+    Array, FloatArray, Given, Points, count, motions, number, numbers, slices, wrong_shape,
 };
+use super::arrays::{array, list, points_array};
 use super::curves::checked_spline;
+use super::released::released;
 use crate::ends::{self, OnTube};
 use crate::tubefit::placed;
 use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView};
@@ -134,19 +137,17 @@ pub(super) fn fit_tubes<'py>(
     previous: Option<&Bound<'py, TubeFit>>,
     uncertainty: bool,
 ) -> PyResult<TubeFit> {
-    let clouds = FloatArray::all("points", &points)?;
-    let points = rows_of("points", &clouds)?;
+    let points = Points::all("points", &points)?;
     let viewpoints = FloatArray::of_numbers("viewpoints", viewpoints)?;
-    if viewpoints.0.shape() != [points.len(), 3] {
-        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), viewpoints.0.shape()));
+    if viewpoints.shape() != [points.len(), 3] {
+        return Err(wrong_shape("viewpoints", &format!("({}, 3)", points.len()), viewpoints.shape()));
     }
     let tubes = tubes(&curves, radius_classes)?;
     let motions = self::motions("motions", &motions)?;
     let radii = FloatArray::of_numbers("radius", radius)?;
-    if radii.0.ndim() > 1 {
-        return Err(wrong_shape("radius", "() or (K,)", radii.0.shape()));
+    if radii.shape().len() > 1 {
+        return Err(wrong_shape("radius", "() or (K,)", radii.shape()));
     }
-    let radii = radii.slice()?;
     let options = TubeFitOptions {
         fit_curves,
         radius_prior: radius_prior.map(priors).transpose()?,
@@ -163,55 +164,62 @@ pub(super) fn fit_tubes<'py>(
         uncertainty,
     };
     let ends = by_view(&end_observations, points.len())?;
-    let foot_points = previous.map_or(Ok(Vec::new()), |fit| earlier(fit, &tubes, &points))?;
-    let viewpoints: &[Point] = viewpoints.slice()?.as_chunks().0;
-    let (fit, (placed, to_camera)) = py.detach(|| {
+    let sizes: Vec<usize> = points.iter().map(|points| points.len()).collect();
+    let foot_points = previous.map_or(Ok(Vec::new()), |fit| earlier(fit, &tubes, sizes.iter().sum()))?;
+    let viewpoints = viewpoints.points("viewpoints", "(V, 3)")?;
+    let classes = tubes.iter().map(|tube| tube.radius_class as i64).collect();
+    let (fit, (placed, to_camera)) = released(py, move || {
+        let points = slices(&points);
         let mut foot_points = &foot_points[..];
-        let views: Vec<TubeView> = (points.iter().zip(viewpoints).zip(&ends))
+        let views: Vec<TubeView> = (points.iter().zip(&*viewpoints).zip(&ends))
             .map(|((&points, &viewpoint), end_observations)| {
                 let own = points.len().min(foot_points.len());
                 let foot_points = foot_points.split_off(..own).unwrap_or_default();
                 TubeView { points, viewpoint, end_observations, foot_points }
             })
             .collect();
-        let fit = crate::fit_tubes(&views, &tubes, &motions, radii, &options)?;
+        let fit = crate::fit_tubes(&views, &tubes, &motions, radii.slice(), &options)?;
         let placed = placed(&views, &fit.motions);
         Ok::<_, Error>((fit, placed))
-    })?;
-    let view = points.iter().enumerate().flat_map(|(view, points)| points.iter().map(move |_| view as i64));
-    let classes = tubes.iter().map(|tube| tube.radius_class as i64);
+    })??;
+    let view = sizes.iter().enumerate().flat_map(|(view, &size)| std::iter::repeat_n(view as i64, size));
     let motions: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
-    let motions = PyArray1::from_slice(py, motions.as_flattened().as_flattened());
     let foot_points: Vec<&crate::FootPoint> = fit.foot_points.iter().flatten().collect();
     let uncertainty = fit.uncertainty.unwrap_or_default();
-    let poses = PyArray1::from_slice(py, uncertainty.poses.as_flattened().as_flattened());
+    let poses = uncertainty.poses.as_flattened().as_flattened().to_vec();
     let covariances = uncertainty.curves.iter().map(|curve| {
-        let flat = curve.as_flattened().as_flattened().as_flattened();
-        Ok(PyArray1::from_slice(py, flat).reshape([curve.len(), 4, 3, 3])?.unbind())
+        let flat = curve.as_flattened().as_flattened().as_flattened().to_vec();
+        Ok(array(py, flat, [curve.len(), 4, 3, 3])?.unbind())
     });
+    let of_each = |value: fn(&crate::FootPoint) -> f64| {
+        Ok::<_, PyErr>(list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
+    };
+    let whether = |value: fn(&crate::FootPoint) -> bool| {
+        Ok::<_, PyErr>(list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
+    };
     Ok(TubeFit {
         curves: fit
             .curves
             .into_iter()
             .map(|curve| points_array(py, curve.control).map(Bound::unbind))
             .collect::<PyResult<_>>()?,
-        motions: motions.reshape([fit.motions.len(), 4, 4])?.unbind(),
-        radius_classes: PyArray1::from_iter(py, classes).unbind(),
-        radii: PyArray1::from_vec(py, fit.radii).unbind(),
-        radii_sd: PyArray1::from_vec(py, uncertainty.radii).unbind(),
+        motions: array(py, motions.into_flattened().into_flattened(), [fit.motions.len(), 4, 4])?.unbind(),
+        radius_classes: list(py, classes)?.unbind(),
+        radii: list(py, fit.radii)?.unbind(),
+        radii_sd: list(py, uncertainty.radii)?.unbind(),
         sigma: fit.sigma,
-        bands: PyArray1::from_vec(py, fit.bands).unbind(),
+        bands: list(py, fit.bands)?.unbind(),
         points: points_array(py, placed)?.unbind(),
         to_camera: points_array(py, to_camera)?.unbind(),
-        view: PyArray1::from_iter(py, view).unbind(),
-        curve: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.curve as i64)).unbind(),
-        parameter: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.parameter)).unbind(),
-        residual: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.residual)).unbind(),
-        facing: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.facing)).unbind(),
-        weight: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.weight)).unbind(),
-        explained: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.explained)).unbind(),
-        inlier: PyArray1::from_iter(py, foot_points.iter().map(|foot| foot.inlier)).unbind(),
-        pose_covariance: poses.reshape([uncertainty.poses.len(), 6, 6])?.unbind(),
+        view: list(py, view.collect())?.unbind(),
+        curve: list(py, foot_points.iter().map(|foot| foot.curve as i64).collect())?.unbind(),
+        parameter: of_each(|foot| foot.parameter)?,
+        residual: of_each(|foot| foot.residual)?,
+        facing: of_each(|foot| foot.facing)?,
+        weight: of_each(|foot| foot.weight)?,
+        explained: whether(|foot| foot.explained)?,
+        inlier: whether(|foot| foot.inlier)?,
+        pose_covariance: array(py, poses, [uncertainty.poses.len(), 6, 6])?.unbind(),
         covariances: covariances.collect::<PyResult<_>>()?,
     })
 }
@@ -239,8 +247,8 @@ fn tubes(curves: &[Bound<'_, PyAny>], radius_classes: Option<&Bound<'_, PyAny>>)
 /// A mean and a standard deviation, or one of each for each radius.
 fn priors(value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     let array = FloatArray::of_numbers("radius_prior", value)?;
-    match array.0.shape() {
-        [2] | [_, 2] => Ok(array.slice()?.as_chunks().0.to_vec()),
+    match array.shape() {
+        [2] | [_, 2] => Ok(array.slice().as_chunks().0.to_vec()),
         other => Err(wrong_shape("radius_prior", "(2,) or (K, 2)", other)),
     }
 }
@@ -248,7 +256,7 @@ fn priors(value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
 /// The low and the high corner of a box.
 fn corners(value: &Bound<'_, PyAny>) -> PyResult<[Point; 2]> {
     let array = FloatArray::of_numbers("bounds", value)?;
-    match (array.0.shape(), array.slice()?.as_chunks().0) {
+    match (array.shape(), array.slice().as_chunks().0) {
         ([2, 3], &[low, high]) => Ok([low, high]),
         (other, _) => Err(wrong_shape("bounds", "(2, 3)", other)),
     }
@@ -269,13 +277,8 @@ fn by_view(all: &[Bound<'_, EndObservation>], views: usize) -> PyResult<Vec<Vec<
 }
 
 /// The foot points of an earlier fit to the same points, from whose curves another goes on.
-fn earlier(
-    previous: &Bound<'_, TubeFit>,
-    tubes: &[Tube],
-    points: &[&[Point]],
-) -> PyResult<Vec<Option<OnCurve>>> {
+fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyResult<Vec<Option<OnCurve>>> {
     let (py, fit) = (previous.py(), previous.get());
-    let count: usize = points.iter().map(|points| points.len()).sum();
     let (curves, before) = (fit.curves.len(), fit.points.bind(py).shape()[0]);
     let alike =
         |(curve, tube): (&Py<PyArray2<f64>>, &Tube)| curve.bind(py).shape()[0] == tube.curve.control.len();
@@ -286,7 +289,7 @@ fn earlier(
             tubes.len()
         )));
     }
-    Ok(fit.foot_points(py))
+    fit.foot_points(py)
 }
 
 /// Cut fitted curves to the stretch that points support.
@@ -324,29 +327,34 @@ pub(super) fn rope_extents(
         let reason = format!("expected one for each of {} curves, got {}", fit.curves.len(), tolerance.len());
         return Err(PyValueError::new_err(format!("surface_tolerance: {reason}")));
     }
-    let classes = fit.radius_classes.bind(py).readonly();
-    let tubes: Vec<Tube> = (fit.curves.iter().zip(classes.as_array()))
+    let classes = Array::<i64>::exactly("radius_classes", fit.radius_classes.bind(py), 1)?;
+    let tubes: Vec<Tube> = (fit.curves.iter().zip(classes.slice()))
         .map(|(curve, &class)| {
             let curve = checked_spline("curves", curve.bind(py).as_any())?;
             Ok(Tube { curve, radius_class: class as usize })
         })
         .collect::<PyResult<_>>()?;
-    let radii = fit.radii.bind(py).readonly().as_array().to_vec();
-    let points = FloatArray::new("points", fit.points.bind(py).as_any())?;
-    let to_camera = FloatArray::new("to_camera", fit.to_camera.bind(py).as_any())?;
-    let (points, to_camera) = (points.rows("points", "(N, 3)")?, to_camera.rows("to_camera", "(N, 3)")?);
-    let (curve, parameter) = (fit.curve.bind(py).readonly(), fit.parameter.bind(py).readonly());
-    let inlier = fit.inlier.bind(py).readonly();
-    let rows = points.iter().zip(to_camera).zip(curve.as_array()).zip(parameter.as_array());
-    let on_tubes: Vec<OnTube> = rows
-        .zip(inlier.as_array())
-        .filter(|(_, inlier)| **inlier)
-        .map(|((((&position, &to_camera), &curve), &parameter), _)| OnTube {
-            curve: curve as usize,
-            parameter,
-            position,
-            to_camera,
-        })
-        .collect();
-    Ok(py.detach(|| ends::rope_extents(&tubes, &radii, &on_tubes, surface_tolerance.as_deref())))
+    let radii = FloatArray::new("radii", fit.radii.bind(py))?;
+    let points = Points::new("points", fit.points.bind(py), "(N, 3)")?;
+    let to_camera = Points::new("to_camera", fit.to_camera.bind(py), "(N, 3)")?;
+    let curve = Array::<i64>::exactly("curve", fit.curve.bind(py), 1)?;
+    let parameter = FloatArray::new("parameter", fit.parameter.bind(py))?;
+    let inlier = Array::flags("inlier", fit.inlier.bind(py), 1)?;
+    // the fit's arrays may have been written to since they were checked
+    in_range("curve", curve.slice(), tubes.len(), "curves for each point")?;
+    in_range("radius_classes", classes.slice(), radii.slice().len(), "radii for each curve")?;
+    Ok(released(py, move || {
+        let rows = points.iter().zip(&*to_camera).zip(curve.slice()).zip(parameter.slice());
+        let on_tubes: Vec<OnTube> = rows
+            .zip(inlier.slice())
+            .filter(|(_, inlier)| **inlier)
+            .map(|((((&position, &to_camera), &curve), &parameter), _)| OnTube {
+                curve: curve as usize,
+                parameter,
+                position,
+                to_camera,
+            })
+            .collect();
+        ends::rope_extents(&tubes, radii.slice(), &on_tubes, surface_tolerance.as_deref())
+    })??)
 }

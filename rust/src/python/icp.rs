@@ -1,11 +1,13 @@
 //! Bindings of registration. Sections and equations are those of *Shape Modeling of A String And Recognition Using
 //! Distance Sensor*.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, Given, Rows, count, motion, number, require_same_length, rows_of};
+use super::arguments::{Given, Points, Rows, count, motion, number, require_same_length, slices};
+use super::arrays::array;
+use super::released::released;
 use crate::{IcpOptions, Objective, RigidMotion, Stop};
 
 // the text signature of `icp` says these numbers
@@ -62,7 +64,7 @@ impl IcpResult {
     /// (4, 4) ndarray: the rigid motion from the source's frame to the target's.
     #[getter]
     fn transformation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        PyArray1::from_slice(py, self.0.transformation.to_rows().as_flattened()).reshape([4, 4])
+        array(py, self.0.transformation.to_rows().as_flattened().to_vec(), [4, 4])
     }
 
     /// float: share of source points with a correspondence, in [0, 1].
@@ -165,11 +167,10 @@ pub(super) fn icp<'py>(
     tolerance: Given<'py>,
     nonfinite: &str,
 ) -> PyResult<IcpResult> {
-    let (source, target) = (FloatArray::new("source", source)?, FloatArray::new("target", target)?);
-    let (source, target) = (source.rows("source", "(N, 3)")?, target.rows("target", "(M, 3)")?);
-    let normals = target_normals.map(|value| FloatArray::new("target_normals", value)).transpose()?;
-    let normals = normals.as_ref().map(|array| array.rows("target_normals", "(M, 3)")).transpose()?;
-    if let Some(normals) = normals {
+    let (source, target) =
+        (Points::new("source", source, "(N, 3)")?, Points::new("target", target, "(M, 3)")?);
+    let normals = target_normals.map(|value| Points::new("target_normals", value, "(M, 3)")).transpose()?;
+    if let Some(normals) = &normals {
         require_same_length("target_normals", normals.len(), target.len())?;
     }
     let options = IcpOptions {
@@ -179,13 +180,13 @@ pub(super) fn icp<'py>(
             .or(IcpOptions::MAX_ITERATIONS, |value| count("max_iterations", value))?,
         tolerance: tolerance.or(IcpOptions::TOLERANCE, |value| number("tolerance", value))?,
     };
-    let source_rows = Rows::new(nonfinite, &[source])?;
-    let target_rows = Rows::new(nonfinite, &[target, normals.unwrap_or(target)])?;
-    let result = py.detach(|| {
-        let normals = normals.map(|normals| target_rows.select(normals));
+    let source_rows = Rows::new(nonfinite, &[&source])?;
+    let target_rows = Rows::new(nonfinite, &[&target, normals.as_deref().unwrap_or(&target)])?;
+    let result = released(py, move || {
+        let normals = normals.as_ref().map(|normals| target_rows.select(normals));
         let objective = normals.as_deref().map_or(Objective::PointToPoint, Objective::PointToPlane);
-        crate::icp(&source_rows.select(source), &target_rows.select(target), objective, &options)
-    })?;
+        crate::icp(&source_rows.select(&source), &target_rows.select(&target), objective, &options)
+    })??;
     Ok(IcpResult(result))
 }
 
@@ -200,9 +201,9 @@ pub(super) fn register_in_turn(
     max_iterations: usize,
     tolerance: f64,
 ) -> PyResult<Vec<IcpResult>> {
-    let clouds = FloatArray::all("clouds", &clouds)?;
-    let clouds = rows_of("clouds", &clouds)?;
+    let clouds = Points::all("clouds", &clouds)?;
     let options =
         IcpOptions { max_correspondence_distance, max_iterations, tolerance, ..IcpOptions::default() };
-    Ok(py.detach(|| crate::register_in_turn(&clouds, &options))?.into_iter().map(IcpResult).collect())
+    let found = released(py, move || crate::register_in_turn(&slices(&clouds), &options))??;
+    Ok(found.into_iter().map(IcpResult).collect())
 }

@@ -1,16 +1,18 @@
 //! Bindings of what a fit to images returns.
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
-use super::arguments::{PointsArray, points_array};
+use super::arrays::{PointsArray, array, list, points_array};
 use crate::Point;
 use crate::imagefit::{self, OnChain};
 
 /// Ropes fitted to masks and depth.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct ImageFit {
-    pub(super) fit: imagefit::ImageFit,
+    pub(super) fit: Arc<imagefit::ImageFit>,
     pub(super) reference: usize,
     pub(super) noise: f64,
     pub(super) pairs: Vec<Vec<[OnChain; 2]>>,
@@ -34,14 +36,14 @@ impl ImageFit {
     /// Covariances (M, 3, 3) of each rope's nodes, m²; empty without `uncertainty`.
     #[getter]
     fn covariances<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<f64>>>> {
-        let flat = |c: &Vec<[Point; 3]>| PyArray1::from_vec(py, c.concat().concat()).reshape([c.len(), 3, 3]);
+        let flat = |c: &Vec<[Point; 3]>| array(py, c.concat().concat(), [c.len(), 3, 3]);
         self.fit.covariances.iter().map(flat).collect()
     }
 
     /// (V, 6) What corrects each camera's frame: rotation vector, radians, and translation, metres.
     #[getter]
     fn corrections<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        PyArray1::from_vec(py, self.fit.corrections.concat()).reshape([self.fit.corrections.len(), 6])
+        array(py, self.fit.corrections.concat(), [self.fit.corrections.len(), 6])
     }
 
     /// The view that it began in.
@@ -71,8 +73,8 @@ impl ImageFit {
 
     /// (V,) How much too far away each view sees the ropes, radii.
     #[getter]
-    fn biases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.fit.biases.iter().map(|bias| -bias))
+    fn biases<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        list(py, self.fit.biases.iter().map(|bias| -bias).collect())
     }
 
     /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's

@@ -1,19 +1,23 @@
 //! Bindings of what images say of ropes: readings of masks, and fits to masks and depth.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motions, number, require_same_length, wrong_shape};
+use super::arguments::{Array, FloatArray, Points, motions, number, require_same_length, wrong_shape};
+use super::arrays::{array, list};
 use super::image_fit::ImageFit;
-use super::views::image_shape;
+use super::released::released;
+use crate::checks::check_positive;
 use crate::imagefit::{self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView, Sensor};
 use crate::{Pinhole, Point, parallel, readings};
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
 /// The view that a reading is of, and the columns and rows of its ropes' nodes.
-type Hypothesis<'py> = (usize, Vec<PyReadonlyArray2<'py, f64>>);
+type Hypothesis<'py> = (usize, Vec<Bound<'py, PyAny>>);
 /// Standard deviation of depth, radii, if it is known, its correlation, radii, standard deviation of edges, pixels, and bias,
 /// radii.
 type Errors = (Option<f64>, f64, f64, f64);
@@ -38,7 +42,10 @@ type Errors = (Option<f64>, f64, f64, f64);
 /// ValueError
 ///     If the sequences differ in length, a shape is wrong, or a mask shows no rope with depth.
 #[pyclass(frozen, module = "strand._core")]
-pub(super) struct RopeImages {
+pub(super) struct RopeImages(Arc<Prepareds>);
+
+/// Views made ready, which work without the GIL shares.
+struct Prepareds {
     views: Vec<Prepared>,
     radius: f64,
 }
@@ -49,7 +56,7 @@ impl RopeImages {
     fn new(
         py: Python<'_>,
         depths: Vec<Bound<'_, PyAny>>,
-        masks: Vec<PyReadonlyArray2<'_, bool>>,
+        masks: Vec<Bound<'_, PyAny>>,
         cameras: Vec<[[f64; 2]; 2]>,
         poses: Vec<Bound<'_, PyAny>>,
         radius: &Bound<'_, PyAny>,
@@ -58,34 +65,37 @@ impl RopeImages {
             require_same_length(name, got, depths.len())?;
         }
         let radius = number("radius", radius)?;
+        check_positive("radius", radius)?;
+        if !cameras.iter().flatten().flatten().all(|x| x.is_finite()) {
+            return Err(PyValueError::new_err("cameras: expected finite numbers"));
+        }
         let depths = FloatArray::all("depths", &depths)?;
         let mut inputs = Vec::new();
         for (((depth, mask), camera), pose) in
-            depths.iter().zip(&masks).zip(cameras).zip(motions("poses", &poses)?)
+            depths.into_iter().zip(&masks).zip(cameras).zip(motions("poses", &poses)?)
         {
-            let [height, width] = image_shape("depths", depth)?;
+            let ([height, width], mask) = (depth.image_shape("depths")?, Array::mask("masks", mask)?);
             if mask.shape() != [height, width] {
                 return Err(wrong_shape("masks", &format!("({height}, {width})"), mask.shape()));
             }
-            let mask = mask.as_slice().map_err(|_| PyValueError::new_err("masks: expected C order"))?;
             let [focal, center] = camera;
-            inputs.push((depth.slice()?, mask, [width, height], Pinhole { focal, center }, pose));
+            inputs.push((depth, mask, [width, height], Pinhole { focal, center }, pose));
         }
-        let views = py.detach(|| {
-            parallel::each(&inputs, |&(depth, mask, size, pinhole, pose)| {
-                Ok(Prepared::new(depth, mask, size, pinhole, pose, radius))
+        let views = released(py, move || {
+            parallel::map(&inputs, |(depth, mask, size, pinhole, pose)| {
+                Prepared::new(depth.slice(), mask.slice(), *size, *pinhole, *pose, radius)
             })
         })?;
         let views: Option<Vec<Prepared>> = views.into_iter().collect();
         let views =
             views.ok_or_else(|| PyValueError::new_err("masks: expected pixels of a rope with depth"))?;
-        Ok(Self { views, radius })
+        Ok(Self(Arc::new(Prepareds { views, radius })))
     }
 
     /// (V,) The rope's radius in each image as the mask shows it, pixels.
     #[getter]
-    fn radii<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.views.iter().map(|v| v.silhouette.radius_px))
+    fn radii<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        list(py, self.0.views.iter().map(|v| v.silhouette.radius_px).collect())
     }
 
     /// Likely ways of ropes through each mask.
@@ -112,24 +122,24 @@ impl RopeImages {
         most: usize,
         views: Vec<usize>,
     ) -> PyResult<Vec<(f64, usize, Vec<PlacesArray<'py>>, usize)>> {
-        if let Some(view) = views.iter().find(|&&view| view >= self.views.len()) {
+        let of = self.0.clone();
+        if let Some(view) = views.iter().find(|&&view| view >= of.views.len()) {
             return Err(PyValueError::new_err(format!("views: there is no view {view}")));
         }
-        let found = py.detach(|| {
-            parallel::each(&views, |&view| {
-                let view = &self.views[view];
+        let found = released(py, move || {
+            let found = parallel::map(&views, |&view| {
+                let view = &of.views[view];
                 let found = readings::readings(&view.silhouette, ropes, most);
-                Ok(parallel::map(&found, |r| {
-                    (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings)
-                }))
-            })
+                parallel::map(&found, |r| (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings))
+            });
+            views.into_iter().zip(found).collect::<Vec<_>>()
         })?;
         let mut answer = Vec::new();
-        for (view, found) in views.into_iter().zip(found) {
+        for (view, found) in found {
             for (cost, chains, rings) in found {
                 let chains = chains
                     .into_iter()
-                    .map(|c| PyArray1::from_vec(py, c.concat()).reshape([c.len(), 2]))
+                    .map(|c| array(py, c.concat(), [c.len(), 2]))
                     .collect::<PyResult<Vec<_>>>()?;
                 answer.push((cost, view, chains, rings));
             }
@@ -138,21 +148,18 @@ impl RopeImages {
     }
 
     /// What a reading of a view costs that has these polylines, (M, 2), pixels, but for ends, kisses and gaps.
-    fn reading_cost(
-        &self,
-        py: Python<'_>,
-        view: usize,
-        chains: Vec<PyReadonlyArray2<'_, f64>>,
-    ) -> PyResult<f64> {
-        let Some(seen) = self.views.get(view) else {
+    fn reading_cost(&self, py: Python<'_>, view: usize, chains: Vec<Bound<'_, PyAny>>) -> PyResult<f64> {
+        let of = self.0.clone();
+        if view >= of.views.len() {
             return Err(PyValueError::new_err(format!("view: there is no view {view}")));
-        };
+        }
         let chains = chains.iter().map(places).collect::<PyResult<Vec<_>>>()?;
-        Ok(py.detach(|| {
+        released(py, move || {
+            let seen = &of.views[view];
             let step = 0.5 * seen.silhouette.radius_px;
             let chains: Vec<_> = chains.iter().map(|c| readings::resampled(c, step)).collect();
             readings::cost(&seen.silhouette, &chains)
-        }))
+        })
     }
 
     /// Fit ropes to masks and depth of all views, each beginning with polylines in one view's image.
@@ -194,7 +201,7 @@ impl RopeImages {
         let hypotheses = hypotheses
             .iter()
             .map(|(view, chains)| {
-                if *view >= self.views.len() {
+                if *view >= self.0.views.len() {
                     return Err(PyValueError::new_err(format!("hypotheses: there is no view {view}")));
                 }
                 let chains = chains.iter().map(places).collect::<PyResult<Vec<_>>>()?;
@@ -202,14 +209,11 @@ impl RopeImages {
             })
             .collect::<PyResult<Vec<_>>>()?;
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
-        let sensor = sensor(errors);
-        let views = self.rope_views();
-        py.detach(|| {
-            parallel::each(&hypotheses, |(reference, chains)| {
-                let Some(lifted) = imagefit::lift(&views[*reference], chains, self.radius, plane, &sensor)
-                else {
-                    return Ok(None);
-                };
+        let (sensor, of) = (sensor(errors), self.0.clone());
+        released(py, move || {
+            let views = of.rope_views();
+            parallel::map(&hypotheses, |(reference, chains)| {
+                let lifted = imagefit::lift(&views[*reference], chains, of.radius, plane, &sensor)?;
                 let options = ImageFitOptions {
                     iterations,
                     reference: *reference,
@@ -221,18 +225,16 @@ impl RopeImages {
                 let pairs: Vec<Vec<[OnChain; 2]>> =
                     lifted.crossings.iter().map(|c| c.ordered().collect()).collect();
                 let margins = lifted.crossings.iter().map(|c| c.margin).collect();
-                let fitted =
-                    imagefit::fit(&views, &lifted.nodes, self.radius, plane, &pairs, &sensor, &options);
-                Ok(fitted.map(|fit| ImageFit {
-                    fit,
+                let fit = imagefit::fit(&views, &lifted.nodes, of.radius, plane, &pairs, &sensor, &options)?;
+                Some(ImageFit {
+                    fit: Arc::new(fit),
                     reference: *reference,
                     noise: lifted.sigma,
                     pairs,
                     margins,
-                }))
+                })
             })
         })
-        .map_err(PyErr::from)
     }
 
     /// Fit once more from where a fit ended, with covariances; arguments as those of `fit`. None if that fails.
@@ -246,7 +248,7 @@ impl RopeImages {
         pose_sd: [f64; 2],
         errors: Errors,
         iterations: usize,
-    ) -> Option<ImageFit> {
+    ) -> PyResult<Option<ImageFit>> {
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
         let sensor = sensor(errors);
         let options = ImageFitOptions {
@@ -257,17 +259,19 @@ impl RopeImages {
             noise: errors.0.unwrap_or(before.noise),
             uncertainty: true,
         };
-        let fitted = py.detach(|| {
-            let views = self.rope_views();
-            imagefit::fit(&views, &before.fit.nodes, self.radius, plane, &before.pairs, &sensor, &options)
-        });
-        fitted.map(|fit| ImageFit {
-            fit,
+        let (of, from, pairs) = (self.0.clone(), before.fit.clone(), before.pairs.clone());
+        let fitted = released(py, move || {
+            let fit =
+                imagefit::fit(&of.rope_views(), &from.nodes, of.radius, plane, &pairs, &sensor, &options);
+            fit.map(|fit| (fit, pairs))
+        })?;
+        Ok(fitted.map(|(fit, pairs)| ImageFit {
+            fit: Arc::new(fit),
             reference: before.reference,
             noise: before.noise,
-            pairs: before.pairs.clone(),
+            pairs,
             margins: before.margins.clone(),
-        })
+        }))
     }
 
     /// A fit whose ropes run through other nodes; everything else is as it was.
@@ -287,9 +291,10 @@ impl RopeImages {
         if nodes.iter().any(|nodes| nodes.len() < 2) {
             return Err(PyValueError::new_err("nodes: expected two of each rope at least"));
         }
-        let (fit, pairs) = py.detach(|| before.fit.through(&nodes, &before.pairs, self.radius));
+        let (from, pairs, radius) = (before.fit.clone(), before.pairs.clone(), self.0.radius);
+        let (fit, pairs) = released(py, move || from.through(&nodes, &pairs, radius))?;
         Ok(ImageFit {
-            fit,
+            fit: Arc::new(fit),
             pairs,
             reference: before.reference,
             noise: before.noise,
@@ -322,17 +327,18 @@ impl RopeImages {
     ) -> PyResult<Vec<f64>> {
         let plane = Plane { normal: plane.0, offset: plane.1 };
         let mut ropes = Vec::new();
-        for (chains, corrections) in &hypotheses {
-            require_same_length("hypotheses", corrections.len(), self.views.len())?;
-            ropes.push((nodes_of("hypotheses", chains)?, corrections));
+        let of = self.0.clone();
+        for (chains, corrections) in hypotheses {
+            require_same_length("hypotheses", corrections.len(), of.views.len())?;
+            ropes.push((nodes_of("hypotheses", &chains)?, corrections));
         }
-        let views = self.rope_views();
-        Ok(py.detach(|| {
+        released(py, move || {
+            let views = of.rope_views();
             parallel::map(&ropes, |(chains, corrections)| {
-                let seen = self.depth_scenes(&views, corrections, plane, noise);
+                let seen = of.depth_scenes(&views, corrections, plane, noise);
                 seen.map(|scene| scene.gain(chains)).sum::<f64>()
             })
-        }))
+        })
     }
 
     /// The same for ropes of which one ends in each of several ways, but for what is equal for all.
@@ -359,15 +365,16 @@ impl RopeImages {
         plane: (Point, f64),
         noise: f64,
     ) -> PyResult<Vec<f64>> {
-        require_same_length("corrections", corrections.len(), self.views.len())?;
+        let of = self.0.clone();
+        require_same_length("corrections", corrections.len(), of.views.len())?;
         let plane = Plane { normal: plane.0, offset: plane.1 };
         let (chains, ends) = (nodes_of("chains", &chains)?, nodes_of("ends", &ends)?);
-        let views = self.rope_views();
-        Ok(py.detach(|| {
-            let scenes: Vec<_> = self.depth_scenes(&views, &corrections, plane, noise).collect();
+        released(py, move || {
+            let views = of.rope_views();
+            let scenes: Vec<_> = of.depth_scenes(&views, &corrections, plane, noise).collect();
             let found = parallel::map(&scenes, |scene| scene.gains_of_ends(&chains, &ends));
             (0..ends.len()).map(|way| found.iter().map(|gains| gains[way]).sum()).collect()
-        }))
+        })
     }
 
     /// How many pixels with depth support each rope's nodes, and from how many views.
@@ -380,16 +387,14 @@ impl RopeImages {
         &self,
         py: Python<'py>,
         fit: &ImageFit,
-    ) -> Vec<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>)> {
-        let counted = py.detach(|| self.counted(&fit.fit));
-        counted
-            .into_iter()
-            .map(|(counts, views)| (PyArray1::from_vec(py, counts), PyArray1::from_vec(py, views)))
-            .collect()
+    ) -> PyResult<Vec<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>)>> {
+        let (of, fit) = (self.0.clone(), fit.fit.clone());
+        let counted = released(py, move || of.counted(&fit))?;
+        counted.into_iter().map(|(counts, views)| Ok((list(py, counts)?, list(py, views)?))).collect()
     }
 }
 
-impl RopeImages {
+impl Prepareds {
     /// For each rope's nodes, how many pixels with depth are nearest to them, and in how many views.
     fn counted(&self, fit: &imagefit::ImageFit) -> Vec<(Vec<i64>, Vec<i64>)> {
         let mut support: Vec<(Vec<i64>, Vec<i64>)> =
@@ -436,18 +441,19 @@ fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
 
 /// Ropes' nodes, (M, 3) each.
 fn nodes_of(name: &str, chains: &[Bound<'_, PyAny>]) -> PyResult<Vec<Vec<Point>>> {
-    let chains = FloatArray::all(name, chains)?;
-    let nodes: Vec<Vec<Point>> =
-        chains.iter().map(|nodes| Ok(nodes.rows(name, "(M, 3)")?.to_vec())).collect::<PyResult<_>>()?;
+    let nodes: Vec<Vec<Point>> = (chains.iter().enumerate())
+        .map(|(i, nodes)| Ok(Points::new(&format!("{name}[{i}]"), nodes, "(M, 3)")?.to_vec()))
+        .collect::<PyResult<_>>()?;
     if nodes.iter().flatten().flatten().any(|x| !x.is_finite()) {
         return Err(PyValueError::new_err(format!("{name}: expected finite numbers")));
     }
     Ok(nodes)
 }
 
-fn places(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
-    if array.shape()[1] != 2 || array.shape()[0] < 2 {
-        return Err(wrong_shape("hypotheses", "(M, 2), M >= 2", array.shape()));
+fn places(array: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+    let places = FloatArray::new("hypotheses", array)?;
+    match places.shape() {
+        [count, 2] if *count >= 2 => Ok(places.slice().as_chunks().0.to_vec()),
+        other => Err(wrong_shape("hypotheses", "(M, 2), M >= 2", other)),
     }
-    Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
 }

@@ -1,9 +1,12 @@
 //! Bindings of single images and masks: smoothing, blobs, outlines, the radius that a mask shows.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use super::arguments::Array;
+use super::arrays::array;
+use super::released::released;
 use crate::image::{Image, blobs};
 use crate::silhouette::Silhouette;
 use crate::{outline, parallel};
@@ -13,15 +16,17 @@ use crate::{outline, parallel};
 #[pyfunction]
 pub(super) fn convolved<'py>(
     py: Python<'py>,
-    image: PyReadonlyArray2<'_, f32>,
-    kernel: Vec<f32>,
+    image: &Bound<'py, PyAny>,
+    mut kernel: Vec<f32>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let &[height, width] = image.shape() else { unreachable!("two dimensions") };
-    let values = image.as_slice().map_err(|_| PyValueError::new_err("image: expected C order"))?;
+    let image = Array::<f32>::exactly("image", image, 2)?;
+    let ([height, width], values) = (image.image_shape("image")?, image.into_values());
     if kernel.is_empty() || values.is_empty() {
         return Err(PyValueError::new_err("image, kernel: expected at least one number"));
     }
-    let found = py.detach(|| {
+    // what is farther away than the image is wide lies beyond the border
+    kernel.truncate(width.max(height));
+    let found = released(py, move || {
         let reach = kernel.len() - 1;
         let wide = width + 2 * reach;
         let mut padded = Image::filled(wide, height + 2 * reach, 0.0f32);
@@ -31,19 +36,17 @@ pub(super) fn convolved<'py>(
         let found = padded.convolved(&kernel);
         let rows = found.values.chunks_exact(wide).skip(reach).take(height);
         rows.flat_map(|row| &row[reach..reach + width]).copied().collect::<Vec<f32>>()
-    });
-    PyArray1::from_vec(py, found).reshape([height, width])
+    })?;
+    array(py, found, [height, width])
 }
 
 /// How many pixels the largest blob of a mask has, diagonal neighbours connected.
 #[pyfunction]
-pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<usize> {
-    let [height, width] = [mask.shape()[0], mask.shape()[1]];
-    let values = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
-    Ok(py.detach(|| {
-        let image = Image { width, height, values: values.to_vec() };
-        blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0)
-    }))
+pub(super) fn largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let mask = Array::mask("mask", mask)?;
+    let [height, width] = mask.image_shape("mask")?;
+    let image = Image { width, height, values: mask.into_values() };
+    released(py, move || blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0))
 }
 
 /// For each weight, the pixels (H, W) with the least sum of evidence against them and of the weight times the length of
@@ -51,23 +54,23 @@ pub(super) fn largest_blob(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> 
 #[pyfunction]
 pub(super) fn short_outlines<'py>(
     py: Python<'py>,
-    evidence: PyReadonlyArray2<'_, f32>,
+    evidence: &Bound<'py, PyAny>,
     weights: Vec<f32>,
     steps: usize,
 ) -> PyResult<Vec<Bound<'py, PyArray2<bool>>>> {
-    let &[height, width] = evidence.shape() else { unreachable!("two dimensions") };
-    let values = evidence.as_slice().map_err(|_| PyValueError::new_err("evidence: expected C order"))?;
-    let evidence = Image { width, height, values: values.to_vec() };
-    let found = py.detach(|| {
+    let evidence = Array::<f32>::exactly("evidence", evidence, 2)?;
+    let [height, width] = evidence.image_shape("evidence")?;
+    let evidence = Image { width, height, values: evidence.into_values() };
+    let found = released(py, move || {
         parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values)
-    });
-    found.into_iter().map(|mask| PyArray1::from_vec(py, mask).reshape([height, width])).collect()
+    })?;
+    found.into_iter().map(|mask| array(py, mask, [height, width])).collect()
 }
 
 /// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.
 #[pyfunction]
-pub(super) fn shown_radius(py: Python<'_>, mask: PyReadonlyArray2<'_, bool>) -> PyResult<Option<f64>> {
-    let width = mask.shape()[1];
-    let mask = mask.as_slice().map_err(|_| PyValueError::new_err("mask: expected C order"))?;
-    Ok(py.detach(|| Silhouette::shown_radius(mask, width)))
+pub(super) fn shown_radius(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    let mask = Array::mask("mask", mask)?;
+    let [_, width] = mask.image_shape("mask")?;
+    released(py, move || Silhouette::shown_radius(mask.slice(), width))
 }

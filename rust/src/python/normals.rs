@@ -1,12 +1,13 @@
 //! Bindings of surface normals. Sections and equations are those of *Shape Modeling of A String And
 //! Recognition Using Distance Sensor*.
 
-use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, PointsArray, Rows, Viewpoint, count, number, points_array, rows_of};
-use crate::{Neighbors, Viewpoints, parallel};
+use super::arguments::{Points, Rows, Viewpoint, count, number};
+use super::arrays::{PointsArray, list, points_array};
+use super::released::released;
+use crate::{Error, Neighbors, Viewpoints, parallel};
 
 /// Estimate surface normals from the plane through each point's neighbours (section IV-B, eq. 10-14).
 ///
@@ -57,25 +58,23 @@ pub(super) fn estimate_normals<'py>(
     variation: bool,
     nonfinite: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+    let points = Points::new("points", points, "(N, 3)")?;
     let neighbors = match (k, radius) {
         (Some(k), None) => Neighbors::Nearest(count("k", k)?),
         (None, Some(radius)) => Neighbors::Within(number("radius", radius)?),
         _ => return Err(PyTypeError::new_err("expected exactly one of k and radius")),
     };
-    let viewpoint = viewpoint.map_or(Ok(Viewpoint::One([0.0; 3])), Viewpoint::new)?;
-    let (one, each) = (viewpoint.one(), viewpoint.each(points.len())?);
-    let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
-    let result = py.detach(|| {
-        let each = each.map(|each| rows.select(each));
-        let viewpoints = each.as_deref().map_or(Viewpoints::One(one), Viewpoints::Each);
-        crate::estimate_normals(&rows.select(points), neighbors, viewpoints)
-    })?;
-    let normals = points_array(py, rows.scatter(result.normals, [0.0; 3]))?;
+    let camera = Ok(Viewpoint::One([0.0; 3]));
+    let viewpoint = viewpoint.map_or(camera, |value| Viewpoint::new(value, points.len()))?;
+    let rows = Rows::new(nonfinite, &[&points, viewpoint.each().unwrap_or(&points)])?;
+    let (normals, variations) = released(py, move || {
+        let points = rows.select(&points);
+        let found = viewpoint.of(&rows, |of| crate::estimate_normals(&points, neighbors, of))?;
+        Ok::<_, Error>((rows.scatter(found.normals, [0.0; 3]), rows.scatter(found.variation, 0.0)))
+    })??;
+    let normals = points_array(py, normals)?;
     if variation {
-        let variation = PyArray1::from_vec(py, rows.scatter(result.variation, 0.0));
-        Ok((normals, variation).into_pyobject(py)?.into_any())
+        Ok((normals, list(py, variations)?).into_pyobject(py)?.into_any())
     } else {
         Ok(normals.into_any())
     }
@@ -89,10 +88,9 @@ pub(super) fn estimate_normals_each<'py>(
     clouds: Vec<Bound<'py, PyAny>>,
     radius: f64,
 ) -> PyResult<Vec<PointsArray<'py>>> {
-    let clouds = FloatArray::all("clouds", &clouds)?;
-    let clouds = rows_of("clouds", &clouds)?;
+    let clouds = Points::all("clouds", &clouds)?;
     let (near, camera) = (Neighbors::Within(radius), Viewpoints::One([0.0; 3]));
     let found =
-        py.detach(|| parallel::each(&clouds, |cloud| crate::estimate_normals(cloud, near, camera)))?;
+        released(py, move || parallel::each(&clouds, |cloud| crate::estimate_normals(cloud, near, camera)))??;
     found.into_iter().map(|found| points_array(py, found.normals)).collect()
 }

@@ -1,10 +1,12 @@
 //! Bindings of tubes: how wide they look, and arcs traced through their points.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, Given, PointsArray, Rows, Viewpoint, count, number, point, points_array};
-use crate::{MIN_NODES, Viewpoints, apparent_radius};
+use super::arguments::{Given, Points, Rows, Viewpoint, count, number, point};
+use super::arrays::{PointsArray, array, list, points_array};
+use super::released::released;
+use crate::{MIN_NODES, apparent_radius};
 
 // the text signature of `trace_tubes` says this number
 const _: () = assert!(MIN_NODES == 4);
@@ -42,12 +44,11 @@ pub(super) fn apparent_radii<'py>(
     largest: f64,
     seeds: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+    let points = Points::new("points", points, "(N, 3)")?;
     let viewpoint = point("viewpoint", viewpoint)?;
-    let found = py.detach(|| apparent_radius::apparent_radii(points, viewpoint, largest, seeds))?;
+    let found = released(py, move || apparent_radius::apparent_radii(&points, viewpoint, largest, seeds))??;
     let rows: Vec<[f64; 2]> = found.iter().map(|found| [found.radius, found.footprint]).collect();
-    PyArray1::from_slice(py, rows.as_flattened()).reshape([rows.len(), 2])
+    array(py, rows.into_flattened(), [found.len(), 2])
 }
 
 /// Trace arcs of tubes through surface points.
@@ -92,19 +93,14 @@ pub(super) fn trace_tubes<'py>(
     min_nodes: Given<'py>,
     nonfinite: &str,
 ) -> PyResult<Vec<(PointsArray<'py>, Bound<'py, PyArray1<f64>>)>> {
-    let array = FloatArray::new("points", points)?;
-    let points = array.rows("points", "(N, 3)")?;
+    let points = Points::new("points", points, "(N, 3)")?;
     let radius = number("radius", radius)?;
     let min_nodes = min_nodes.or(MIN_NODES, |value| count("min_nodes", value))?;
-    let viewpoint = Viewpoint::new(viewpoint)?;
-    let (one, each) = (viewpoint.one(), viewpoint.each(points.len())?);
-    let rows = Rows::new(nonfinite, &[points, each.unwrap_or(points)])?;
-    let arcs = py.detach(|| {
-        let each = each.map(|each| rows.select(each));
-        let viewpoints = each.as_deref().map_or(Viewpoints::One(one), Viewpoints::Each);
-        crate::trace_tubes(&rows.select(points), viewpoints, radius, min_nodes)
-    })?;
-    arcs.into_iter()
-        .map(|arc| Ok((points_array(py, arc.nodes)?, PyArray1::from_vec(py, arc.support))))
-        .collect()
+    let viewpoint = Viewpoint::new(viewpoint, points.len())?;
+    let rows = Rows::new(nonfinite, &[&points, viewpoint.each().unwrap_or(&points)])?;
+    let arcs = released(py, move || {
+        let points = rows.select(&points);
+        viewpoint.of(&rows, |of| crate::trace_tubes(&points, of, radius, min_nodes))
+    })??;
+    arcs.into_iter().map(|arc| Ok((points_array(py, arc.nodes)?, list(py, arc.support)?))).collect()
 }

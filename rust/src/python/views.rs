@@ -1,11 +1,10 @@
 //! Bindings of views: depth images and the extraction range.
 
-use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::arguments::{
-    FloatArray, PointsArray, motion, motions, points_array, require_same_length, wrong_shape,
-};
+use super::arguments::{FloatArray, Points, motion, motions, require_same_length};
+use super::arrays::{PointsArray, array, points_array};
+use super::released::{released, released_if_many};
 use crate::{DepthView, Pinhole, Point, crop, depth};
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
@@ -15,10 +14,10 @@ pub(super) fn copy_depth<'py>(
     depth: &Bound<'py, PyAny>,
     farthest: f64,
 ) -> PyResult<(PointsArray<'py>, usize)> {
-    let array = FloatArray::new("depth", depth)?;
-    let (shape, image) = (image_shape("depth", &array)?, array.slice()?);
-    let (copy, dropped) = py.detach(|| depth::copy_depth(image, farthest))?;
-    Ok((PyArray1::from_vec(py, copy).reshape(shape)?, dropped))
+    let image = FloatArray::new("depth", depth)?;
+    let (shape, image) = (image.image_shape("depth")?, image.into_values());
+    let (copy, dropped) = released_if_many(py, image.len(), move || depth::cleaned(image, farthest))??;
+    Ok((array(py, copy, shape)?, dropped))
 }
 
 /// The points of a depth image; see `strand.View.from_depth`.
@@ -29,14 +28,11 @@ pub(super) fn unproject<'py>(
     focal: [f64; 2],
     center: [f64; 2],
 ) -> PyResult<PointsArray<'py>> {
-    let array = FloatArray::new("depth", depth)?;
-    let ([_, width], image) = (image_shape("depth", &array)?, array.slice()?);
-    let points = py.detach(|| depth::unproject(image, width, Pinhole { focal, center }));
+    let image = FloatArray::new("depth", depth)?;
+    let ([_, width], camera) = (image.image_shape("depth")?, Pinhole { focal, center });
+    let pixels = image.slice().len();
+    let points = released_if_many(py, pixels, move || depth::unproject(image.slice(), width, camera))?;
     points_array(py, points)
-}
-
-pub(super) fn image_shape(name: &str, depth: &FloatArray) -> PyResult<[usize; 2]> {
-    depth.0.shape().try_into().map_err(|_| wrong_shape(name, "(H, W)", depth.0.shape()))
 }
 
 /// The points of depth images in an extraction range; see `strand.view.cropped`.
@@ -51,17 +47,21 @@ pub(super) fn crop_images<'py>(
 ) -> PyResult<Vec<PointsArray<'py>>> {
     require_same_length("cameras", cameras.len(), depths.len())?;
     require_same_length("poses", poses.len(), depths.len())?;
-    let depths = FloatArray::all("depths", &depths)?;
-    let views = depths
-        .iter()
-        .zip(cameras)
-        .zip(motions("poses", &poses)?)
-        .map(|((depth, [focal, center]), pose)| {
-            let [_, width] = image_shape("depths", depth)?;
-            Ok(DepthView { depth: depth.slice()?, width, camera: Pinhole { focal, center }, pose })
-        })
-        .collect::<PyResult<Vec<_>>>()?;
-    let found = py.detach(|| crate::crop_images(&views, [low, high]));
+    let images = FloatArray::all("depths", &depths)?;
+    let widths =
+        images.iter().map(|image| Ok(image.image_shape("depths")?[1])).collect::<PyResult<Vec<_>>>()?;
+    let poses = motions("poses", &poses)?;
+    let found = released(py, move || {
+        let views: Vec<DepthView> = (images.iter().zip(widths).zip(cameras).zip(poses))
+            .map(|(((image, width), [focal, center]), pose)| DepthView {
+                depth: image.slice(),
+                width,
+                camera: Pinhole { focal, center },
+                pose,
+            })
+            .collect();
+        crate::crop_images(&views, [low, high])
+    })?;
     found.into_iter().map(|points| points_array(py, points)).collect()
 }
 
@@ -76,15 +76,15 @@ pub(super) fn crop_points<'py>(
     high: Point,
     colors: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(PointsArray<'py>, Option<PointsArray<'py>>)> {
-    let points = FloatArray::new("points", points)?;
-    let (points, pose) = (points.rows("points", "(N, 3)")?, motion("pose", pose)?);
-    let kept = py.detach(|| crop::crop(points, &pose, [low, high]));
-    let only = |rows: &[Point]| points_array(py, kept.iter().map(|&i| rows[i]).collect());
-    let colors = colors.map(|colors| FloatArray::new("colors", colors)).transpose()?;
-    let colors = colors.map(|colors| {
-        let colors = colors.rows("colors", "(N, 3)")?;
+    let (points, pose) = (Points::new("points", points, "(N, 3)")?, motion("pose", pose)?);
+    let colors = colors.map(|colors| Points::new("colors", colors, "(N, 3)")).transpose()?;
+    if let Some(colors) = &colors {
         require_same_length("colors", colors.len(), points.len())?;
-        only(colors)
-    });
-    Ok((only(points)?, colors.transpose()?))
+    }
+    let (points, colors) = released(py, move || {
+        let kept = crop::crop(&points, &pose, [low, high]);
+        let only = |rows: &[Point]| kept.iter().map(|&i| rows[i]).collect();
+        (only(&points), colors.map(|colors| only(&colors)))
+    })?;
+    Ok((points_array(py, points)?, colors.map(|colors| points_array(py, colors)).transpose()?))
 }

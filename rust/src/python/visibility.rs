@@ -1,26 +1,33 @@
 //! Bindings of space as the cameras saw it.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, motions, point, require_same_length};
-use super::views::image_shape;
+use super::arguments::{FloatArray, Points, motions, point, require_same_length};
+use super::arrays::{array, list};
+use super::released::{released, released_if_many};
 use crate::visibility::{self, Observed, Occupancy, VisibilityView};
-use crate::{Pinhole, Point, Result};
+use crate::{Error, Pinhole, Point, Result};
 
 /// Whether any of `others` occludes a stretch of rope from a camera.
 ///
 /// It does where it lies within `distance` of a line of sight, in front of the stretch or beside it.
 #[pyfunction]
 pub(super) fn occludes(
+    py: Python<'_>,
     others: &Bound<'_, PyAny>,
     stretch: &Bound<'_, PyAny>,
     camera: &Bound<'_, PyAny>,
     distance: f64,
 ) -> PyResult<bool> {
-    let (others, stretch) = (FloatArray::new("others", others)?, FloatArray::new("stretch", stretch)?);
-    let (others, stretch) = (others.rows("others", "(N, 3)")?, stretch.rows("stretch", "(M, 3)")?);
-    Ok(visibility::occludes(others, stretch, point("camera", camera)?, distance))
+    let (others, stretch) =
+        (Points::new("others", others, "(N, 3)")?, Points::new("stretch", stretch, "(M, 3)")?);
+    let camera = point("camera", camera)?;
+    // each with each
+    let effort = others.len().saturating_mul(stretch.len()) / 16;
+    released_if_many(py, effort, move || visibility::occludes(&others, &stretch, camera, distance))
 }
 
 /// What all views saw of space, for questions about places.
@@ -42,7 +49,13 @@ pub(super) fn occludes(
 /// ValueError
 ///     If the sequences differ in length, a shape is wrong, a coordinate is not finite, or a pose is no rigid motion.
 #[pyclass(frozen, module = "strand._core")]
-pub(super) struct Visibility(visibility::Visibility);
+pub(super) struct Visibility(Arc<visibility::Visibility>);
+
+/// What a view saw, as it is handed in.
+enum Saw {
+    Points(Points),
+    Image(FloatArray, usize, Pinhole),
+}
 
 #[pymethods]
 impl Visibility {
@@ -73,24 +86,29 @@ impl Visibility {
             .iter()
             .map(|saw| match saw.extract::<(Bound<'_, PyAny>, [f64; 2], [f64; 2])>() {
                 Ok((depth, focal, center)) => {
-                    Ok((FloatArray::new("observed", &depth)?, Some(Pinhole { focal, center })))
+                    let image = FloatArray::new("observed", &depth)?;
+                    let [_, width] = image.image_shape("observed")?;
+                    Ok(Saw::Image(image, width, Pinhole { focal, center }))
                 }
-                Err(_) => Ok((FloatArray::new("observed", saw)?, None)),
+                Err(_) => Ok(Saw::Points(Points::new("observed", saw, "(N, 3)")?)),
             })
             .collect::<PyResult<Vec<_>>>()?;
-        let about = FloatArray::all("about", &about)?;
-        let views: Vec<VisibilityView> = (observed.iter().zip(&about).zip(motions("poses", &poses)?))
-            .map(|(((observed, camera), about), pose)| {
-                let observed = match *camera {
-                    Some(camera) => {
-                        Observed::Image(observed.slice()?, image_shape("observed", observed)?[1], camera)
-                    }
-                    None => Observed::Points(observed.rows("observed", "(N, 3)")?),
-                };
-                Ok(VisibilityView { observed, about: about.rows("about", "(M, 3)")?, pose })
-            })
-            .collect::<PyResult<_>>()?;
-        Ok(Self(py.detach(|| visibility::Visibility::new(&views))?))
+        let points = |(i, value)| Points::new(&format!("about[{i}]"), value, "(M, 3)");
+        let about = about.iter().enumerate().map(points).collect::<PyResult<Vec<_>>>()?;
+        let poses = motions("poses", &poses)?;
+        let found = released(py, move || {
+            let views: Vec<VisibilityView> = (observed.iter().zip(&about).zip(poses))
+                .map(|((observed, about), pose)| {
+                    let observed = match observed {
+                        Saw::Image(image, width, camera) => Observed::Image(image.slice(), *width, *camera),
+                        Saw::Points(points) => Observed::Points(points),
+                    };
+                    VisibilityView { observed, about, pose }
+                })
+                .collect();
+            visibility::Visibility::new(&views)
+        })??;
+        Ok(Self(Arc::new(found)))
     }
 
     /// (V, N) What each view saw of tubes around places: UNKNOWN, OCCLUDED, OCCUPIED or FREE.
@@ -100,28 +118,31 @@ impl Visibility {
         places: &Bound<'py, PyAny>,
         radius: f64,
     ) -> PyResult<Bound<'py, PyArray2<i64>>> {
-        let places = FloatArray::new("places", places)?;
-        let places = places.rows("places", "(N, 3)")?;
-        let mut states = Vec::with_capacity(self.0.views() * places.len());
-        for view in 0..self.0.views() {
-            states.extend(self.0.states(view, places, radius)?.into_iter().map(|state| match state {
-                Occupancy::Unknown => Self::UNKNOWN,
-                Occupancy::Occluded => Self::OCCLUDED,
-                Occupancy::Occupied => Self::OCCUPIED,
-                Occupancy::Free => Self::FREE,
-            }));
-        }
-        PyArray1::from_vec(py, states).reshape([self.0.views(), places.len()])
+        let places = Points::new("places", places, "(N, 3)")?;
+        let (seen, shape) = (self.0.clone(), [self.0.views(), places.len()]);
+        let states = released_if_many(py, places.len(), move || {
+            let mut states = Vec::with_capacity(seen.views() * places.len());
+            for view in 0..seen.views() {
+                states.extend(seen.states(view, &places, radius)?.into_iter().map(|state| match state {
+                    Occupancy::Unknown => Self::UNKNOWN,
+                    Occupancy::Occluded => Self::OCCLUDED,
+                    Occupancy::Occupied => Self::OCCUPIED,
+                    Occupancy::Free => Self::FREE,
+                }));
+            }
+            Ok::<_, Error>(states)
+        })??;
+        array(py, states, shape)
     }
 
     /// (N,) Whether the space at places is free: more views saw it free than occupied.
     fn free<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        each(places, |places| self.0.free(places, radius))
+        self.each(places, move |seen, places| seen.free(places, radius))
     }
 
     /// (N,) Whether places are occluded from all views or outside what these saw.
     fn occluded<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        each(places, |places| self.0.occluded(places, radius))
+        self.each(places, move |seen, places| seen.occluded(places, radius))
     }
 
     /// (N,) Whether some view saw through the near side of a tube along `direction`, a unit vector.
@@ -132,15 +153,19 @@ impl Visibility {
         radius: f64,
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let direction = point("direction", direction)?;
-        each(places, |places| self.0.seen_through(places, direction, radius))
+        self.each(places, move |seen, places| seen.seen_through(places, direction, radius))
     }
 }
 
-/// An answer for each of several places.
-fn each<'py>(
-    places: &Bound<'py, PyAny>,
-    ask: impl FnOnce(&[Point]) -> Result<Vec<bool>>,
-) -> PyResult<Bound<'py, PyArray1<bool>>> {
-    let array = FloatArray::new("places", places)?;
-    Ok(PyArray1::from_vec(places.py(), ask(array.rows("places", "(N, 3)")?)?))
+impl Visibility {
+    /// An answer for each of several places.
+    fn each<'py>(
+        &self,
+        places: &Bound<'py, PyAny>,
+        ask: impl FnOnce(&visibility::Visibility, &[Point]) -> Result<Vec<bool>> + Send + 'static,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let (py, seen) = (places.py(), self.0.clone());
+        let places = Points::new("places", places, "(N, 3)")?;
+        list(py, released_if_many(py, places.len(), move || ask(&seen, &places))??)
+    }
 }

@@ -254,6 +254,7 @@ fn search(
     heap.push((std::cmp::Reverse(Ordered(price(&first))), first));
     let mut tried = 0;
     while let Some((std::cmp::Reverse(Ordered(cost)), choice)) = heap.pop() {
+        parallel::go_on();
         tried += 1;
         if tried > MOST || found.len() >= 4 * most {
             break;

@@ -5,6 +5,8 @@
 
 use rayon::prelude::*;
 
+use crate::parallel::go_on;
+
 use super::search::{Search, places};
 use super::spans::{
     DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
@@ -113,6 +115,7 @@ impl State<'_> {
                 (None, None) => Default::default(),
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
+                go_on();
                 newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
             };
             let runs = runs(&places);
@@ -121,6 +124,7 @@ impl State<'_> {
             let runs = self::runs(&places);
             near.resize(places.len(), Near::default());
             let of_run = |(run, near): (&Run, &mut [Near])| {
+                go_on();
                 let span = &spans.spans[run.span];
                 let mut sums = SpanSums::new(span.curve, span.number);
                 look(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
@@ -201,6 +205,7 @@ impl Eye<'_> {
         self.points
             .par_chunks(POINTS_PER_TASK)
             .map(|points| {
+                go_on();
                 let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
                 places(search, &moved, self.camera)
             })

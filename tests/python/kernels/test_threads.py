@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -53,10 +56,63 @@ def test_changing_the_number_of_threads_often_does_not_pile_up_threads(threads):
         threads(count)
         count_neighbors(lattice(), 0.5)
     before = running()
-    for count in (1, 2) * 20:
+    for count in (1, 2) * 20 + (*range(3, 120, 13), 2):
         threads(count)
         count_neighbors(lattice(), 0.5)
+    # threads whose pool is no longer wanted end by themselves
+    until = time.monotonic() + 10.0
+    while running() > before and time.monotonic() < until:
+        time.sleep(0.01)
     assert running() <= before
+
+
+def python(code, **variables):
+    """What a Python of its own prints."""
+    path = f"import sys; sys.path[:0] = {sys.path!r}\n"
+    environment = {**os.environ, **variables}
+    return subprocess.run(
+        [sys.executable, "-c", path + code], capture_output=True, text=True, env=environment, timeout=60
+    )
+
+
+@pytest.mark.parametrize(("said", "threads"), [("3", 3), (" 2 ", 2), ("100000", 256)])
+def test_the_environment_says_how_many_threads(said, threads):
+    done = python("import strand; print(strand.num_threads())", STRAND_NUM_THREADS=said)
+    assert done.stdout == f"{threads}\n", done.stderr
+
+
+@pytest.mark.parametrize("said", ["0", ""])
+def test_the_environment_may_leave_the_number_of_threads_open(said):
+    code = "import os, strand; print(strand.num_threads() == len(os.sched_getaffinity(0)))"
+    assert python(code, STRAND_NUM_THREADS=said).stdout == "True\n"
+
+
+@pytest.mark.parametrize("said", ["many", "-1", "2.5"])
+def test_an_environment_that_says_no_number_of_threads_is_refused(said):
+    done = python("import strand", STRAND_NUM_THREADS=said)
+    assert done.returncode == 1
+    assert f'ValueError: STRAND_NUM_THREADS: expected a whole number >= 0, got "{said}"' in done.stderr
+
+
+def test_what_is_set_holds_over_the_environment():
+    code = "import strand; strand.set_num_threads(2); print(strand.num_threads())"
+    assert python(code, STRAND_NUM_THREADS="5").stdout == "2\n"
+
+
+def test_sub_interpreters_are_refused():
+    code = """
+import strand, _xxsubinterpreters as interpreters
+try:
+    interpreters.run_string(interpreters.create(), f"import sys; sys.path[:0] = {sys.path!r}\\nimport strand")
+except interpreters.RunFailedError as error:
+    print(error)
+print(len(strand.count_neighbors([[0.0, 0.0, 0.0]], 1.0)))
+"""
+    done = python(code)
+    assert done.returncode == 0, done.stderr
+    refused, works = done.stdout.splitlines()
+    assert "ImportError" in refused
+    assert works == "1"
 
 
 def test_several_python_threads_may_call_at_once():

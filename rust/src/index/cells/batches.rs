@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::parallel::go_on;
+
 use super::{Cells, fill, spread};
 use crate::index::sort::sort_words;
 use crate::simd::BATCH;
@@ -81,7 +83,10 @@ impl Batches {
     pub fn for_each_task<'a>(&'a self, task: impl Fn(&mut dyn Iterator<Item = &'a [u32]>) + Sync + Send) {
         let ranges: Vec<Range<u32>> = self.starts.windows(2).map(|pair| pair[0]..pair[1]).collect();
         ranges.par_chunks(BATCHES_PER_TASK).for_each(|ranges| {
-            task(&mut ranges.iter().map(|range| &self.positions[range.start as usize..range.end as usize]));
+            task(&mut ranges.iter().map(|range| {
+                go_on();
+                &self.positions[range.start as usize..range.end as usize]
+            }));
         });
     }
 }

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use crate::Point;
 use crate::checks::{check_finite, check_positive, check_unit};
 use crate::python::arguments::{count, number, point};
+use crate::python::arrays::list;
 
 /// Where one view sees a rope end.
 ///
@@ -65,14 +66,14 @@ impl EndObservation {
 
     /// (3,) ndarray: in the world frame as the reported pose places it, metres.
     #[getter]
-    fn place<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.observation.place)
+    fn place<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        list(py, self.observation.place.to_vec())
     }
 
     /// (3,) ndarray: unit vector along the rope, out of it.
     #[getter]
-    fn outward<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.observation.outward)
+    fn outward<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        list(py, self.observation.outward.to_vec())
     }
 
     /// float: standard deviation of the place in that direction, metres.

@@ -1,12 +1,13 @@
 //! The outcome of the joint fit, as Python gets it.
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::OnCurve;
-use crate::python::arguments::{FloatArray, require_same_length, wrong_shape};
+use crate::python::arguments::{Array, FloatArray, require_same_length, wrong_shape};
+use crate::python::arrays::array;
 use crate::tubefit::deviations;
 
 /// The outcome of `strand.fit_tubes`.
@@ -110,10 +111,11 @@ impl TubeFit {
     /// (V, 6) ndarray: standard deviations of the corrections.
     #[getter]
     fn pose_sd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let covariances = FloatArray::new("pose_covariance", self.pose_covariance.bind(py).as_any())?;
-        let (rows, _) = covariances.slice()?.as_chunks::<6>();
+        let covariances = FloatArray::new("pose_covariance", self.pose_covariance.bind(py))?;
+        let (rows, _) = covariances.slice().as_chunks::<6>();
         let found: Vec<[f64; 6]> = rows.as_chunks::<6>().0.iter().map(deviations).collect();
-        PyArray1::from_slice(py, found.as_flattened()).reshape([found.len(), 6])
+        let views = found.len();
+        array(py, found.into_flattened(), [views, 6])
     }
 
     /// Radius of a curve, metres.
@@ -189,12 +191,16 @@ impl TubeFit {
         let points = self.points.bind(py).shape()[0];
         let refuse =
             |name: &str, want: String| Err(PyValueError::new_err(format!("{name}: expected {want}")));
-        let in_range = |numbers: &Py<PyArray1<i64>>, count: usize| {
-            numbers.bind(py).readonly().as_array().iter().all(|&i| (0..count as i64).contains(&i))
-        };
-        if self.radius_classes.bind(py).len() != curves || !in_range(&self.radius_classes, radii) {
+        let numbers = |name: &str, array: &Py<PyArray1<i64>>| Array::<i64>::exactly(name, array.bind(py), 1);
+        if self.radius_classes.bind(py).len() != curves {
             return refuse("radius_classes", format!("the number of one of {radii} radii for each curve"));
         }
+        in_range(
+            "radius_classes",
+            numbers("radius_classes", &self.radius_classes)?.slice(),
+            radii,
+            "radii for each curve",
+        )?;
         if self.bands.bind(py).len() != radii {
             return refuse("bands", format!("one for each of {radii} radii"));
         }
@@ -215,33 +221,43 @@ impl TubeFit {
         ] {
             require_same_length(name, count, points)?;
         }
-        if !in_range(&self.curve, curves) {
-            return refuse("curve", format!("the number of one of {curves} curves for each point"));
-        }
-        if self.pose_covariance.bind(py).shape()[1..] != [6, 6] {
-            return Err(wrong_shape("pose_covariance", "(V, 6, 6)", self.pose_covariance.bind(py).shape()));
+        in_range("curve", numbers("curve", &self.curve)?.slice(), curves, "curves for each point")?;
+        match self.pose_covariance.bind(py).shape() {
+            [_, 6, 6] => {}
+            other => return Err(wrong_shape("pose_covariance", "(V, 6, 6)", other)),
         }
         Ok(())
     }
 
     /// What the class of a curve's radius has of some values.
     fn of_class(&self, py: Python<'_>, values: &Py<PyArray1<f64>>, curve: usize) -> PyResult<f64> {
-        let class = self.radius_classes.bind(py).readonly().get(curve).copied();
+        let classes = Array::<i64>::exactly("radius_classes", self.radius_classes.bind(py), 1)?;
+        let class = classes.slice().get(curve).copied();
         let class = class.ok_or_else(|| PyIndexError::new_err(format!("there is no curve {curve}")))?;
         // `check` holds them together, but arrays can be written to
-        let value = values.bind(py).readonly().get(class as usize).copied();
+        let values = FloatArray::new("radii", values.bind(py))?;
+        let value = usize::try_from(class).ok().and_then(|class| values.slice().get(class).copied());
         value.ok_or_else(|| PyIndexError::new_err(format!("there is no radius {class}")))
     }
 
     /// The foot point of each point; none where no tube is near.
-    pub(super) fn foot_points(&self, py: Python<'_>) -> Vec<Option<OnCurve>> {
-        let (curve, parameter) = (self.curve.bind(py).readonly(), self.parameter.bind(py).readonly());
-        let residual = self.residual.bind(py).readonly();
-        let all = curve.as_array().into_iter().zip(parameter.as_array()).zip(residual.as_array());
-        all.map(|((&curve, &parameter), residual)| {
+    pub(super) fn foot_points(&self, py: Python<'_>) -> PyResult<Vec<Option<OnCurve>>> {
+        let curve = Array::<i64>::exactly("curve", self.curve.bind(py), 1)?;
+        let parameter = FloatArray::new("parameter", self.parameter.bind(py))?;
+        let residual = FloatArray::new("residual", self.residual.bind(py))?;
+        let all = curve.slice().iter().zip(parameter.slice()).zip(residual.slice());
+        let foot_point = |((&curve, &parameter), residual): ((&i64, &f64), &f64)| {
             let place = OnCurve { curve: usize::try_from(curve).ok()?, parameter };
             residual.is_finite().then_some(place)
-        })
-        .collect()
+        };
+        Ok(all.map(foot_point).collect())
     }
+}
+
+/// Refuses numbers of things of which there are not as many; `things` says what, and for each of what.
+pub(super) fn in_range(name: &str, numbers: &[i64], count: usize, things: &str) -> PyResult<()> {
+    if numbers.iter().all(|number| (0..count as i64).contains(number)) {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{name}: expected the number of one of {count} {things}")))
 }

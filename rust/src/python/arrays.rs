@@ -1,0 +1,94 @@
+//! What Rust hands back, made into NumPy arrays that raise where memory is out: those of the numpy crate panic or use a null.
+
+use std::any::Any;
+use std::ffi::c_void;
+use std::ptr::null_mut;
+
+use numpy::ndarray::{Dimension, IntoDimension};
+use numpy::npyffi::{NPY_ARRAY_WRITEABLE, NpyTypes, PyArrayObject, get_type_object, npy_intp};
+use numpy::{Element, PY_ARRAY_API, PyArray, PyArray1, PyArray2, PyArrayDescrMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::Point;
+
+/// An (N, 3) array that is handed back.
+pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
+
+/// Fewer bytes than this are copied into NumPy's memory, which costs less than to keep Rust's.
+const COPIED: usize = 1 << 12;
+
+/// Keeps the memory of an array.
+#[pyclass(frozen, module = "strand._core")]
+struct Memory {
+    _values: Box<dyn Any + Send + Sync>,
+}
+
+/// An array of a shape, row by row; the memory is the vector's.
+pub(super) fn array<T: Element + Copy + 'static, I: IntoDimension>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: I,
+) -> PyResult<Bound<'_, PyArray<T, I::Dim>>> {
+    let dimension = shape.into_dimension();
+    let mut shape: Vec<npy_intp> = dimension.slice().iter().map(|&size| size as npy_intp).collect();
+    if dimension.size_checked() != Some(values.len()) {
+        return Err(PyValueError::new_err("an answer does not have the shape that it should"));
+    }
+    let copied = size_of_val(&values[..]) < COPIED;
+    let data = if copied { null_mut() } else { values.as_ptr().cast_mut().cast::<c_void>() };
+    // any flag would order memory of NumPy's own by columns
+    let flags = if copied { 0 } else { NPY_ARRAY_WRITEABLE };
+    // SAFETY: the shape has as many numbers as said; without data NumPy allocates its own, else the vector has as many values
+    // as the shape says, and what owns it becomes the array's base below, before anyone else has the array
+    let array = unsafe {
+        PY_ARRAY_API.PyArray_NewFromDescr(
+            py,
+            get_type_object(py, NpyTypes::PyArray_Type),
+            T::get_dtype(py).into_dtype_ptr(),
+            shape.len() as _,
+            shape.as_mut_ptr(),
+            null_mut(),
+            data,
+            flags,
+            null_mut(),
+        )
+    };
+    // SAFETY: NumPy gave a new reference, or null with an error set
+    let array = unsafe { Bound::from_owned_ptr_or_err(py, array) }?;
+    let object = array.as_ptr().cast::<PyArrayObject>();
+    if copied {
+        // SAFETY: the array is new, of this type and as long as the vector
+        unsafe { std::ptr::copy_nonoverlapping(values.as_ptr(), (*object).data.cast(), values.len()) };
+    } else {
+        let memory = Bound::new(py, Memory { _values: Box::new(values) })?;
+        // SAFETY: both are objects that live; the reference is NumPy's from here on, even where it fails
+        let code = unsafe { PY_ARRAY_API.PyArray_SetBaseObject(py, object, memory.into_ptr()) };
+        if code != 0 {
+            return Err(PyErr::fetch(py));
+        }
+    }
+    // SAFETY: it was made with this type and number of dimensions
+    Ok(unsafe { array.cast_into_unchecked() })
+}
+
+/// Makes what the first array needs of Python and NumPy, which would panic where it is missing.
+pub(super) fn prepare(py: Python<'_>) -> PyResult<()> {
+    py.import("numpy")?;
+    array(py, vec![0u8; COPIED], [COPIED]).map(drop)
+}
+
+/// An array of one dimension.
+pub(super) fn list<T: Element + Copy + 'static>(
+    py: Python<'_>,
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray1<T>>> {
+    let count = values.len();
+    array(py, values, [count])
+}
+
+/// An (N, 3) array.
+pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
+    let rows = points.len();
+    array(py, points.into_flattened(), [rows, 3])
+}

@@ -1,0 +1,101 @@
+//! Work without the GIL, which Ctrl-C ends and whose panics become errors.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::intern;
+use pyo3::prelude::*;
+
+use super::StrandError;
+use crate::parallel::{self, Caller};
+
+/// How long a signal waits at most for its handler.
+const PATIENCE: Duration = Duration::from_millis(50);
+/// Things of which most work takes less time than a signal may wait.
+const FEW: usize = 20_000;
+
+/// Where the last panic was.
+static PLACE: Mutex<String> = Mutex::new(String::new());
+
+/// Runs `work` in the pool without the GIL.
+///
+/// Where Python's main thread calls, signal handlers run meanwhile. What they raise leaves at once: the work, which owns
+/// all that it needs, ends by itself soon after, and its answer is dropped.
+///
+/// # Errors
+/// What a signal handler raises; `StrandError` if the work panics.
+pub(super) fn released<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    let (caller, patience) = match is_main_thread(py)? {
+        true => (Caller::Hasty, Some(PATIENCE)),
+        false => (Caller::Patient, None),
+    };
+    let mut begun = match py.detach(|| parallel::begin(caller, work)) {
+        Ok(begun) => begun,
+        Err(work) => return py.detach(|| catch_unwind(AssertUnwindSafe(work))).map_err(internal),
+    };
+    loop {
+        if let Some(answer) = py.detach(|| begun.wait(patience)) {
+            return answer.map_err(internal);
+        }
+        if let Err(raised) = py.check_signals() {
+            begun.give_up();
+            return Err(raised);
+        }
+    }
+}
+
+/// Runs `work`, whose time grows with a number of things: where there are few, at once, as to hand it over costs more.
+///
+/// # Errors
+/// As [`released`].
+pub(super) fn released_if_many<T: Send + 'static>(
+    py: Python<'_>,
+    things: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    if things > FEW { released(py, work) } else { guarded(work) }
+}
+
+/// Runs `work` at once.
+///
+/// # Errors
+/// `StrandError` if it panics.
+pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(internal)
+}
+
+/// Panics say where they were in an error, not on the standard error stream.
+pub(super) fn keep_panics_quiet() {
+    std::panic::set_hook(Box::new(|info| {
+        let place = info.location().map(|place| format!(" at {}:{}", place.file(), place.line()));
+        *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = place.unwrap_or_default();
+    }));
+}
+
+/// The error that a panic becomes.
+#[allow(clippy::needless_pass_by_value)]
+fn internal(panic: Box<dyn Any + Send>) -> PyErr {
+    if parallel::was_given_up(panic.as_ref()) {
+        return PyKeyboardInterrupt::new_err("the call was given up with another");
+    }
+    let text = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
+        (Some(text), _) => text,
+        (_, Some(text)) => text.as_str(),
+        _ => "a panic",
+    };
+    let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner);
+    StrandError::new_err(format!("internal error: {text}{place}; please report this"))
+}
+
+/// Whether the calling thread is the one that runs signal handlers.
+fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
+    let threading = py.import(intern!(py, "threading"))?;
+    let main = threading.call_method0(intern!(py, "main_thread"))?.getattr(intern!(py, "ident"))?;
+    threading.call_method0(intern!(py, "get_ident"))?.eq(main)
+}

@@ -1,0 +1,111 @@
+"""Ctrl-C: every kernel lets go of the caller at once, and works on afterwards."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+# What is interrupted: as long as a kernel takes on points that are all neighbours, or on many that are not.
+CALLS = {
+    "radius_outlier_mask": "strand.radius_outlier_mask(crowd, 1.0, 3)",
+    "count_neighbors": "strand.count_neighbors(crowd, 1.0)",
+    "count_neighbors_each": "_core.count_neighbors_each([crowd, crowd], 1.0)",
+    "normals by k": "strand.estimate_normals(many, k=200)",
+    "normals by radius": "strand.estimate_normals(crowd, radius=1.0)",
+    "icp": "strand.icp(many, moved, 0.05, max_iterations=10**6, tolerance=0)",
+    "centerline": "strand.centerline(crowd, up, 1.0, 3)",
+    "trace_chains": "strand.trace_chains(crowd, 0.001, 1.0)",
+    "trace_tubes": "strand.trace_tubes(crowd, (0.0, 0.0, 9.0), 0.2)",
+    "typical_neighbors": "[_core.typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
+    "overlapping": "_core.overlapping(crowd, number, arc, 0.0, 0.0)",
+    "occludes": "_core.occludes(away, crowd, (0.0, 0.0, -9.0), 0.0)",
+    "spline_through": "_core.spline_through(rope, 0.0004, 0.0)",
+    "register_in_turn": "_core.register_in_turn([many, moved], 0.05, 10**6, 0.0)",
+    "short_outlines": "_core.short_outlines(noise, [1.0], 10**6)",
+}
+
+CODE = """
+import json, os, signal, sys, threading, time
+sys.path[:0] = {path!r}
+import numpy as np
+import strand
+from strand import _core
+
+rng = np.random.default_rng(0)
+crowd, many = rng.uniform(size=(60_000, 3)), rng.uniform(size=(300_000, 3))
+number, arc = np.zeros(60_000, np.int64), np.zeros(60_000)
+rope = np.stack([np.linspace(0.0, 1.0, 900), np.zeros(900), np.zeros(900)], axis=1)
+noise = rng.normal(size=(900, 900)).astype(np.float32)
+moved, away, up = many + 0.01, crowd + 99.0, crowd * 0.0 + (0.0, 0.0, 1.0)
+small = crowd[:500]
+expected = strand.count_neighbors(small, 0.2)
+
+
+def interrupted(call):
+    # seconds from the signal to the exception; None if the call ended before
+    sent, ended = [], threading.Event()
+
+    def interrupt():
+        if not ended.wait(0.1):
+            sent.append(time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+
+    interrupting = threading.Thread(target=interrupt)
+    interrupting.start()
+    late = None
+    try:
+        eval("lambda: " + call)()
+        ended.set()
+        interrupting.join()
+    except KeyboardInterrupt:
+        late = time.perf_counter() - sent[0]
+    return late
+
+
+late = {{}}
+for kernel, call in {calls!r}.items():
+    late[kernel] = interrupted(call)
+    assert (strand.count_neighbors(small, 0.2) == expected).all()
+print(json.dumps(late))
+"""
+
+
+def test_ctrl_c_leaves_every_kernel_at_once():
+    code = CODE.format(path=sys.path, calls=CALLS)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    late = json.loads(done.stdout)
+    assert late.keys() == CALLS.keys()
+    assert not [kernel for kernel, seconds in late.items() if seconds is None], "were not interrupted"
+    # 0.2 s are promised on a machine that does nothing else
+    assert max(late.values()) < 1.0, late
+
+
+ALARM = """
+import signal, sys
+sys.path[:0] = {path!r}
+import numpy as np
+import strand
+
+
+def ring(*_):
+    raise TimeoutError
+
+
+signal.signal(signal.SIGALRM, ring)
+points = np.random.default_rng(0).uniform(size=(60_000, 3))
+signal.setitimer(signal.ITIMER_REAL, 0.1)
+try:
+    strand.count_neighbors(points, 1.0)
+    raise SystemExit("was not interrupted")
+except TimeoutError:
+    pass
+"""
+
+
+def test_what_another_signals_handler_raises_leaves_too():
+    code = ALARM.format(path=sys.path)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,43 @@
+"""Too little memory: a MemoryError, and the process lives, as far as that is promised."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+CODE = """
+import resource, sys
+sys.path[:0] = {path!r}
+import numpy as np
+import strand
+
+strand.set_num_threads(1)
+points = np.random.default_rng(0).uniform(size=({count}, 3))
+# each point is a chain of its own: as many arrays as points
+ask = lambda points: strand.trace_chains(points, 1e-9, 2e-9)
+ask(points[:2000])
+with open("/proc/self/status") as status:
+    used = next(int(line.split()[1]) * 1024 for line in status if line.startswith("VmSize"))
+resource.setrlimit(resource.RLIMIT_AS, (used + {room}, used + {room}))
+try:
+    print(len(ask(points)))
+except MemoryError:
+    print("MemoryError")
+"""
+
+
+@pytest.mark.parametrize("megabytes", [170, 200, 230, 260, 300])
+def test_more_arrays_than_memory_holds_raise_memory_error(megabytes):
+    code = CODE.format(path=sys.path, count=1_000_000, room=megabytes << 20)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout in ("MemoryError\n", "1000000\n")
+
+
+def test_a_copy_of_the_points_that_memory_does_not_hold_raises_memory_error():
+    code = CODE.format(path=sys.path, count=2_000_000, room=20 << 20)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "MemoryError\n"

@@ -1,0 +1,146 @@
+"""Arrays that another thread writes during a call: any answer or a ValueError, and the process lives."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kernel_calls import ARRAYS, call
+
+import strand
+
+RACE = """
+import sys, threading, time
+import numpy as np
+sys.path[:0] = {path!r}
+import strand
+from strand import _core
+
+points = np.random.default_rng(0).uniform(size=(4000, 3))
+depth = np.full((60, 80), 1.0)
+mask = np.zeros((60, 80), bool)
+mask[28:33, 5:75] = True
+shown = mask.view(np.uint8)
+flat = depth.astype(np.float32)
+number = np.zeros(4000, np.int64)
+control = points[:20]
+eye, camera = np.eye(4), ((100.0, 100.0), (40.0, 30.0))
+fit = dict(motions=[eye], radius=0.1, pose_sd=(0.01, 0.01), reference=None, iterations=2)
+calls = {{
+    "radius_outlier_mask": lambda: strand.radius_outlier_mask(points, 0.05, 3),
+    "count_neighbors": lambda: strand.count_neighbors(points, 0.05),
+    "normals by k": lambda: strand.estimate_normals(points, k=8, viewpoint=points),
+    "normals by radius": lambda: strand.estimate_normals(points, radius=0.05, nonfinite="drop"),
+    "icp": lambda: strand.icp(points, points, 0.05, target_normals=points, max_iterations=2),
+    "centerline": lambda: strand.centerline(points, points, 0.05, 3),
+    "trace_chains": lambda: strand.trace_chains(points, 0.02, 0.05),
+    "trace_tubes": lambda: strand.trace_tubes(points[:500], points[:500], 0.05),
+    "apparent_radii": lambda: _core.apparent_radii(points, (0.0, 0.0, -1.0), 0.1, 10),
+    "typical_neighbors": lambda: _core.typical_neighbors(points, 0.05),
+    "occupied_voxels": lambda: _core.occupied_voxels([points], 0.05),
+    "crop": lambda: _core.crop(points, eye, (0.0,) * 3, (0.5,) * 3, points),
+    "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
+    "unproject": lambda: _core.unproject(depth, *camera),
+    "copy_depth": lambda: _core.copy_depth(depth, 65.0),
+    "fit_tubes": lambda: strand.fit_tubes([points[:500]], np.ones((1, 3)), [control], **fit),
+    "spline_through": lambda: _core.spline_through(points[:40], 0.5, 0.1),
+    "spline_places": lambda: _core.spline_places(control, points[0]),
+    "overlapping": lambda: _core.overlapping(points[:100], number[:100], points[:100, 0].copy(), 0.1, 0.1),
+    "path_length": lambda: _core.path_length(points),
+    "bridge": lambda: _core.bridge(points[:9], points[9:18], 0.1, 0.1),
+    "straighten": lambda: _core.straighten(points[:40], 0.1, 0.2),
+    "visibility": lambda: _core.Visibility([points], [points], [eye]).states(points, 0.05),
+    "visibility, image": lambda: _core.Visibility([(depth, *camera)], [points], [eye]).free(points, 0.1),
+    "largest_blob": lambda: _core.largest_blob(mask),
+    "shown_radius": lambda: _core.shown_radius(mask),
+    "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
+    "short_outlines": lambda: _core.short_outlines(flat, [1.0], 3),
+    "RopeImages": lambda: _core.RopeImages([depth], [mask], [camera], [eye], 0.02).readings(1, 2, [0]),
+}}
+done = False
+
+
+def write():
+    values = (np.nan, 1e300, 0.0, -1e9, 1e-300, 0.5, 1e99, np.inf)
+    while not done:
+        for i, value in enumerate(values):
+            points[i::7] = value
+            depth[i::3] = value
+            flat[i::3] = np.float32(min(value, 3e38))
+            number[i::5] = -(2**62) + i
+            shown[i::3] = 31 * i
+        points[:] = np.random.random(points.shape)
+        depth[:] = 1.0
+        time.sleep(0)
+
+
+sys.setswitchinterval(1e-5)
+writer = threading.Thread(target=write)
+writer.start()
+answers = 0
+try:
+    for name, ask in calls.items():
+        for _ in range({times}):
+            try:
+                ask()
+                answers += 1
+            except (ValueError, strand.NotEnoughDataError):
+                pass
+            except BaseException as error:
+                raise SystemExit(f"{{name}}: {{type(error).__name__}}: {{error}}")
+finally:
+    done = True
+    writer.join()
+assert answers > 0
+"""
+
+
+def test_no_kernel_breaks_when_another_thread_writes_its_arrays():
+    code = RACE.format(path=sys.path, times=12)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+
+
+@pytest.mark.parametrize("kernel", ARRAYS)
+def test_what_is_written_after_a_call_changes_no_answer(kernel):
+    arrays = {name: np.array(array) for name, array in ARRAYS[kernel].items()}
+    answer = call(kernel, **arrays)
+    found = answer if isinstance(answer, (tuple, list)) else [answer]
+    before = [np.copy(part) for part in found if isinstance(part, np.ndarray)]
+    for array in arrays.values():
+        array[...] = np.nan
+    for part, kept in zip((part for part in found if isinstance(part, np.ndarray)), before, strict=True):
+        np.testing.assert_array_equal(part, kept)
+
+
+def test_a_fit_whose_arrays_were_written_to_is_refused():
+    control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
+    angle = np.linspace(0.0, np.pi, 600)
+    x = np.linspace(1.0, 4.0, 600)
+    points = np.stack([x, np.cos(7.0 * angle), np.abs(np.sin(7.0 * angle))], axis=1)
+    fit = strand.fit_tubes(
+        [points], [[2.0, 0.0, 50.0]], [control], [np.eye(4)], 1.0, pose_sd=(0.01, 0.01), reference=0
+    )
+    fit.curve[:] = 2**40
+    with pytest.raises(ValueError, match="curve"):
+        strand._core.rope_extents(fit)
+    fit.curve[:] = 0
+    fit.radii[:] = 1e-300
+    with pytest.raises(ValueError, match="radii"):
+        strand._core.rope_extents(fit)
+
+
+def test_this_file_names_every_kernel_that_takes_arrays():
+    stub = (Path(strand.__file__).parent / "_core.pyi").read_text()
+    functions = {
+        line.split("(")[0].removeprefix("def ") for line in stub.splitlines() if line.startswith("def ")
+    }
+    quick = {"set_num_threads", "num_threads", "rope_extents"}
+    several = {"count_neighbors_each", "estimate_normals_each", "register_in_turn"}
+    small = {"arc_lengths", "end_direction", "bending", "join_cost", "occludes"}
+    missing = {name for name in functions - quick - several - small if f"{name}(" not in RACE}
+    assert not missing
