@@ -101,9 +101,13 @@ class Kind:
     masked: bool = False
 
 
+_UP = np.array([0.0, 0.0, 1.0])
+
+
 def _direction(rng: np.random.Generator) -> Array:
-    vector = rng.normal(size=3)
-    return np.asarray(vector / np.linalg.norm(vector))
+    """A direction in the table's plane: others move the table into the bounds, or the ropes out of them."""
+    angle = rng.uniform(0.0, 2.0 * math.pi)
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
 def _half(given: Given, rng: np.random.Generator) -> set[int]:
@@ -133,15 +137,14 @@ def half_shifted(given: Given, strength: float, rng: np.random.Generator) -> Giv
 
 
 def half_turned(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    axis, half, own = _direction(rng), _half(given, rng), bool(rng.integers(2))
-    return replace(
-        given,
-        poses=[_turned(p, axis, strength, own) if i in half else p for i, p in enumerate(given.poses)],
-    )
+    angle, half, own = strength * rng.choice([-1.0, 1.0]), _half(given, rng), bool(rng.integers(2))
+    poses = [_turned(p, _UP, angle, own) if i in half else p for i, p in enumerate(given.poses)]
+    return replace(given, poses=poses)
 
 
 def all_shifted(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    return replace(given, poses=[_shifted(p, strength * rng.normal(size=3)) for p in given.poses])
+    errors = strength * rng.normal(size=(len(given.poses), 3)) * [1.0, 1.0, 0.0]
+    return replace(given, poses=[_shifted(p, by) for p, by in zip(given.poses, errors, strict=True)])
 
 
 def _sign(given: Given, rng: np.random.Generator) -> float:
@@ -313,11 +316,11 @@ KINDS = {
     "views dropped": Kind(dropped, (1.0, 2.0), "views"),
     "views doubled": Kind(doubled, (1.0, 3.0), "views"),
     "poses swapped": Kind(swapped, (1.0, 2.0), "pairs"),
-    "foreign views": Kind(foreign, (1.0, 2.0), "views"),
+    "foreign views": Kind(foreign, (1.0,), "view"),
     "corrupt pixels": Kind(corrupt, (0.01, 0.05, 0.1, 0.2)),
     "quantised": Kind(quantised, (1e-3, 2e-3, 5e-3), "m"),
-    "correlated noise, 1 px": Kind(correlated_noise(1.0), (0.25, 0.5, 1.0, 2.0), "r"),
-    "correlated noise, 3 px": Kind(correlated_noise(3.0), (0.25, 0.5, 1.0, 2.0), "r"),
+    "correlated noise, 1 px": Kind(correlated_noise(1.0), (0.25, 0.5, 1.0), "r"),
+    "correlated noise, 3 px": Kind(correlated_noise(3.0), (0.25, 0.5, 1.0), "r"),
     "flying pixels": Kind(flying, (0.2, 0.5, 1.0)),
     "pixels lost": Kind(lost, (0.5, 0.8, 0.9)),
     "masks grown": Kind(masks_grown, (1.0, 2.0, 3.0), "pixels", masked=True),

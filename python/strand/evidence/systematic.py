@@ -24,7 +24,7 @@ from strand.view import View
 # corrections are more than chance, and the doubt for each deviate more
 _POSE, _SHIFT, _CHANCE, _CORRECTED = 4, 3, 2.5, 0.15
 # corrections that move ropes by less than the first, in radii, raise none of it, by the second all
-_SMALL = (0.4, 0.8)
+_SMALL = (0.7, 1.2)
 # doubt for the share of axes that lie outside the extraction range by more than so many radii
 _OUTSIDE, _OUT = 0.1, 0.2
 # a depth so many radii behind the surface saw through the rope; share of the places that a view may see

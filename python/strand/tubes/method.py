@@ -114,6 +114,8 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     whole = with_hidden_ends(fit, parts, closed, visibility)
     # joins name chains by their numbers, longest first
     chains = sorted(as_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)
+    if not chains:
+        raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     joins = all_joins(by_class, chains, config.linking)
     open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
     uncertain = doubts(by_class, joins, open_parts, fit, visibility)

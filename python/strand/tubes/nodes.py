@@ -13,6 +13,9 @@ from strand.config import Config
 from strand.curve import Curve, basis
 from strand.tubes.ends import end_deviations
 
+# nodes of a ring, the first counted twice
+_LEAST_OF_RING = 4
+
 
 def as_chains(
     fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], radii_sd: Array, config: Config
@@ -33,13 +36,15 @@ def as_chains(
     Returns
     -------
     list of Chain
-        In the curves' order.
+        In the curves' order, without rings of hardly any length.
     """
     chains = []
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None:
             continue
         s = part.nodes(config.tubes.node_spacing * fit.radius(number))
+        if ring and len(s) < _LEAST_OF_RING:
+            continue
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
         place = part.arc_length(fit.parameter[mine])
         counts, views = _seen(place, fit.view[mine], s)

@@ -90,6 +90,9 @@ def test_corrections_count_over_their_prior(scene, by):
     assert (amount > 0.1) == (by == 2.0)
     if by < 2.0:
         assert amount == 0.0
+    # thick ropes are right all the same
+    thick = [Chain(chain.points, 3.0 * scene.radius) for chain in moved.chains]
+    assert amounts(doubts(observed, replace(moved, chains=thick), Config()))["pose"] == 0.0
 
 
 def test_depth_that_is_off_is_doubted(scene):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import strand
+from strand.curve import Curve
+from strand.tubes.nodes import as_chains
 
 
 def test_a_chain_says_what_it_knows(paper, tmp_path):
@@ -52,3 +54,14 @@ def test_methods_and_numbers_are_kept_apart(paper):
     config = dataclasses.replace(strand.Config(), tubes=strand.config.Tubes(node_spacing=1.0))
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config)
     assert len(model.chains[0].points) == pytest.approx(model.chains[0].length / paper.radius, rel=0.02)
+
+
+def test_a_ring_of_hardly_any_length_is_no_chain(paper_model):
+    fit, radius = paper_model.stages["fit"], paper_model.chains[0].radius
+    curve, config = Curve.whole(fit.curves[0]), strand.Config()
+    for length, count in ((0.3 * radius, 0), (20.0 * radius, 1)):
+        part = curve.part(10.0 * radius, 10.0 * radius + length)
+        assert len(as_chains(fit, [part], [True], np.zeros(1), config)) == count
+    short = curve.part(10.0 * radius, 10.3 * radius)
+    (chain,) = as_chains(fit, [short], [False], np.zeros(1), config)
+    assert len(chain.points) == 2
