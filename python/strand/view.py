@@ -59,7 +59,9 @@ class View:
     Parameters
     ----------
     points : (N, 3) array_like of float
-        Points in the camera frame (x right, y down, z forward), metres.
+        Points in the camera frame (x right, y down, z forward), metres. (0, 0, 0) is where the camera is, so
+        it is no return, as a depth of 0 is none: organised clouds hold it for such pixels. These points are
+        left out.
     pose : (4, 4) array_like, optional
         Camera-to-world rigid motion; the identity if not given.
     dropped : int
@@ -88,13 +90,19 @@ class View:
     ) -> None:
         # what the caller does with its arrays later must not change the view
         cloud = finite_array("points", points, ("N", 3))
+        returned = cloud.any(axis=1)
+        everywhere = bool(returned.all())
+        if not everywhere:
+            cloud = cloud[returned]
         self._points: Array | None = cloud.copy() if cloud is points else cloud
         self._image: DepthImage | None = None
         self._pose = _own_pose(pose)
         self._dropped = whole("dropped", dropped)
         self._colors: Array | None = None
         if colors is not None:
-            seen = color_array("colors", colors, (len(cloud), 3))
+            seen = color_array("colors", colors, (len(returned), 3))
+            if not everywhere:
+                seen = seen[returned]
             self._colors = seen.copy() if seen is colors else seen
 
     @classmethod
@@ -170,7 +178,7 @@ class View:
         Parameters
         ----------
         points : (N, 3) array_like of float
-            Points in the world frame, metres.
+            Points in the world frame, metres. Those at `viewpoint` are no returns, and left out.
         viewpoint : (3,) array_like
             The camera's centre in the world frame, metres.
         colors : (N, 3) array_like, optional

@@ -188,8 +188,8 @@ def test_from_world_keeps_the_points_and_the_camera():
 
 
 def test_crop_keeps_the_faces_of_the_box_and_everything_inside():
-    points = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [1.1, 0.5, 0.5], [0.5, 0.5, -0.1]])
-    kept = View(points).crop(([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]))
+    points = np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [1.5, 1.5, 1.5], [2.1, 1.5, 1.5], [1.5, 1.5, 0.9]])
+    kept = View(points).crop(([1.0, 1.0, 1.0], [2.0, 2.0, 2.0]))
     np.testing.assert_array_equal(kept.points, points[:3])
     moved = View(points, random_pose(3))
     low, high = moved.world_points.min(axis=0) - 1e-9, moved.world_points.max(axis=0) + 1e-9
@@ -289,14 +289,14 @@ def test_wrong_colours_are_refused(colors, error, message):
 
 @pytest.mark.parametrize("wrong", [None, 1, [], [0, 1, 1], [True, False]])
 def test_points_are_chosen_by_one_bool_each(wrong):
-    view = View(np.zeros((3, 3)))
+    view = View(np.ones((3, 3)))
     with pytest.raises(ValueError, match="chosen: expected one bool for each of 3 points"):
         view.only(wrong)
     assert len(view.only(np.array([True, False, True])).points) == 2
 
 
 def test_only_a_rigid_motion_moves_a_view():
-    view = View(np.zeros((3, 3)))
+    view = View(np.ones((3, 3)))
     with pytest.raises(ValueError, match="motion: expected a rigid motion"):
         view.moved(2.0 * np.eye(4) - np.diag([0.0, 0.0, 0.0, 1.0]))
 
@@ -418,3 +418,23 @@ def test_a_view_without_a_mask_has_none():
     assert view.mask is None
     assert view.image.mask is None
     assert View(np.ones((4, 3))).mask is None
+
+
+def test_points_where_the_camera_is_are_no_returns():
+    points = np.arange(30.0).reshape(10, 3)
+    points[[0, 4, 7]] = 0.0, -0.0, 0.0
+    colors = np.linspace(0.0, 1.0, 30).reshape(10, 3)
+    view = View(points, colors=colors)
+    there = points.any(axis=1)
+    np.testing.assert_array_equal(view.points, points[there])
+    np.testing.assert_array_equal(view.colors, colors[there])
+    assert len(view.points) == 7
+    assert view.dropped == 0
+    with pytest.raises(ValueError, match="colors"):
+        View(points, colors=colors[there])
+    # a coordinate of zero is a place
+    assert len(View(np.eye(3)).points) == 3
+    assert len(View(np.zeros((5, 3))).points) == 0
+    world = View.from_world(points, [0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(world.points, points[there])
+    assert len(View.from_world(points, [0.5, 0.0, 0.0]).points) == 10

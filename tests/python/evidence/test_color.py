@@ -16,7 +16,7 @@ RED, BLUE, ORANGE = (0.8, 0.15, 0.1), (0.1, 0.2, 0.7), (0.8, 0.45, 0.1)
 
 
 def test_views_with_and_without_colours_go_together():
-    plain, red = View(np.zeros((2, 3))), View(np.zeros((1, 3)), colors=np.array([RED]))
+    plain, red = View(np.ones((2, 3))), View(np.ones((1, 3)), colors=np.array([RED]))
     assert colors_of([plain, plain]) is None
     np.testing.assert_array_equal(colors_of([plain, red]), [[np.nan] * 3] * 2 + [list(RED)])
 
