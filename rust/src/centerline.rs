@@ -6,9 +6,10 @@ use std::borrow::Cow;
 
 use crate::checks::{check_finite, check_normals, check_positive, check_same_length};
 use crate::error::Result;
-use crate::geometry::{advance, squared_distance};
+use crate::geometry::{advance, squared_distance, sub};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
+use crate::index::hierarchy::{Crowded, Sum};
 use crate::parallel::Slots;
 use crate::simd::{BATCH, Doubles, LANES, kernel};
 use crate::{Point, parallel};
@@ -57,25 +58,37 @@ pub fn centerline(
     };
     // NaN where there is no mean
     let mut means = vec![[0.0; 3]; surface.len()];
-    let slots = Slots::new(&mut means);
+    let (slots, crowded) = (Slots::new(&mut means), Crowded::default());
+    let reach = 2.0 * radius;
+    let enough = |count: usize, mean: Point| if count >= min_neighbors { mean } else { [f64::NAN; 3] };
     parallel::run(|| {
-        let cells = Cells::new_in_parts(&surface, 2.0 * radius / CELLS);
-        let axis = cells.gather_axes(|i| {
+        let cells = Cells::new_in_parts(&surface, reach / CELLS);
+        let inward = |i: usize| {
             let i = index(i);
             advance(points[i], -radius, normals[i])
-        });
+        };
+        let axis = cells.gather_axes(inward);
         cells.batches().for_each_task(|batches| {
             let mut around = Around::default();
             for batch in batches {
-                let (counts, means) = average(&cells, &axis, 2.0 * radius, batch, &mut around);
+                let Some((counts, means)) = average(&cells, &axis, reach, batch, &mut around) else {
+                    crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
+                    continue;
+                };
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
-                    let mean = if counts[l] >= min_neighbors { means[l] } else { [f64::NAN; 3] };
+                    let mean = enough(counts[l], means[l]);
                     // SAFETY: every point is in one batch
                     unsafe { slots.put(cells.input_index(position), mean) };
                 }
             }
         });
+        drop((cells, axis));
+        let carried = |i: usize| Mean { count: 1, mean: inward(i) };
+        let mean = |found: Mean| enough(found.count, found.mean);
+        // SAFETY: every point has one answer
+        let put = |i: usize, &mean: &Point| unsafe { slots.put(i, mean) };
+        crowded.answer(&surface, reach, carried, mean, put);
     });
     let found = |i: &usize| !means[*i][0].is_nan();
     let indices = (0..means.len()).filter(found).map(index).collect();
@@ -84,7 +97,8 @@ pub fn centerline(
 }
 
 kernel! {
-    /// How many points are within a reach of each point of a batch, and the means of their axis points.
+    /// How many points are within a reach of each point of a batch, and the means of their axis points; nothing where
+    /// cells are crowded.
     fn average<S>(
         simd,
         cells: &Cells,
@@ -92,8 +106,8 @@ kernel! {
         reach: f64,
         batch: &[u32],
         around: &mut Around,
-    ) -> ([usize; BATCH], [Point; BATCH]) {
-        let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis);
+    ) -> Option<([usize; BATCH], [Point; BATCH])> {
+        let frame = around.find_carried(simd, cells, &cells.bounds(batch), reach, axis)?;
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(reach);
@@ -128,7 +142,22 @@ kernel! {
                 result.1[l][k] = frame.origin[k] + (sum[k] + inside.sums[k]) / count as f64;
             }
         }
-        result
+        Some(result)
+    }
+}
+
+/// The mean of some axis points.
+#[derive(Clone, Copy)]
+struct Mean {
+    count: usize,
+    mean: Point,
+}
+
+impl Sum for Mean {
+    fn and(self, other: Self) -> Self {
+        let count = self.count + other.count;
+        let share = other.count as f64 / count as f64;
+        Self { count, mean: advance(self.mean, share, sub(other.mean, self.mean)) }
     }
 }
 

@@ -5,6 +5,7 @@ use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 use crate::geometry::{centroid, squared_distance};
 use crate::index::Grid;
+use crate::index::hierarchy::Remaining;
 use crate::{Point, parallel};
 
 /// Traces chains of nodes through axis points, grown from both sides of a base point.
@@ -46,7 +47,8 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
         None => (0..points.len()).min_by(farther),
     };
     let Some(first) = first else { return Ok(Vec::new()) };
-    let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near };
+    let remaining = grid.is_crowded().then(|| Remaining::new(grid.hierarchy()));
+    let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near, far, remaining };
     let mut chains = vec![tracer.chain(first)];
     // the first chain takes most of them
     let mut bases: Vec<usize> = (0..points.len()).filter(|&position| tracer.target[position]).collect();
@@ -63,6 +65,9 @@ struct Tracer<'a> {
     grid: &'a Grid,
     target: Vec<bool>,
     near: f64,
+    far: f64,
+    /// The targets, where there may be very many around a node.
+    remaining: Option<Remaining<'a>>,
 }
 
 impl Tracer<'_> {
@@ -90,9 +95,13 @@ impl Tracer<'_> {
     /// Clears the targets within `near` of a node and finds the nearest of the others within reach.
     fn next(&mut self, node: usize) -> Option<usize> {
         parallel::go_on();
-        let Self { grid, target, near } = self;
+        let Self { grid, target, near, far, remaining } = self;
         let mut nearest: Option<(f64, usize)> = None;
         let limit = *near * *near;
+        if let Some(remaining) = remaining {
+            remaining.take(grid.point(node), limit, |other| target[other] = false);
+            return remaining.nearest(grid.point(node), *far * *far);
+        }
         grid.visit_around(node, |other, _, squared| {
             if squared <= limit {
                 target[other] = false;

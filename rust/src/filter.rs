@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::geometry::squared_distance;
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::Cells;
+use crate::index::hierarchy::Crowded;
 use crate::parallel::Slots;
 use crate::simd::{Singles, kernel};
 use crate::{Point, parallel};
@@ -54,13 +55,16 @@ fn map<T: Send + Copy + Default>(
     answer: impl Fn(usize) -> T + Sync + Send,
 ) -> Vec<T> {
     let mut answers = vec![T::default(); points.len()];
-    let slots = Slots::new(&mut answers);
+    let (slots, crowded) = (Slots::new(&mut answers), Crowded::default());
     parallel::run(|| {
         let cells = Cells::new(points, radius / CELLS);
         cells.batches().for_each_task(|batches| {
             let mut around = Around::default();
             for batch in batches {
-                let counts = count_around(&cells, radius, batch, &mut around);
+                let Some(counts) = count_around(&cells, radius, batch, &mut around) else {
+                    crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
+                    continue;
+                };
                 for (l, &position) in batch.iter().enumerate() {
                     let position = position as usize;
                     let value = known(counts[0][l] as usize, counts[1][l] as usize)
@@ -70,14 +74,25 @@ fn map<T: Send + Copy + Default>(
                 }
             }
         });
+        drop(cells);
+        // SAFETY: every point has one answer
+        let put = |i: usize, &value: &T| unsafe { slots.put(i, value) };
+        crowded.answer(points, radius, |_| 1, &answer, put);
     });
     answers
 }
 
 kernel! {
-    /// How many points are surely within a radius of each point of a batch, and how many may be.
-    fn count_around<S>(simd, cells: &Cells, radius: f64, batch: &[u32], around: &mut Around) -> [Singles; 2] {
-        let frame = around.find(simd, cells, &cells.bounds(batch), radius);
+    /// How many points are surely within a radius of each point of a batch, and how many may be; nothing where cells are
+    /// crowded.
+    fn count_around<S>(
+        simd,
+        cells: &Cells,
+        radius: f64,
+        batch: &[u32],
+        around: &mut Around,
+    ) -> Option<[Singles; 2]> {
+        let frame = around.find(simd, cells, &cells.bounds(batch), radius)?;
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
         let (low, high) = frame.limits(radius);
@@ -90,7 +105,7 @@ kernel! {
             surely = simd.select(simd.le(squares, low), simd.add(surely, one), surely);
             maybe = simd.select(simd.le(squares, high), simd.add(maybe, one), maybe);
         }
-        [simd.store(surely), simd.store(maybe)]
+        Some([simd.store(surely), simd.store(maybe)])
     }
 }
 

@@ -54,6 +54,7 @@ mod outline;
 mod overlap;
 mod parallel;
 mod polyline;
+mod proximity;
 #[cfg(feature = "python")]
 mod python;
 mod readings;

@@ -7,10 +7,13 @@ use crate::error::Result;
 use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::cells::Cells;
+use crate::index::hierarchy::Crowded;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, LANES, Simd, Singles, kernel};
 use crate::{Point, parallel};
+use mass::Mass;
 
+mod mass;
 mod nearest;
 
 /// Cells to a radius.
@@ -172,12 +175,17 @@ fn covariance(moments: &Moments) -> Symmetric3 {
 
 fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
     let cells = Cells::new(points, radius / CELLS);
+    let crowded = Crowded::default();
     cells.batches().for_each_task(|batches| {
         let mut around = Around::default();
         let mut sums = Sums::default();
         let mut covariances = Covariances::default();
         for batch in batches {
             let open = sum_within(&cells, radius, batch, &mut around, &mut sums);
+            let Some(open) = open else {
+                crowded.add(batch.iter().map(|&position| cells.input_index(position as usize)));
+                continue;
+            };
             for (l, &position) in batch.iter().enumerate() {
                 let position = position as usize;
                 let covariance = sums.covariance(l).filter(|_| !open[l]).unwrap_or_else(|| {
@@ -196,11 +204,19 @@ fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
         }
         covariances.fit(&cells, answers);
     });
+    drop(cells);
+    let fitted = |mass: Mass| plane(&mass.covariance());
+    // near the points, so that means lose nothing far from the world's origin
+    let origin = points.get(points.len() / 2).copied().unwrap_or_default();
+    let carried = |i: usize| Mass::of(sub(points[i], origin));
+    // SAFETY: every point has one answer
+    let put = |i: usize, plane: &(Point, f64)| unsafe { answers.put(i, points[i], plane.0, plane.1) };
+    crowded.answer(points, radius, carried, fitted, put);
 }
 
 kernel! {
     /// Sums over what lies within a radius of the points of a batch; tells for which points single precision leaves open
-    /// what that is.
+    /// what that is. Nothing where cells are crowded.
     fn sum_within<S>(
         simd,
         cells: &Cells,
@@ -208,14 +224,14 @@ kernel! {
         batch: &[u32],
         around: &mut Around,
         sums: &mut Sums,
-    ) -> [bool; BATCH] {
-        let frame = around.find(simd, cells, &cells.bounds(batch), radius);
+    ) -> Option<[bool; BATCH]> {
+        let frame = around.find(simd, cells, &cells.bounds(batch), radius)?;
         let lanes = frame.lanes(batch.iter().map(|&position| cells.point(position as usize)));
         let (low, high) = frame.limits(radius);
         sums.measure(simd, around, &lanes);
         sums.add(simd, cells, around, &frame, &[low; BATCH]);
         let maybe = sums.count_below(simd, &[high; BATCH]);
-        std::array::from_fn(|l| maybe[l] != sums.counts[l])
+        Some(std::array::from_fn(|l| maybe[l] != sums.counts[l]))
     }
 }
 

@@ -91,6 +91,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
     module.add_function(wrap_pyfunction!(density::typical_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(density::occupied_voxels, module)?)?;
+    module.add_function(wrap_pyfunction!(density::squared_distances, module)?)?;
     module.add_function(wrap_pyfunction!(visibility::occludes, module)?)?;
     module.add_function(wrap_pyfunction!(filter::radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(filter::count_neighbors, module)?)?;

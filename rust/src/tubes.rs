@@ -3,11 +3,13 @@
 //! Where strands touch, an average over a neighbourhood mixes them. A tube with nothing inside it, fitted to the points
 //! that face their cameras, does not: of two strands in contact each lies outside the other.
 
+use std::collections::HashMap;
+
 use rayon::prelude::*;
 
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::Result;
-use crate::geometry::{Moments, advance, dot, eigen_symmetric, normalized, squared_distance, sub};
+use crate::geometry::{Moments, advance, cell_of, dot, eigen_symmetric, normalized, squared_distance, sub};
 use crate::index::Grid;
 use crate::normals::Viewpoints;
 use crate::tubelet::{Freedom, Patch, Support, Tubelet, fit, frame};
@@ -82,7 +84,7 @@ pub fn trace_tubes(
         let grid = Grid::new(points, PATCH * radius);
         let to_camera = grid.gather(&to_camera);
         let mut tracer =
-            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: Vec::new() };
+            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: Nodes::new(radius) };
         tracer.trace(min_nodes)
     }))
 }
@@ -94,7 +96,36 @@ struct Tracer {
     free: Vec<bool>,
     radius: f64,
     /// Nodes of all arcs so far.
-    nodes: Vec<Point>,
+    nodes: Nodes,
+}
+
+/// Nodes by cubes of space.
+struct Nodes {
+    side: f64,
+    cubes: HashMap<[i64; 3], Vec<Point>>,
+}
+
+impl Nodes {
+    /// None yet, to be searched for within less than `side`.
+    fn new(side: f64) -> Self {
+        Self { side, cubes: HashMap::new() }
+    }
+
+    fn extend(&mut self, nodes: &[Point]) {
+        for &node in nodes {
+            self.cubes.entry(cell_of(node, self.side)).or_default().push(node);
+        }
+    }
+
+    /// Whether one is nearer to a place than a distance, given its square.
+    fn any_within(&self, place: Point, limit: f64) -> bool {
+        let [x, y, z] = cell_of(place, self.side).map(|i| [i.saturating_sub(1), i, i.saturating_add(1)]);
+        let cubes = x.into_iter().flat_map(|x| y.into_iter().flat_map(move |y| z.map(|z| [x, y, z])));
+        cubes
+            .filter_map(|cube| self.cubes.get(&cube))
+            .flatten()
+            .any(|&node| squared_distance(node, place) < limit)
+    }
 }
 
 struct Seed {
@@ -171,8 +202,7 @@ impl Tracer {
     }
 
     fn taken(&self, center: Point) -> bool {
-        let limit = (CLEARANCE * self.radius).powi(2);
-        self.nodes.iter().any(|&node| squared_distance(node, center) < limit)
+        self.nodes.any_within(center, (CLEARANCE * self.radius).powi(2))
     }
 
     /// Tubelets at one free point of each voxel of a size, in radii, the best of several directions.
@@ -239,7 +269,7 @@ impl Tracer {
                 || !straight
                 || jump >= 0.6 * r
                 || support.inside as f64 >= 0.5 * support.inliers as f64 + 2.0
-                || self.nodes.iter().any(collides)
+                || self.nodes.any_within(tubelet.center, limit)
                 || steps[..own].iter().any(|step| collides(&step.0.center))
             {
                 return steps;

@@ -1,5 +1,7 @@
 //! Space as the cameras saw it: a place is occupied, occluded by something in front of it, or free.
 
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use crate::checks::{check_finite, check_positive};
@@ -332,12 +334,18 @@ fn spacing<I: Iterator<Item = Ray>>(
         let cell = 3.0 * (area / count as f64).sqrt();
         let grid = Cells::new(low, cell);
         let last = grid.of(high.map(|x| x as f32));
-        let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
-        for ray in rays() {
-            let [i, j] = grid.of(ray.flat);
-            taken[i * (last[1] + 1) + j] = true;
-        }
-        area = taken.iter().filter(|&&taken| taken).count() as f64 * cell * cell;
+        let cells = (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0);
+        let taken = if cells > MOST_CELLS {
+            rays().map(|ray| grid.of(ray.flat)).collect::<HashSet<_>>().len()
+        } else {
+            let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
+            for ray in rays() {
+                let [i, j] = grid.of(ray.flat);
+                taken[i * (last[1] + 1) + j] = true;
+            }
+            taken.into_iter().filter(|&taken| taken).count()
+        };
+        area = taken as f64 * cell * cell;
     }
     (area / count as f64).sqrt()
 }

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.checks import Array
 from strand.config import Linking
 from strand.polyline import end_direction, path_length, runs
@@ -61,10 +62,13 @@ def _merged(arc: Array, from_end: Array, other: Array, same: bool, radius: float
     """(M,) Nodes up to `back` radii from an arc's end that have not yet left another strand."""
     if back <= 0:
         return np.zeros(len(arc), dtype=bool)
-    apart = np.linalg.norm(arc[:, None] - other[None], axis=2)
+    # what is farther back stays
+    rows = from_end < back * radius
+    here = from_end[rows]
+    apart = np.linalg.norm(arc[rows, None] - other[None], axis=2)
     if same:
-        apart[np.abs(from_end[:, None] - from_end[None]) < 4.0 * radius + from_end[:, None]] = np.inf
-    left = from_end[apart.min(axis=1) > 1.75 * radius]
+        apart[np.abs(here[:, None] - from_end[None]) < 4.0 * radius + here[:, None]] = np.inf
+    left = here[apart.min(axis=1) > 1.75 * radius]
     return np.asarray(from_end < min(float(left.min()) if len(left) else np.inf, back * radius))
 
 
@@ -87,7 +91,7 @@ def without_duplicates(arcs: Sequence[Array], radius: float) -> list[Array]:
     for arc, length in zip(arcs, lengths, strict=True):
         longer = [other for other, its in zip(arcs, lengths, strict=True) if its > length]
         if length < _DUPLICATE * radius and longer:
-            apart = np.linalg.norm(arc[:, None] - np.concatenate(longer)[None], axis=2).min(axis=1)
+            apart = np.sqrt(_core.squared_distances(arc, np.concatenate(longer)))
             if np.median(apart) < _BESIDE * radius:
                 continue
         kept.append(arc)

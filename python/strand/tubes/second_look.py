@@ -77,8 +77,8 @@ def _of_radius(fit: TubeFit, r: float) -> list[Array]:
     arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_NODES)
     found = []
     for nodes, _ in arcs:
-        clear = np.sqrt(((nodes[:, None] - known[None]) ** 2).sum(axis=2).min(axis=1))
-        near = ((points[:, None] - nodes[None]) ** 2).sum(axis=2).min(axis=1) < (_REACH * r) ** 2
+        clear = np.sqrt(_core.squared_distances(nodes, known))
+        near = _core.squared_distances(points, nodes) < (_REACH * r) ** 2
         length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) + r
         if np.median(clear) > _CLEARANCE * r and near.sum() > enough * length:
             found.append(nodes)

@@ -17,10 +17,10 @@ use crate::parallel::go_on;
 use super::IcpOptions;
 use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
-use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;
+use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
 use crate::simd::{BATCH, LANES, kernel};
 use search::search;
@@ -60,7 +60,7 @@ pub struct Pairing {
     cells: Cells,
     /// The target in the order of the cells.
     sorted: Vec<Point>,
-    tree: OnceLock<Tree>,
+    hierarchy: OnceLock<Hierarchy>,
     batches: Vec<Batch>,
     source_points: usize,
     reach: f64,
@@ -112,7 +112,7 @@ impl Pairing {
         Self {
             cells,
             sorted,
-            tree: OnceLock::new(),
+            hierarchy: OnceLock::new(),
             batches,
             source_points: source.len(),
             reach,
@@ -189,13 +189,13 @@ impl Pairing {
         none || (position != NONE && is_below(best, batch.beyond[l]))
     }
 
-    /// The nearest target point by the tree.
+    /// The nearest target point by the hierarchy.
     #[cold]
-    fn search_tree(&self, moved: Point) -> (u32, f64) {
-        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
-        let nearest = tree.nearest_within(moved, self.reach * self.reach);
+    fn search_hierarchy(&self, moved: Point) -> (u32, f64) {
+        let hierarchy = self.hierarchy.get_or_init(|| Hierarchy::new(self.sorted.iter().copied()));
+        let nearest = hierarchy.nearest(moved, 1, self.reach * self.reach);
         // that others are farther than nothing is always true
-        (nearest.map_or(NONE, |position| position as u32), 0.0)
+        (nearest.first().map_or(NONE, |&(_, position)| position), 0.0)
     }
 }
 

@@ -50,13 +50,16 @@ pub struct Inside {
 pub type Carried = [Vec<f64>; 3];
 
 impl Around {
-    /// Finds what lies within `reach` of a box, and perhaps a little more.
+    /// Finds what lies within `reach` of a box, and perhaps a little more; nothing where the cells there are crowded or
+    /// too wide.
     #[inline(always)]
-    pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Frame {
-        self.sweep.find(cells, bounds, reach);
+    pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Option<Frame> {
+        if !self.sweep.find(cells, bounds, reach) {
+            return None;
+        }
         let frame = Frame::new(cells, bounds, reach);
         self.gather::<S, false>(simd, cells, bounds, reach, &frame, [&[]; 3]);
-        frame
+        Some(frame)
     }
 
     /// The same, together with the places that points carry, relative to the frame; but what is surely within reach of
@@ -69,11 +72,13 @@ impl Around {
         bounds: &Bounds,
         reach: f64,
         carried: &Carried,
-    ) -> Frame {
-        self.sweep.find(cells, bounds, reach);
+    ) -> Option<Frame> {
+        if !self.sweep.find(cells, bounds, reach) {
+            return None;
+        }
         let frame = Frame::new(cells, bounds, reach);
         self.gather::<S, true>(simd, cells, bounds, reach, &frame, carried.each_ref().map(Vec::as_slice));
-        frame
+        Some(frame)
     }
 
     /// Gathers what the sweep found.
@@ -90,7 +95,8 @@ impl Around {
         let &Frame { origin, unit, .. } = frame;
         let (nearest, farthest) = frame.limits(reach);
         let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
-        let side = |k: usize| ((bounds.high[k] - origin[k]) * unit) as f32;
+        // far from the world's origin the middle of a box is not known to be that
+        let side = |k: usize| ((bounds.high[k] - origin[k]).max(origin[k] - bounds.low[k]) * unit) as f32;
         let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
         let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
         for values in self.near.iter_mut().chain([&mut self.positions]) {
@@ -244,8 +250,9 @@ impl Frame {
         let unit = 1.0 / cells.size();
         let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
         let extent = reach + bounds.diagonal();
-        // coordinates are up to the extent, and their rounding is felt in distances up to the reach
-        let rounding = (1e-6 * (reach * unit) * (extent * unit)) as f32;
+        // coordinates are up to the extent, and their rounding is felt in distances up to the reach, or is all of them
+        let (reach_units, extent_units) = (reach * unit, extent * unit);
+        let rounding = (1e-6 * reach_units * extent_units).max(1e-13 * extent_units * extent_units) as f32;
         Self { origin, unit, rounding, extent }
     }
 

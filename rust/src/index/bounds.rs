@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::POINTS_PER_PART;
 use crate::Point;
+use crate::geometry::dot;
 use crate::simd::LANES;
 
 /// A box around points.
@@ -30,6 +31,24 @@ impl Bounds {
             self.low[k] = if other.low[k] < self.low[k] { other.low[k] } else { self.low[k] };
             self.high[k] = if other.high[k] > self.high[k] { other.high[k] } else { self.high[k] };
         }
+    }
+
+    /// The square of the distance to another box, and of that between places of both that are farthest apart.
+    ///
+    /// Differences, squares and sums round monotonically, so what [`squared_distance`](crate::geometry::squared_distance) gives for points of both is
+    /// neither less nor more.
+    #[inline(always)]
+    pub fn squared_gap(&self, other: &Self) -> f64 {
+        let gap = |k: usize| (self.low[k] - other.high[k]).max(other.low[k] - self.high[k]).max(0.0);
+        let gap = [gap(0), gap(1), gap(2)];
+        dot(gap, gap)
+    }
+
+    #[inline(always)]
+    pub fn squared_span(&self, other: &Self) -> f64 {
+        let span = |k: usize| (self.high[k] - other.low[k]).max(other.high[k] - self.low[k]);
+        let span = [span(0), span(1), span(2)];
+        dot(span, span)
     }
 
     /// The length of its diagonal.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::bounds::{Bounds, bounds};
 use super::sort::sort_words;
-use super::{POINTS_PER_PART, SHORTEST};
+use super::{POINTS_PER_PART, SHORTEST, WIDE};
 use crate::Point;
 use crate::simd::BATCH;
 
@@ -31,6 +31,8 @@ pub struct Cells {
     low: Point,
     size: f64,
     inverse: f64,
+    /// Whether they are much wider than was asked for.
+    wide: bool,
     /// The axes of a key, the longest last, and the last cell along each.
     axes: [usize; 3],
     last: [u64; 3],
@@ -63,7 +65,8 @@ impl Cells {
         let sides: Point = std::array::from_fn(|k| high[k] - low[k]);
         let longest = (0..3).fold(0, |longest, k| if sides[k] > sides[longest] { k } else { longest });
         let axes = [(longest + 1) % 3, (longest + 2) % 3, longest];
-        let size = size.max(sides[longest] / f64::from(1u32 << (AXIS_BITS - 1))).max(SHORTEST);
+        let asked = size.max(SHORTEST);
+        let size = asked.max(sides[longest] / f64::from(1u32 << (AXIS_BITS - 1)));
         let inverse = 1.0 / size;
         let last = axes.map(|k| (sides[k] * inverse) as u64);
         let bits = last.map(|last| u64::BITS - last.leading_zeros());
@@ -73,6 +76,7 @@ impl Cells {
             low,
             size,
             inverse,
+            wide: size > WIDE * asked,
             axes,
             last,
             shifts,
@@ -238,11 +242,11 @@ impl Cells {
         bounds
     }
 
-    /// The number along an axis of the key of the cell that a coordinate lies in, the nearest if there is none.
+    /// The number along an axis of the key of the cell at a distance from the lowest place, the nearest if there is none.
     #[inline(always)]
-    fn number_along(&self, axis: usize, coordinate: f64) -> u64 {
+    fn number_along(&self, axis: usize, from_low: f64) -> u64 {
         // a cast to an integer saturates
-        (((coordinate - self.low[self.axes[axis]]) * self.inverse) as u64).min(self.last[axis])
+        ((from_low * self.inverse) as u64).min(self.last[axis])
     }
 }
 

@@ -1,10 +1,13 @@
 //! What lies within a radius of single points, in double precision.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
+use super::hierarchy::Hierarchy;
 use super::sort::sort_words;
+use super::{CROWDED, WIDE};
 use crate::Point;
 use crate::geometry::squared_distance;
 
@@ -25,6 +28,10 @@ pub struct Grid {
     /// The points in order of their cells, and each one's index in the input.
     points: Vec<Point>,
     order: Vec<u32>,
+    /// Whether cells are much wider than the radius; then the hierarchy is searched.
+    wide: bool,
+    /// Of the points in the grid's order.
+    hierarchy: OnceLock<Hierarchy>,
 }
 
 /// Where the points around a cell are: at most nine runs of the grid's sorted points.
@@ -82,6 +89,8 @@ impl Grid {
             starts: Vec::new(),
             points: Vec::new(),
             order: Vec::new(),
+            wide: cell > (WIDE * radius).max(WIDE * f64::MIN_POSITIVE),
+            hierarchy: OnceLock::new(),
         };
         let mut last = None;
         for (position, (key, i)) in grid.sorted(points, high).into_iter().enumerate() {
@@ -127,6 +136,16 @@ impl Grid {
         self.order.iter().map(|&i| values[i as usize]).collect()
     }
 
+    /// The points in a hierarchy, by their positions in the grid's order.
+    pub fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy.get_or_init(|| Hierarchy::new(self.points.iter().copied()))
+    }
+
+    /// Whether searches may meet very many points, in the radius or out of it.
+    pub fn is_crowded(&self) -> bool {
+        self.wide || self.starts.windows(2).any(|pair| pair[1] - pair[0] > CROWDED / 8)
+    }
+
     /// The index in the input of the point at a position of the grid's order.
     pub fn input_index(&self, position: usize) -> usize {
         self.order[position] as usize
@@ -157,12 +176,18 @@ impl Grid {
     /// as [`Neighborhood::visit`] does.
     pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
         let center = self.points[position];
+        if self.wide {
+            return self.hierarchy().visit(center, self.radius * self.radius, visit);
+        }
         let runs = Sweep::default().runs(self, key(self.cell(center)));
         Neighborhood { grid: self, center, runs: &runs }.visit(visit);
     }
 
     /// Calls `visit` with each point within the radius of a place anywhere, as [`Neighborhood::visit`] does.
     pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
+        if self.wide {
+            return self.hierarchy().visit(center, self.radius * self.radius, visit);
+        }
         // farther outside than a cell there are no neighbours, nor a number for the cell
         let inside = (0..3).all(|k| {
             let cells = (center[k] - self.low[k]) * self.inverse_cell;

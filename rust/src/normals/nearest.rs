@@ -1,14 +1,13 @@
 //! Planes through the k nearest points.
 
-use std::num::NonZeroUsize;
 use std::sync::OnceLock;
 
 use super::{Answers, Covariances, Sums, covariance};
 use crate::error::{Error, Result};
 use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
-use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::cells::Cells;
+use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 use crate::{Point, parallel};
@@ -17,7 +16,7 @@ use crate::{Point, parallel};
 const WIDTH: f64 = 1.3;
 const FIRST_REACH: f64 = 1.3;
 /// The search goes up to this many cells far, and while it meets at most this many points for each neighbour. Points that
-/// are much sparser or denser than most are left to the tree.
+/// are much sparser or denser than most are left to the hierarchy.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 64;
 /// Most rounds of the search for the k-th distance.
@@ -25,9 +24,9 @@ const ROUNDS: usize = 24;
 
 /// Fits a plane to the `k` nearest points of each.
 pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
-    let count = NonZeroUsize::new(k)
-        .filter(|k| k.get() >= 3)
-        .ok_or_else(|| Error::invalid("k", format!("expected at least 3 neighbours, got {k}")))?;
+    if k < 3 {
+        return Err(Error::invalid("k", format!("expected at least 3 neighbours, got {k}")));
+    }
     if points.is_empty() {
         return Ok(());
     }
@@ -39,7 +38,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
     }
     parallel::run(|| {
         let cells = Cells::new(points, WIDTH * reach_of(points, k));
-        let tree = OnceLock::new();
+        let hierarchy = OnceLock::new();
         cells.batches().for_each_task(|batches| {
             let mut search = Search::default();
             let mut covariances = Covariances::default();
@@ -47,16 +46,19 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                 search.left.clear();
                 search.left.extend(batch);
                 let mut reach = FIRST_REACH / WIDTH * cells.size();
-                while !search.left.is_empty() && reach <= FARTHEST * cells.size() {
-                    search.widen(&cells, k, reach, &mut covariances);
+                while !search.left.is_empty()
+                    && reach <= FARTHEST * cells.size()
+                    && search.widen(&cells, k, reach, &mut covariances)
+                {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
+                    let hierarchy: &Hierarchy =
+                        hierarchy.get_or_init(|| Hierarchy::new(points.iter().copied()));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
-                    for i in tree.nearest(center, count) {
-                        moments.add(sub(points[i], center));
+                    for (_, i) in hierarchy.nearest(center, k, f64::INFINITY) {
+                        moments.add(sub(points[i as usize], center));
                     }
                     covariances.add(position as usize, covariance(&moments));
                 }
@@ -90,9 +92,9 @@ enum Cut {
 }
 
 impl Search {
-    /// Looks for the nearest points of those that are left, up to a reach.
-    fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) {
-        let cuts = sum_nearest(self, cells, k, reach);
+    /// Looks for the nearest points of those that are left, up to a reach; tells whether there are not too many already.
+    fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) -> bool {
+        let Some(cuts) = sum_nearest(self, cells, k, reach) else { return false };
         let Self { left, around, sums, .. } = self;
         let mut kept = 0;
         for l in 0..left.len() {
@@ -111,23 +113,33 @@ impl Search {
             }
         }
         left.truncate(kept);
+        true
     }
 }
 
 kernel! {
-    /// Sums over the nearest points of each that is left, up to a reach.
-    fn sum_nearest<S>(simd, search: &mut Search, cells: &Cells, k: usize, reach: f64) -> [Cut; BATCH] {
+    /// Sums over the nearest points of each that is left, up to a reach; nothing where there are too many.
+    fn sum_nearest<S>(
+        simd,
+        search: &mut Search,
+        cells: &Cells,
+        k: usize,
+        reach: f64,
+    ) -> Option<[Cut; BATCH]> {
         let Search { left, around, sums, guess } = search;
-        let frame = around.find(simd, cells, &cells.bounds(left), reach);
-        if around.count() < k || around.count() > MOST * k {
-            return [Cut::Beyond; BATCH];
+        let frame = around.find(simd, cells, &cells.bounds(left), reach)?;
+        if around.count() > MOST * k {
+            return None;
+        }
+        if around.count() < k {
+            return Some([Cut::Beyond; BATCH]);
         }
         let lanes = frame.lanes(left.iter().map(|&position| cells.point(position as usize)));
         let (farthest, _) = frame.limits(reach);
         sums.measure(simd, around, &lanes);
         let (limits, cuts) = cut(simd, sums, k as f32, farthest, frame.rounding, guess);
         sums.add(simd, cells, around, &frame, &limits);
-        cuts
+        Some(cuts)
     }
 }
 

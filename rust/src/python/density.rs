@@ -1,10 +1,12 @@
-//! Bindings of how densely points lie.
+//! Bindings of how densely points lie, and how near others are.
 
+use numpy::PyArray1;
 use pyo3::prelude::*;
 
 use super::arguments::{Points, slices};
+use super::arrays::list;
 use super::released::released;
-use crate::density;
+use crate::{density, proximity};
 
 /// The median number of other points within a radius of a point; 0 for no points.
 #[pyfunction]
@@ -18,4 +20,16 @@ pub(super) fn typical_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radiu
 pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
     let clouds = Points::all("points", &points)?;
     Ok(released(py, move || density::occupied_voxels(&slices(&clouds), side))??)
+}
+
+/// The squared distance of each of some points from the nearest of others; infinity where there are none.
+#[pyfunction]
+pub(super) fn squared_distances<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    others: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let points = Points::new("points", points, "(N, 3)")?;
+    let others = Points::new("others", others, "(M, 3)")?;
+    list(py, released(py, move || proximity::squared_distances(&points, &others))??)
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from drawn import R, line
@@ -28,3 +30,15 @@ def test_an_arc_that_another_runs_into_is_parted_there():
     assert [len(part) > 3 for part in part_at_contacts([through, into], R, Linking())] == [True] * 3
     clear = into + np.array([0.0, 2 * R, 0.0])
     assert len(part_at_contacts([through, clear], R, Linking())) == 2
+
+
+def test_parting_long_arcs_takes_memory_in_proportion_to_their_nodes():
+    s = np.arange(0.0, 10.0, 0.5 * R)
+    through = np.stack([s - 5.0, 0 * s, 0 * s], axis=1)
+    into = np.stack([0 * s, 0.5 * R + s, 0 * s], axis=1)
+    tracemalloc.start()
+    parts = part_at_contacts([through, into], R, Linking(), back=6.0)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(parts) == 3
+    assert peak < 2000 * len(s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -61,3 +62,42 @@ def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeyp
     assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.03)
     lengths = [strand.Chain(axis, 1.0).length for axis in truth]
     assert [chain.length for chain in model.chains] == pytest.approx(lengths, rel=0.02)
+
+
+def lanes(length: float, views: int = 11) -> tuple[list[np.ndarray], np.ndarray]:
+    """Points of each view on the upper half of ropes of a metre, side by side; the first one's axis."""
+    rng = np.random.default_rng(0)
+    count = round(length)
+    points = []
+    for _ in range(views):
+        x, lane = rng.random((2, 600 * count)) * [[1.0], [count]]
+        turn = np.pi * rng.random(len(x))
+        across, up = np.floor(lane) * 8.0 * R + R * np.cos(turn), R * np.sin(turn)
+        points.append(np.column_stack([x, across, up]))
+    axis = np.column_stack([np.linspace(0.0, 1.0, 101), np.zeros(101), np.zeros(101)])
+    return points, axis
+
+
+def test_memory_grows_with_the_points_and_not_with_points_times_nodes():
+    """What is left over of 20 m of rope in 11 views."""
+    points, axis = lanes(20.0)
+    cameras = np.tile([0.5, 1.0, 3.0], (len(points), 1))
+    fit = strand.fit_tubes(
+        points,
+        cameras,
+        [axis],
+        [np.eye(4)] * len(points),
+        R,
+        pose_sd=(0.01, 0.001),
+        reference=0,
+        fit_curves=False,
+        iterations=1,
+        uncertainty=False,
+    )
+    tracemalloc.start()
+    arcs = unexplained_arcs(fit, [0]).nodes
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    nodes = sum(len(arc) for arc in arcs)
+    assert nodes * 0.5 * R > 17.0
+    assert peak < 300 * len(fit.points)

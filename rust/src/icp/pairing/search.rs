@@ -3,14 +3,15 @@
 use super::{Batch, LISTED, NONE, Pairing};
 use crate::Point;
 use crate::geometry::squared_distance;
-use crate::index::around::{Around, squared_distances};
+use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::simd::{BATCH, Simd, Singles};
 
 /// The points that are kept are on a surface within this many cells of the nearest.
 const SPREAD: f64 = 0.35;
-/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the tree.
+/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the
+/// hierarchy.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 2048;
 
@@ -47,14 +48,15 @@ pub(super) fn search<S: Simd>(
         for &l in &left[..count] {
             bounds.add(moved(l));
         }
-        let frame = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
-        if search_reach > FARTHEST * cells.size() || around.count() > MOST {
+        let found = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
+        let suits = |_: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST;
+        let Some(frame) = found.filter(suits) else {
             for &l in &left[..count] {
-                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
+                (batch.partners[l], batch.others[l]) = pairing.search_hierarchy(moved(l));
                 (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], batch.others[l]);
             }
             return;
-        }
+        };
         let points = frame.lanes(left[..count].iter().map(|&l| moved(l)));
         let Nearest { numbers, first, second, next } = nearest(simd, around, &points);
         let (low, _) = frame.limits(search_reach);

@@ -3,8 +3,11 @@
 use std::ops::Range;
 
 use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
-use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
+use crate::index::{CROWDED, SHORTEST};
+
+/// Most rows of cells that are looked at around a box.
+const MOST_ROWS: u64 = 1 << 12;
 
 /// Finds the runs of points around boxes. Boxes that are asked for one after the other should be near each other.
 #[derive(Default)]
@@ -16,28 +19,39 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Finds the runs of points, at least all those within `reach` of a box.
+    /// Finds the runs of points, at least all those within `reach` of a box; tells whether the cells suit that: where
+    /// they are crowded or too wide it finds nothing.
     #[inline(always)]
-    pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64) {
+    pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64) -> bool {
         let reach = (reach * (1.0 + 1e-12)).max(SHORTEST);
         self.runs.clear();
         let [a, b, c] = cells.axes;
-        let range = |axis: usize, k: usize, reach: f64| {
+        // relative to the cells, as what is added to coordinates far from the origin may be lost
+        let from_low = |bound: f64, k: usize| bound - cells.low[k];
+        let range = |axis: usize, k: usize| {
+            let reach = reach + 1e-9 * cells.size;
             (
-                cells.number_along(axis, bounds.low[k] - reach),
-                cells.number_along(axis, bounds.high[k] + reach),
+                cells.number_along(axis, from_low(bounds.low[k], k) - reach),
+                cells.number_along(axis, from_low(bounds.high[k], k) + reach),
             )
         };
         // how far a slab of cells is from the box; a little less, for what rounding does to a cell's number
         let gap = |number: u64, k: usize| {
-            let from = cells.low[k] + number as f64 * cells.size;
-            (from - bounds.high[k]).max(bounds.low[k] - from - cells.size) - 1e-6 * cells.size
+            let from = number as f64 * cells.size;
+            let (low, high) = (from_low(bounds.low[k], k), from_low(bounds.high[k], k));
+            (from - high).max(low - from - cells.size) - 1e-6 * cells.size
         };
         let squared = |x: f64| if x > 0.0 { x * x } else { 0.0 };
-        let (first_a, last_a) = range(0, a, reach);
-        let (first_b, last_b) = range(1, b, reach);
-        let (first_c, last_c) = range(2, c, reach);
+        let (first_a, last_a) = range(0, a);
+        let (first_b, last_b) = range(1, b);
+        let (first_c, last_c) = range(2, c);
+        let blocks = (last_c >> BLOCK_BITS) - (first_c >> BLOCK_BITS) + 1;
+        // each is below 2²⁰
+        if cells.wide || (last_a - first_a + 1) * (last_b - first_b + 1) * blocks > MOST_ROWS {
+            return false;
+        }
         let mut row = 0;
+        let mut points = 0;
         for block in first_c >> BLOCK_BITS..=last_c >> BLOCK_BITS {
             // the part of its rows that is in reach
             let first_in_block = block << BLOCK_BITS;
@@ -59,11 +73,14 @@ impl Sweep {
                         first as usize..(first + (occupied & these).count_ones()) as usize
                     };
                     if !found.is_empty() {
-                        self.runs.push(cells.starts[found.start] as usize..cells.starts[found.end] as usize);
+                        let run = cells.starts[found.start] as usize..cells.starts[found.end] as usize;
+                        points += run.len();
+                        self.runs.push(run);
                     }
                 }
             }
         }
+        points <= CROWDED
     }
 
     /// Finds the cells of a row by their keys.

@@ -1,0 +1,42 @@
+//! Points summed up so that sums can be put together.
+
+use crate::Point;
+use crate::geometry::{Symmetric3, advance, sub};
+use crate::index::hierarchy::Sum;
+
+/// How many points, their mean, and the sums of the products of their differences from it.
+///
+/// These lose nothing where the points are near each other and far from the one whose neighbours they are.
+#[derive(Clone, Copy)]
+pub(super) struct Mass {
+    count: usize,
+    mean: Point,
+    spread: Symmetric3,
+}
+
+impl Mass {
+    pub(super) fn of(point: Point) -> Self {
+        Self { count: 1, mean: point, spread: [0.0; 6] }
+    }
+
+    /// The covariance, or zeros where there are too few for a plane.
+    pub(super) fn covariance(&self) -> Symmetric3 {
+        if self.count < 3 { [0.0; 6] } else { self.spread.map(|x| x / self.count as f64) }
+    }
+}
+
+impl Sum for Mass {
+    /// By Chan, Golub and LeVeque 1979.
+    fn and(self, other: Self) -> Self {
+        let count = self.count + other.count;
+        let share = other.count as f64 / count as f64;
+        let [x, y, z] = sub(other.mean, self.mean);
+        let weight = share * self.count as f64;
+        let apart = [x * x, x * y, x * z, y * y, y * z, z * z];
+        Self {
+            count,
+            mean: advance(self.mean, share, [x, y, z]),
+            spread: std::array::from_fn(|i| self.spread[i] + other.spread[i] + weight * apart[i]),
+        }
+    }
+}
