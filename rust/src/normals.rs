@@ -206,12 +206,9 @@ fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
     });
     drop(cells);
     let fitted = |mass: Mass| plane(&mass.covariance());
-    // near the points, so that means lose nothing far from the world's origin
-    let origin = points.get(points.len() / 2).copied().unwrap_or_default();
-    let carried = |i: usize| Mass::of(sub(points[i], origin));
     // SAFETY: every point has one answer
     let put = |i: usize, plane: &(Point, f64)| unsafe { answers.put(i, points[i], plane.0, plane.1) };
-    crowded.answer(points, radius, carried, fitted, put);
+    crowded.answer(points, radius, |i| Mass::of(points[i]), fitted, put);
 }
 
 kernel! {

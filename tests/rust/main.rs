@@ -4,6 +4,7 @@ mod centerline;
 mod chain;
 mod clouds;
 mod filter;
+mod fuzz;
 mod icp;
 mod normals;
 mod tubes;

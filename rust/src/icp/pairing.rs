@@ -85,20 +85,24 @@ impl Pairing {
         };
         let rounding = 16.0 * f64::EPSILON * largest(source).max(largest(target)).max(largest(&moved));
         let places = Cells::new(&moved, cells.size());
-        let batches = places
-            .batches()
-            .iter()
-            .map(|positions| {
+        let near_each_other: Vec<Vec<u32>> = if places.is_crowded() {
+            Hierarchy::new(moved.iter().copied()).order().chunks(BATCH).map(<[u32]>::to_vec).collect()
+        } else {
+            let index = |&position: &u32| places.input_index(position as usize) as u32;
+            places.batches().iter().map(|positions| positions.iter().map(index).collect()).collect()
+        };
+        let batches = near_each_other
+            .into_iter()
+            .map(|indices| {
                 let mut points = [[0.0; BATCH]; 3];
                 for l in 0..BATCH {
-                    let position = positions.get(l).unwrap_or(&positions[0]);
-                    let x = source[places.input_index(*position as usize)];
+                    let x = source[*indices.get(l).unwrap_or(&indices[0]) as usize];
                     for k in 0..3 {
                         points[k][l] = x[k];
                     }
                 }
                 Batch {
-                    count: positions.len(),
+                    count: indices.len(),
                     points,
                     partners: [NONE; BATCH],
                     others: [-1.0; BATCH],

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::bounds::{Bounds, bounds};
 use super::sort::sort_words;
-use super::{POINTS_PER_PART, SHORTEST, WIDE};
+use super::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
 use crate::Point;
 use crate::simd::BATCH;
 
@@ -181,6 +181,11 @@ impl Cells {
         let part = |shift: u32, bits: u32| (key >> shift) & ((1 << bits) - 1);
         let [a, b, block] = self.shifts;
         [part(a, block - a), part(b, a - b), (part(block, u64::BITS - block - 1) << BLOCK_BITS) | part(0, b)]
+    }
+
+    /// Whether cells are wide, or one holds very many points: then those that follow each other are not near.
+    pub fn is_crowded(&self) -> bool {
+        self.wide || self.starts.windows(2).any(|pair| (pair[1] - pair[0]) as usize > CROWDED / 8)
     }
 
     /// How many points there are.

@@ -67,6 +67,11 @@ impl Hierarchy {
         Self { nodes, points, order }
     }
 
+    /// Indices of the points in the order of the boxes: what is near in space is mostly near in it.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
     /// Calls `settle` with the numbers of boxes that are not `out`, from the whole down, until it tells that no more need
     /// be known of a box.
     #[inline]

@@ -6,17 +6,20 @@ use crate::index::hierarchy::Sum;
 
 /// How many points, their mean, and the sums of the products of their differences from it.
 ///
-/// These lose nothing where the points are near each other and far from the one whose neighbours they are.
+/// These lose nothing where the points are near each other, and far from the one whose neighbours they are or from the
+/// world's origin.
 #[derive(Clone, Copy)]
 pub(super) struct Mass {
     count: usize,
+    /// One of the points, and the mean relative to it.
+    base: Point,
     mean: Point,
     spread: Symmetric3,
 }
 
 impl Mass {
     pub(super) fn of(point: Point) -> Self {
-        Self { count: 1, mean: point, spread: [0.0; 6] }
+        Self { count: 1, base: point, mean: [0.0; 3], spread: [0.0; 6] }
     }
 
     /// The covariance, or zeros where there are too few for a plane.
@@ -30,11 +33,12 @@ impl Sum for Mass {
     fn and(self, other: Self) -> Self {
         let count = self.count + other.count;
         let share = other.count as f64 / count as f64;
-        let [x, y, z] = sub(other.mean, self.mean);
+        let [x, y, z] = advance(sub(other.base, self.base), 1.0, sub(other.mean, self.mean));
         let weight = share * self.count as f64;
         let apart = [x * x, x * y, x * z, y * y, y * z, z * z];
         Self {
             count,
+            base: self.base,
             mean: advance(self.mean, share, [x, y, z]),
             spread: std::array::from_fn(|i| self.spread[i] + other.spread[i] + weight * apart[i]),
         }

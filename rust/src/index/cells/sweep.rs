@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
+use crate::Point;
 use crate::index::bounds::Bounds;
 use crate::index::{CROWDED, SHORTEST};
 
@@ -27,19 +28,16 @@ impl Sweep {
         self.runs.clear();
         let [a, b, c] = cells.axes;
         // relative to the cells, as what is added to coordinates far from the origin may be lost
-        let from_low = |bound: f64, k: usize| bound - cells.low[k];
+        let low: Point = std::array::from_fn(|k| bounds.low[k] - cells.low[k]);
+        let high: Point = std::array::from_fn(|k| bounds.high[k] - cells.low[k]);
+        let wider = reach + 1e-9 * cells.size;
         let range = |axis: usize, k: usize| {
-            let reach = reach + 1e-9 * cells.size;
-            (
-                cells.number_along(axis, from_low(bounds.low[k], k) - reach),
-                cells.number_along(axis, from_low(bounds.high[k], k) + reach),
-            )
+            (cells.number_along(axis, low[k] - wider), cells.number_along(axis, high[k] + wider))
         };
         // how far a slab of cells is from the box; a little less, for what rounding does to a cell's number
         let gap = |number: u64, k: usize| {
             let from = number as f64 * cells.size;
-            let (low, high) = (from_low(bounds.low[k], k), from_low(bounds.high[k], k));
-            (from - high).max(low - from - cells.size) - 1e-6 * cells.size
+            (from - high[k]).max(low[k] - from - cells.size) - 1e-6 * cells.size
         };
         let squared = |x: f64| if x > 0.0 { x * x } else { 0.0 };
         let (first_a, last_a) = range(0, a);
