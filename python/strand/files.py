@@ -181,7 +181,7 @@ def require_writable(path: str | os.PathLike[str]) -> Path:
     if target.exists() and not target.is_file():
         raise OSError(errno.EINVAL, "Not a regular file", str(path))
     try:
-        os.stat(target.parent / ".")
+        os.stat(os.path.join(target.parent, "."))  # a file has none
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
     if not os.access(target.parent, os.W_OK):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zipfile
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -152,14 +153,13 @@ def test_npy_headers_of_other_writers(tmp_path, header, version):
 @pytest.mark.parametrize(
     "kind", ["<f2", ">f4", "<f8", "|u1", ">u2", "<i8", "|b1", "<c16", "<U3", "|S2", "<M8[ns]"]
 )
-@pytest.mark.parametrize("shape", [(), (0,), (0, 3), (4,), (2, 3), (2, 3, 4)])
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_npy_arrays_come_back_as_numpy_reads_them(tmp_path, kind, shape, order):
-    array = np.asarray(np.arange(np.prod(shape, dtype=int)).reshape(shape).astype(kind), order=order)
-    np.save(tmp_path / "a.npy", array)
-    read = read_npy(tmp_path / "a.npy", Budget(10_000))
-    assert (read.dtype, read.shape) == (array.dtype, shape)
-    np.testing.assert_array_equal(read, np.load(tmp_path / "a.npy"))
+def test_npy_arrays_come_back_as_numpy_reads_them(tmp_path, kind):
+    for shape, order in product([(), (0,), (0, 3), (4,), (2, 3), (2, 3, 4)], "CF"):
+        array = np.asarray(np.arange(np.prod(shape, dtype=int)).reshape(shape).astype(kind), order=order)
+        np.save(tmp_path / "a.npy", array)
+        read = read_npy(tmp_path / "a.npy", Budget(10_000))
+        assert (read.dtype, read.shape) == (array.dtype, shape)
+        np.testing.assert_array_equal(read, np.load(tmp_path / "a.npy"))
 
 
 def test_an_array_that_does_not_fit_the_limit_is_not_read(tmp_path):
@@ -227,10 +227,9 @@ def test_every_bit_of_a_member_counts(tmp_path):
 
 
 def test_an_archive_with_an_endless_directory_is_refused(tmp_path):
-    save_npz(tmp_path / "a.npz")
-    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
-        for i in range(25_000):
-            archive.writestr(f"{i}.npy", b"")
+    size = 2 << 20
+    end = b"PK\5\6" + struct.pack("<4H2LH", 0, 0, 1, 1, size, 0, 0)
+    (tmp_path / "a.npz").write_bytes(bytes(size) + end)
     with pytest.raises(FileFormatError, match=r"a\.npz: .*directory of more than 1048576 bytes"):
         load_scene(tmp_path / "a.npz")
     (tmp_path / "a.npz").write_bytes(b"PK\5\6" + bytes(18))
