@@ -134,7 +134,7 @@ def said(kind: Kind, strength: float) -> str:
     if kind.unit == "rad":
         return f"{math.degrees(strength):.2g}°"
     if kind.unit in ("", "of the width"):
-        return f"{100 * strength:.2g} % {kind.unit}".strip()
+        return f"{100 * strength:g} % {kind.unit}".strip()
     return f"{strength:g} {kind.unit}"
 
 

@@ -20,9 +20,9 @@ from strand.pose import moved, rotation_vector
 from strand.stages import Found, Observed
 from strand.view import View
 
-# unknowns of a pose that its error may have moved, and of a shift; standard normal deviates beyond which
-# corrections are more than chance, and the doubt for each deviate more
-_POSE, _SHIFT, _CHANCE, _CORRECTED = 4, 3, 2.5, 0.15
+# unknowns of a pose that its error may have moved; the standard normal deviate beyond which corrections are
+# more than chance, and the doubt for each deviate more
+_POSE, _CHANCE, _CORRECTED = 4, 2.5, 0.15
 # corrections that move ropes by less than the first, in radii, raise none of it, by the second all
 _SMALL = (0.7, 1.2)
 # doubt for the share of axes that lie outside the extraction range by more than so many radii
@@ -72,24 +72,19 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
         return
     nodes = np.concatenate([chain.points for chain in found.chains])
     middle, radius = nodes.mean(axis=0), min(chain.radius for chain in found.chains)
-    shifts, squares, far = [], [], 0.0
+    squares, far = [], 0.0
     for number in others:
         motion = found.poses[number] @ np.linalg.inv(views[number].pose)
         shift = moved(middle, motion) - middle
         far = max(far, float(np.linalg.norm(moved(nodes, motion) - nodes, axis=1).max()))
         turn = rotation_vector(motion[:3, :3])
-        shifts.append(shift)
         squares.append(
             float(turn @ turn) / prior.rotation_sd**2 + float(shift @ shift) / prior.translation_sd**2
         )
-    together = np.sum(shifts, axis=0)
-    alike = float(together @ together) / (len(others) * prior.translation_sd**2)
-    farthest = max(squares)
     rare = max(
         deviate(sum(squares), _POSE * len(others)),
         # the greatest of several
-        deviate(farthest, _POSE) - 0.5 * math.log(len(others)),
-        deviate(alike, _SHIFT),
+        deviate(max(squares), _POSE) - 0.5 * math.log(len(others)),
     )
     # an error that is small against the ropes leaves the answer right
     share = min(max((far / radius - _SMALL[0]) / (_SMALL[1] - _SMALL[0]), 0.0), 1.0)

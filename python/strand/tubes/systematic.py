@@ -18,6 +18,8 @@ from strand.stages import Found, Observed
 # of the residuals over the radius, and is not known better than to so many of them; doubt for each share, and
 # the most
 _RADIUS_OFF, _RADIUS_SD, _PULL, _PULL_SD, _THICK, _THICKEST = 0.008, 2.0, 0.4, 0.1, 20.0, 0.6
+# correlation of errors, pixels, that is as good as none
+_ALIKE = 0.3
 # ends that views see apart: what is not known of each beside its own deviation, radii, and of the residuals;
 # the normal deviate that chance may have, and doubt for each more
 _END_SD, _END_NOISE, _CHANCE, _APART = 0.1, 0.8, 1.65, 0.4
@@ -42,7 +44,11 @@ def doubts(observed: Observed, found: Found) -> list[Doubt]:
     fit = found.stages.get("fit")
     if not isinstance(fit, TubeFit):
         return []
-    return [*_of_radii(fit, observed.radii), *_of_residuals(fit), *_of_ends(fit, found.ends)]
+    said = [*_of_residuals(fit), *_of_ends(fit, found.ends)]
+    # what points with correlated errors say of radii is less than how far these move
+    if found.sensor is None or found.sensor.correlation <= _ALIKE:
+        said += _of_radii(fit, observed.radii)
+    return said
 
 
 def _of_radii(fit: TubeFit, radii: Radii) -> Iterator[Doubt]:
