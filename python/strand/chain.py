@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, as_array, checked_radius, finite_array, flag, not_negative, small_array
+from strand.checks import Array, as_array, checked_radius, finite_array, flag, not_negative, own, small_array
 from strand.curve import Curve
 from strand.lazy import lazy
 from strand.polyline import runs
@@ -16,7 +16,7 @@ from strand.polyline import runs
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """One rope: its centreline as ordered nodes, end to end.
+    """One rope: its centreline as ordered nodes, end to end. Its arrays are read-only.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Chain:
         points = finite_array("points", self.points, ("N", 3))
         if len(points) < 2:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
-        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "points", own(points))
         object.__setattr__(self, "radius", checked_radius(self.radius))
         object.__setattr__(self, "closed", flag("closed", self.closed))
         object.__setattr__(self, "radius_sd", not_negative("radius_sd", self.radius_sd))
@@ -82,7 +82,7 @@ class Chain:
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
             if name != "covariance" and (array < 0).any():
                 raise ValueError(f"{name}: expected counts, got negative numbers")
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, own(array))
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 

@@ -163,12 +163,35 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     Raises
     ------
     ValueError
-        If its rows are of different lengths.
+        If its rows are of different lengths, or elements of a masked array are masked.
     """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise ValueError(
+            f"{name}: expected an array without masked elements, got {np.ma.count_masked(value)} of them; "
+            "fill them, as with .filled(0.0) for depths without a return, or leave them out"
+        )
     try:
         return np.asarray(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def own(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
+    """Return an array as one that nobody can change: read-only, and a copy if someone else may hold it.
+
+    Parameters
+    ----------
+    array : ndarray
+        What a check returned.
+    given : object
+        What the check was given; without it, the array is taken to be someone else's.
+    """
+    fresh = isinstance(given, (list, tuple)) or (
+        type(given) is np.ndarray and not np.may_share_memory(array, given)
+    )
+    kept = array if fresh and array.flags.owndata else array.copy()
+    kept.setflags(write=False)
+    return kept
 
 
 def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:

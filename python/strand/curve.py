@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.checks import Array, finite_array, number
+from strand.checks import Array, finite_array, number, own
 from strand.lazy import lazy
 
 
@@ -55,7 +55,7 @@ class Curve:
                 f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, "
                 f"got {self.start} and {self.stop}"
             )
-        object.__setattr__(self, "control", control)
+        object.__setattr__(self, "control", own(control))
 
     def __repr__(self) -> str:
         return f"Curve({self.length * 1e3:.1f} mm, {len(self.control)} control points)"

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
+import numpy as np
+
 T = TypeVar("T")
 
 
 class lazy(Generic[T]):
-    """A method as a property that is worked out when it is first asked for.
+    """A method as a property that is worked out when it is first asked for; an array is then read-only.
 
     Before Python 3.12 `functools.cached_property` holds a lock of its class meanwhile. A process that another
     thread forks at that moment waits for it for ever.
@@ -33,5 +35,7 @@ class lazy(Generic[T]):
             return self
         # two threads may both work it out: both get the same
         value = self._work(instance)
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
         instance.__dict__[self._name] = value
         return value

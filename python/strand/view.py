@@ -18,6 +18,7 @@ from strand.checks import (
     finite_array,
     float_array,
     mask_array,
+    own,
     pinhole,
     positive,
     rigid_motion,
@@ -47,6 +48,11 @@ class DepthImage:
     centre: tuple[float, float]
     mask: NDArray[np.int32] | None = None
 
+    def __post_init__(self) -> None:
+        for array in (self.depth, self.mask):
+            if array is not None:
+                array.setflags(write=False)
+
     @property
     def rope_depth(self) -> Array:
         """(H, W) The depths inside the mask, metres; 0 outside."""
@@ -54,7 +60,7 @@ class DepthImage:
 
 
 class View:
-    """What one camera saw: points in its frame, and where it stood.
+    """What one camera saw: points in its frame, and where it stood. Its arrays are read-only.
 
     Parameters
     ----------
@@ -94,7 +100,7 @@ class View:
         everywhere = bool(returned.all())
         if not everywhere:
             cloud = cloud[returned]
-        self._points: Array | None = cloud.copy() if cloud is points else cloud
+        self._points: Array | None = own(cloud, points)
         self._image: DepthImage | None = None
         self._pose = _own_pose(pose)
         self._dropped = whole("dropped", dropped)
@@ -103,7 +109,7 @@ class View:
             seen = color_array("colors", colors, (len(returned), 3))
             if not everywhere:
                 seen = seen[returned]
-            self._colors = seen.copy() if seen is colors else seen
+            self._colors = own(seen, colors)
 
     @classmethod
     def from_depth(
@@ -198,8 +204,7 @@ class View:
         """
         pose = np.eye(4)
         pose[:3, 3] = small_array("viewpoint", viewpoint, (3,))
-        seen = None if colors is None else np.asarray(colors)
-        return cls(finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, seen)
+        return cls(finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors)
 
     @classmethod
     def _of(
@@ -207,6 +212,9 @@ class View:
     ) -> View:
         """Make a view of what has been checked and is no one else's: points, or the image that holds them."""
         view = cls.__new__(cls)
+        for array in (points, pose, colors):
+            if array is not None:
+                array.setflags(write=False)
         view._points, view._image = points, image
         view._pose, view._dropped, view._colors = pose, dropped, colors
         return view
@@ -216,7 +224,9 @@ class View:
         """(N, 3) Points in the camera frame, metres: those inside the mask, if there is one."""
         if self._points is None:
             assert self._image is not None
-            self._points = _core.unproject(self._image.rope_depth, self._image.focal, self._image.centre)
+            points = _core.unproject(self._image.rope_depth, self._image.focal, self._image.centre)
+            points.setflags(write=False)
+            self._points = points
         return self._points
 
     @property
@@ -331,7 +341,7 @@ class View:
 
 
 def _own_pose(pose: ArrayLike | None) -> Array:
-    return np.eye(4) if pose is None else rigid_motion("pose", pose).copy()
+    return own(np.eye(4) if pose is None else rigid_motion("pose", pose))
 
 
 def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
