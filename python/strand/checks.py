@@ -167,7 +167,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise ValueError(
-            f"{name}: expected an array without masked elements, got {np.ma.count_masked(value)} of them; "
+            f"{name}: expected an array without masked elements, got {np.count_nonzero(np.ma.getmaskarray(value))} of them; "
             "fill them, as with .filled(0.0) for depths without a return, or leave them out"
         )
     try:

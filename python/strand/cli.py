@@ -192,6 +192,12 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="let the scene.toml name files outside of its folder, which may be any of yours",
     )
+    reconstruct.add_argument(
+        "--deadline",
+        type=float,
+        metavar="SECONDS",
+        help="leave out what an answer can do without after this time (default: never)",
+    )
     reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
     # lengths such as -4mm are values, not options
     reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
@@ -253,6 +259,7 @@ def _reconstruct(options: argparse.Namespace) -> None:
             config=settings,
             keep_stages=options.figures is not None,
             progress=progress,
+            deadline=options.deadline,
         )
     _warn(model)
     if radius is None and model.chains:

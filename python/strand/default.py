@@ -21,6 +21,7 @@ from strand.images.raised import all_masked
 from strand.images.scattered import read_scattered
 from strand.images.seen import pixels_of
 from strand.model import ModelWarning
+from strand.sheets import no_ropes
 from strand.stages import Found, Observed, Run
 from strand.tubes import systematic as of_tubes
 from strand.tubes.hypotheses import alike
@@ -76,7 +77,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 def _found(observed: Observed, config: Config, run: Run) -> Found:
     # images are read for open ropes of one radius
     if len(observed.radii.values) > 1 or config.linking.rings == "always":
-        return find_tubes(observed, config, run)
+        return _sought_tubes(observed, config, run)
     if any(view.mask is not None for view in observed.whole):
         return _images_first(all_masked(observed), config, run)
     return _tubes_first(observed, config, run)
@@ -91,11 +92,17 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
         return answer(what, observed, config, run)
-    tubes, tubes_run = _tubes(observed, config, run)
+    # no tubes are sought in a table that images tell from the ropes on it
+    wide = no_ropes(observed.views, radius) if scatter < _WIDE else None
+    if wide and not all(view.image for view in observed.whole):
+        raise NotEnoughDataError(f"views: {wide}")
+    tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
     if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)):
         return _accepted(tubes, tubes_run, run)
-    images_run = Run(run.progress, run.timings)
+    if tubes is not None and run.late("readings of the images"):
+        return _accepted(tubes, tubes_run, run)
+    images_run = run.apart()
     if scatter > _WIDE:
         ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
         try:
@@ -110,17 +117,21 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return _accepted(answer(what, observed, config, images_run), images_run, run)
     try:
         what = read(observed, config, images_run)
-    except NotEnoughDataError:
+    except NotEnoughDataError as error:
+        if wide:
+            raise NotEnoughDataError(f"views: {wide}") from error
         if tubes is None:
             raise
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
-        if _misread(what, scatter):
+        if _misread(what, scatter) or run.late("the comparison with readings of the images"):
             return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
     found = answer(what, observed, config, images_run)
     if not _certain(found):
-        raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
+        raise NotEnoughDataError(
+            f"views: {wide or 'the points make no rope; is the radius right, in metres?'}"
+        )
     return _accepted(found, images_run, run)
 
 
@@ -134,14 +145,16 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
         what = read(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
-    images_run = Run(run.progress, run.timings)
+    images_run = run.apart()
     found = answer(what, observed, config, images_run)
     wide = what.explanations[0].fit.noise > _NARROW
-    if what.neighbours_alike > PLAIN or (wide and _certain(found)):
+    if what.neighbours_alike > PLAIN or (wide and _certain(found)) or run.late("tubes in the points"):
         return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
         return _accepted(tubes, tubes_run, run)
+    if run.late("the comparison with tubes in the points"):
+        return _accepted(found, images_run, run)
     return _better(what, tubes, tubes_run, observed, config, run)
 
 
@@ -174,11 +187,19 @@ def _spread(bends: Array) -> float:
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
     """Return the answer by tubes, and its warnings apart."""
-    own = Run(run.progress, run.timings)
+    own = run.apart()
     try:
         return find_tubes(observed, config, own), own
     except NotEnoughDataError:
         return None, own
+
+
+def _sought_tubes(observed: Observed, config: Config, run: Run) -> Found:
+    """Find tubes, unless the points look like no ropes."""
+    wide = no_ropes(observed.views, float(observed.radii.values.max()))
+    if wide:
+        raise NotEnoughDataError(f"views: {wide}")
+    return find_tubes(observed, config, run)
 
 
 def _accepted(found: Found, own: Run, run: Run) -> Found:

@@ -16,6 +16,7 @@ from strand.checks import (
     not_negative,
     number,
     one_of,
+    own,
     several,
     small_array,
     text,
@@ -48,6 +49,7 @@ DOUBTS = (
     "count",
     "length",
     "ring",
+    "deadline",
 )
 """Kinds of doubt.
 
@@ -59,7 +61,8 @@ from what is around it; "pose": poses moved farther than they are said to be wro
 thicker or thinner than the radius that was given; "range": ropes leave the extraction range; "residuals":
 they are alike along stretches of rope; "view": one saw through the ropes; "order": depth hardly tells which
 strand is on top at a crossing; "uncovered": ropes and masks do not cover each other; "count", "length",
-"ring": the ropes are not as they are known to be.
+"ring": the ropes are not as they are known to be; "deadline": something was left out because the deadline had
+passed.
 """
 
 WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "unused view")
@@ -99,12 +102,12 @@ class Join:
     alternative: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "place", small_array("place", self.place, (3,)))
+        object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
         numbers = several("chains", self.chains, "whole numbers")
         object.__setattr__(self, "chains", tuple(whole("chains", chain) for chain in numbers))
         object.__setattr__(self, "margin", number("margin", self.margin))
         if self.alternative is not None:
-            object.__setattr__(self, "alternative", small_array("alternative", self.alternative, (3,)))
+            object.__setattr__(self, "alternative", own(small_array("alternative", self.alternative, (3,))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +140,7 @@ class Doubt:
         object.__setattr__(self, "about", text("about", self.about))
         object.__setattr__(self, "reason", text("reason", self.reason))
         if self.place is not None:
-            object.__setattr__(self, "place", small_array("place", self.place, (3,)))
+            object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
 
     def __str__(self) -> str:
         where = "" if self.place is None else f" at {np.round(self.place, 3).tolist()}"
@@ -178,7 +181,7 @@ class ModelWarning:
         object.__setattr__(self, "kind", one_of("kind", self.kind, WARNINGS))
         object.__setattr__(self, "message", text("message", self.message))
         if self.place is not None:
-            object.__setattr__(self, "place", small_array("place", self.place, (3,)))
+            object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
         if self.amount is not None:
             object.__setattr__(self, "amount", number("amount", self.amount))
         numbers = several("chains", self.chains, "whole numbers")
@@ -208,13 +211,13 @@ class Alternative:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cost", number("cost", self.cost))
         each = several("chains", self.chains, "arrays")
-        nodes = tuple(finite_array(f"chains[{i}]", one, ("N", 3)) for i, one in enumerate(each))
+        nodes = tuple(own(finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each))
         object.__setattr__(self, "chains", nodes)
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A point chain model: the ropes that the views show.
+    """A point chain model: the ropes that the views show. Its arrays are read-only.
 
     Attributes
     ----------
@@ -278,8 +281,8 @@ class Model:
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
-        object.__setattr__(self, "poses", small_array("poses", self.poses, ("V", 4, 4)))
-        object.__setattr__(self, "pose_sd", float_array("pose_sd", self.pose_sd, ("V", 6)))
+        object.__setattr__(self, "poses", own(small_array("poses", self.poses, ("V", 4, 4))))
+        object.__setattr__(self, "pose_sd", own(float_array("pose_sd", self.pose_sd, ("V", 6))))
         if self.method is not None:
             object.__setattr__(self, "method", one_of("method", self.method, METHODS))
         if self.sensor is not None and not isinstance(self.sensor, Sensor):

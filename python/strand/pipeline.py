@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import NotEnoughDataError
-from strand.checks import extraction_range, flag
+from strand.checks import extraction_range, flag, positive
 from strand.config import Config
 from strand.default import find_chains as find_by_default
 from strand.emptiness import mask_without_points, why_empty
@@ -18,7 +19,7 @@ from strand.evidence.prior import Prior
 from strand.images.radius import shown_radius
 from strand.images.seen import rope_images
 from strand.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
-from strand.model import Model, ModelWarning
+from strand.model import Doubt, Model, ModelWarning
 from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.published.method import find_chains as find_published
@@ -26,6 +27,8 @@ from strand.radius import Radii, estimate_radius
 from strand.stages import Found, Observed, Run
 from strand.view import View, checked_views, cropped
 
+# doubt of an answer for which something was left out
+_HURRIED = 0.3
 # a mask of which less than this share has depth has little
 _LITTLE = 0.2
 
@@ -66,6 +69,7 @@ def reconstruct(
     previous: Model | None = None,
     keep_stages: bool = False,
     progress: Callable[[str], None] | None = None,
+    deadline: float | None = None,
 ) -> Model:
     """Turn depth-camera views of ropes into ordered centrelines.
 
@@ -101,6 +105,11 @@ def reconstruct(
         nodes that were cut at) and "segments".
     progress : callable, optional
         Called with each stage's name when it starts.
+    deadline : float, optional
+        Seconds from the call after which nothing is begun that an answer can do without. What is left out
+        then is named in a doubt and a warning of kind "deadline". There is an answer all the same: before the
+        first one the call goes the shortest way to it, with fewer points, and ends when it has it. Which
+        answer that is depends on the machine's speed; without a deadline it does not.
 
     Returns
     -------
@@ -116,6 +125,7 @@ def reconstruct(
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     """
+    begun = time.monotonic()
     config = Config() if config is None else config
     keep_stages = flag("keep_stages", keep_stages)
     if progress is not None and not callable(progress):
@@ -124,6 +134,8 @@ def reconstruct(
     box = None if bounds is None else extraction_range(bounds)
     prior = Prior.given(ropes, length, box)
     run = Run(progress)
+    if deadline is not None:
+        run.deadline = begun + positive("deadline", deadline)
     with run.stage("extract"):
         raw = list(views) if box is None else cropped(views, box)
     if not any(len(view.points) for view in raw):
@@ -160,8 +172,14 @@ def reconstruct(
     run.warnings.extend(
         ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount, about) for doubt, about in against
     )
+    hurried = _hurried(run)
     doubts = sorted(
-        [*(found.doubts or ()), *(doubt for doubt, _ in against), *(doubt for doubt, _ in misplaced)],
+        [
+            *(found.doubts or ()),
+            *(doubt for doubt, _ in against),
+            *(doubt for doubt, _ in misplaced),
+            *hurried,
+        ],
         key=lambda doubt: -doubt.amount,
     )
     poses = np.array([view.pose for view in views])
@@ -174,6 +192,10 @@ def reconstruct(
             "filtered": tuple(filtered[number].world_points for number in used),
             **found.stages,
         }
+        for kept in stages.values():
+            for array in kept if isinstance(kept, tuple) else (kept,):
+                if isinstance(array, np.ndarray):
+                    array.setflags(write=False)
     return Model(
         chains,
         poses,
@@ -232,6 +254,15 @@ def _used(
         message = f"view {number} has {reason} and was not used"
         run.warnings.append(ModelWarning("unused view", message, view=number))
     return [number for number in range(len(views)) if number not in reasons]
+
+
+def _hurried(run: Run) -> list[Doubt]:
+    """Return the doubt that what was left out for the deadline raises, if anything was; warn of it too."""
+    if not run.left_out:
+        return []
+    doubt = Doubt("deadline", _HURRIED, "whether that is right", f"left out: {', '.join(run.left_out)}")
+    run.warnings.append(ModelWarning(doubt.kind, doubt.reason, None, doubt.amount))
+    return [doubt]
 
 
 def _why_nothing(view: View, own: View) -> str:

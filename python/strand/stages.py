@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from strand._core import EndObservation
@@ -20,11 +21,37 @@ from strand.view import View
 
 @dataclass
 class Run:
-    """What a run gathers beside its result."""
+    """What a run gathers beside its result, and when it is to end.
+
+    Attributes
+    ----------
+    progress : callable or None
+        Is called with each stage's name when it starts.
+    timings : dict of str to float
+    warnings : list of ModelWarning
+    deadline : float
+        By `time.monotonic`; infinite for none.
+    left_out : list of str
+        What was not done for the deadline's sake, in words.
+    """
 
     progress: Callable[[str], None] | None
     timings: dict[str, float] = field(default_factory=dict)
     warnings: list[ModelWarning] = field(default_factory=list)
+    deadline: float = math.inf
+    left_out: list[str] = field(default_factory=list)
+
+    def late(self, what: str) -> bool:
+        """Tell whether the deadline has passed, and note that `what` is left out then."""
+        if time.monotonic() < self.deadline:
+            return False
+        if what not in self.left_out:
+            self.left_out.append(what)
+        return True
+
+    def apart(self) -> Run:
+        """Return a run with warnings of its own, for an answer that may not be taken."""
+        return replace(self, warnings=[])
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

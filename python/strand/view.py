@@ -96,7 +96,7 @@ class View:
     ) -> None:
         # what the caller does with its arrays later must not change the view
         cloud = finite_array("points", points, ("N", 3))
-        returned = cloud.any(axis=1)
+        returned: NDArray[np.bool_] = np.any(cloud, axis=1)
         everywhere = bool(returned.all())
         if not everywhere:
             cloud = cloud[returned]

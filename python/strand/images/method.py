@@ -93,13 +93,15 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
             images = prepared(taken, radius)
         except ValueError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
-    every = range(len(taken))
     with run.stage("readings"):
+        every = [held] if run.late("readings of all views but one") else range(len(taken))
         readings = [r for r in likely_readings(images, observed.prior.ropes, every) if r.chains]
     errors = Errors()
     if isinstance(config.sensor, Sensor):
         errors = expected_errors(config.sensor, taken, images, radius)
     with run.stage("explain"):
+        if run.late("the comparison of readings"):
+            readings = readings[:1]
         found = explained(images, readings, table, held, errors, config, observed)
     if not found:
         raise NotEnoughDataError(_NO_ROPE)
@@ -117,7 +119,11 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             lateral = config.sensor.lateral or measured.lateral
             errors = replace(what.errors, lateral=lateral)
         fit = refitted(what.images, best.fit, what.table, what.held, errors, config)
-        if what.scatter is not None and what.table is not None:
+        if (
+            what.scatter is not None
+            and what.table is not None
+            and not run.late("the ropes' ends by the depths of all pixels")
+        ):
             # masks do not show ends well there
             noise = mean_noise(what.scatter, what.averaged, radius)
             fit = ends_moved(what.images, fit, what.table, noise, radius)

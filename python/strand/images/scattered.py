@@ -131,26 +131,31 @@ def read_scattered(
         side = float(np.median([side for _, side in coarse]))
         noise = mean_noise(scatter, round(side), radius)
         first = raised([image for image, _ in coarse], table, observed.bounds, radius)
-        outlines = [outlined(image, table, observed.bounds, radius, noise, _OUTLINES) for image in first]
+        weights = () if run.late("masks with short outlines") else _OUTLINES
+        outlines = [outlined(image, table, observed.bounds, radius, noise, weights) for image in first]
         masked = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         known = [(images, taken) for taken in masked if (images := _prepared(taken, radius)) is not None]
     if not known:
         raise NotEnoughDataError(_NO_ROPE)
     views = sorted({0, held, len(first) - 1}) if len(first) > _VIEWS else range(len(first))
     with run.stage("readings"):
+        if run.late("readings of all views but one"):
+            views = [held]
         readings = [
             [r for r in likely_readings(images, observed.prior.ropes, views, _READINGS, _MORE) if r.chains]
             for images, _ in known
         ]
     with run.stage("arcs"):
-        tubes = _tubes(observed, masked[_TUBES], table, config)
+        tubes: list[Array] = []
+        if len(masked) > _TUBES and not run.late("tubes in averaged depths"):
+            tubes = _tubes(observed, masked[_TUBES], table, config, run)
     for ropes in (others, tubes):
         if ropes:
             found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
             readings = [[*read, found] for read in readings]
     scene = _Scene(table, held, noise, radius, Errors(), config)
     with run.stage("explain"):
-        best = _best(scene, known, readings)
+        best = _best(scene, known, readings, run)
     if not best:
         raise NotEnoughDataError(_NO_ROPE)
     unit = _GAIN * max(best[0].gain, 1.0)
@@ -179,7 +184,7 @@ def _without_bits(found: Sequence[_Candidate], radius: float) -> list[_Candidate
 
 
 def _tubes(
-    observed: Observed, taken: Sequence[RopeImage], table: tuple[Array, float], config: Config
+    observed: Observed, taken: Sequence[RopeImage], table: tuple[Array, float], config: Config, run: Run
 ) -> list[Array]:
     """Return ropes found as tubes in means along them, none if there are none."""
     radius = float(observed.radii.values[0])
@@ -190,8 +195,10 @@ def _tubes(
     if bounds is not None:
         bounds = bounds[0] - radius, bounds[1] + radius
     smooth = replace(observed, views=tuple(views), whole=tuple(views), bounds=bounds)
+    # its stages are one step of this one
+    quiet = replace(run, progress=None, timings={}, warnings=[])
     try:
-        found = find_tubes(smooth, replace(config, sensor=None), Run(None))
+        found = find_tubes(smooth, replace(config, sensor=None), quiet)
     except NotEnoughDataError:
         return []
     # images are read for open ropes
@@ -202,10 +209,15 @@ def _best(
     scene: _Scene,
     known: list[tuple[RopeImages, list[RopeImage]]],
     readings: Sequence[Sequence[Reading]],
+    run: Run,
 ) -> list[_Candidate]:
     """Fit readings of all masks; return those that depth agrees with most, fitted once more, best first."""
-    found = []
+    found: list[_Candidate] = []
     for masks, ((images, _), read) in enumerate(zip(known, readings, strict=True)):
+        if run.late("the comparison of readings"):
+            if found:
+                break
+            read = read[:1]
         several = scene.fitted(images, read)
         gains = scene.gains(images, several)
         found += [_Candidate(gain, one, masks) for gain, one in zip(gains, several, strict=True)]
@@ -213,6 +225,9 @@ def _best(
     found.sort(key=lambda each: -each.gain)
     again = []
     for each in found[:_AGAIN]:
+        if run.late("second fits of the best readings"):
+            again.append(each)
+            continue
         images, _ = known[each.masks]
         one = scene.again(images, each.one)
         again.append(_Candidate(scene.gains(images, [one])[0], one, each.masks))
@@ -220,6 +235,8 @@ def _best(
     for place in range(min(_ENDS, len(again))):
         images, taken = known[again[place].masks]
         for _ in range(_ROUNDS):
+            if run.late("the ropes' ends by the depths of all pixels"):
+                break
             one = scene.with_ends(images, again[place].one)
             several = [one, *_fitted_again(scene, images, taken, one)]
             gains = scene.gains(images, several)

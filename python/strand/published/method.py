@@ -21,6 +21,7 @@ from strand.pose import moved
 from strand.published.assembly import assemble
 from strand.published.reconnection import reconnect
 from strand.published.splitting import split
+from strand.sheets import no_ropes
 from strand.stages import Found, Observed, Run
 from strand.view import View
 
@@ -62,9 +63,12 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     Raises
     ------
     strand.NotEnoughDataError
-        If the points make no chain.
+        If the points make no chain, or look like no ropes.
     """
     radius = float(observed.radii.values[0])
+    wide = no_ropes(observed.views, radius)
+    if wide:
+        raise NotEnoughDataError(f"views: {wide}")
     with run.stage("normals"):
         clouds = _with_normals(observed.numbers, observed.views, radius, config)
     with run.stage("register"):

@@ -40,9 +40,13 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back
     lengths = [path_length(arc) for arc in arcs]
     kept = [np.ones(len(arc), dtype=bool) for arc in arcs]
     half = config.contact_gap * radius
+    low, high = (np.array([corner(arc, axis=0) for arc in arcs]) for corner in (np.min, np.max))
     for i, arc in enumerate(arcs):
         for end, place in ((arc[0], 0.0), (arc[-1], lengths[i][-1])):
-            for j, other in enumerate(arcs):
+            # arcs whose box is farther away have no contact there
+            beyond = np.maximum(np.maximum(low - end, end - high), 0.0)
+            for j in np.flatnonzero((beyond**2).sum(axis=1) <= (config.contact * radius) ** 2).tolist():
+                other = arcs[j]
                 distance = np.linalg.norm(other - end, axis=1)
                 if i == j:
                     distance[np.abs(lengths[j] - place) < 4.0 * radius] = np.inf

@@ -13,6 +13,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.pose import moved
 from strand.radius import Radii, agreeing
+from strand.stages import Run
 from strand.tubes.clouds import Arcs, Clouds
 from strand.tubes.ends import extents
 from strand.tubes.fitting import ROUGHLY, fitted, splines
@@ -21,6 +22,8 @@ from strand.tubes.second_look import unexplained_arcs
 
 # arcs traced where views were off by less than this, in radii, are not traced again
 _SETTLED = 0.15
+# more arcs of one radius than this are no ropes
+_MOST = 1000
 # how far splines are carried on beyond their arcs, in radii, so that the points can say where the end is
 _ARC_MARGIN = 1.0
 
@@ -36,6 +39,11 @@ def trace(clouds: Clouds, motions: Array, radii: Array, min_nodes: int, config: 
         arcs = _core.trace_tubes(together, cameras, radius, min_nodes=min_nodes)
         nodes += [arc for arc, _ in arcs]
         classes += [number] * len(arcs)
+        if len(arcs) > _MOST:
+            raise NotEnoughDataError(
+                f"views: {len(arcs)} pieces look like rope of radius {radius:.3g} m, more than can be put "
+                "together; is the radius right, and does the extraction range (bounds) leave out all else?"
+            )
     if not nodes:
         raise NotEnoughDataError("views: the points make no tube; is the radius right, in metres?")
     return explaining(clouds, motions, radii, Arcs(nodes, classes), config)
@@ -56,7 +64,14 @@ def explaining(clouds: Clouds, motions: Array, radii: Array, arcs: Arcs, config:
 
 
 def fit_arcs(
-    clouds: Clouds, few: Clouds, motions: Array, radii: Radii, config: Config, *, uncertainty: bool = False
+    clouds: Clouds,
+    few: Clouds,
+    motions: Array,
+    radii: Radii,
+    config: Config,
+    run: Run,
+    *,
+    uncertainty: bool = False,
 ) -> tuple[TubeFit, Radii]:
     """Trace arcs and fit them with the poses, again if the poses were far off; radii that are free last.
 
@@ -69,6 +84,8 @@ def fit_arcs(
         Corrections of the poses to start from.
     radii : Radii
     config : Config
+    run : Run
+        Its deadline leaves out fits after the first.
     uncertainty : bool
         Whether the fit says how sure it is.
 
@@ -104,11 +121,11 @@ def fit_arcs(
         )
         shift = _shift(few, motions, fit.motions)
         motions = fit.motions
-        if shift < _SETTLED * float(radii.values.min()):
+        if shift < _SETTLED * float(radii.values.min()) or run.late("arcs traced again at better poses"):
             break
     if told_apart:
         return _classes_from_points(clouds, arcs, fit, radii, config, uncertainty)
-    if not radii.free:
+    if not radii.free or run.late("radii fitted to the points"):
         return fit, radii
     fit = _with_radii(clouds, fit, arcs.classes, fit.radii, radii.prior, config)
     classes = agreeing(fit.radii, np.zeros(len(fit.radii)))
@@ -117,7 +134,7 @@ def fit_arcs(
         first = [classes.index(number) for number in range(max(classes) + 1)]
         radii = radii.only(first)
         few = clouds.thinned(float(radii.values.min()))
-        return fit_arcs(clouds, few, fit.motions, radii, config, uncertainty=uncertainty)
+        return fit_arcs(clouds, few, fit.motions, radii, config, run, uncertainty=uncertainty)
     return fit, radii
 
 

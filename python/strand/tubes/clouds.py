@@ -53,12 +53,15 @@ class Clouds:
         """Return every n-th point of each view."""
         return replace(self, points=[cloud[::step] for cloud in self.points])
 
-    def thinned(self, radius: float) -> Clouds:
-        """Return every n-th point of each view, n as large as tracing allows."""
+    def step(self, radius: float) -> int:
+        """Return the n of which every n-th point of each view is enough to trace arcs."""
         count = sum(map(len, self.points))
         occupied = _core.occupied_voxels(self.points, 2.0 * radius)
-        step = max(round(count / (_TRACEABLE * max(occupied, 1))), 1)
-        return self.every(step)
+        return max(round(count / (_TRACEABLE * max(occupied, 1))), 1)
+
+    def thinned(self, radius: float) -> Clouds:
+        """Return every n-th point of each view, n as large as tracing allows."""
+        return self.every(self.step(radius))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.evidence.join_evidence import JoinEvidence
 from strand.orientation import started
+from strand.stages import Run
 from strand.tubes.arcs import explaining
 from strand.tubes.clouds import Arcs, Chains, Clouds
 from strand.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
@@ -24,7 +25,7 @@ _BETTER = 1.0
 
 
 def decided(
-    clouds: Clouds, arcs: Arcs, before: TubeFit, evidence: JoinEvidence, config: Config
+    clouds: Clouds, arcs: Arcs, before: TubeFit, evidence: JoinEvidence, config: Config, run: Run
 ) -> list[list[ScoredHypothesis]]:
     """Fit and compare hypotheses about the arcs of each class of radius.
 
@@ -37,6 +38,8 @@ def decided(
     evidence : JoinEvidence
         Of all classes together.
     config : Config
+    run : Run
+        Its deadline leaves out all but the first hypothesis of a class.
 
     Returns
     -------
@@ -55,7 +58,8 @@ def decided(
             by_class.append([])
             continue
         of_class = evidence.of_class(float(radius), len(before.radii))
-        by_class.append(compared(mine, of_class, _fit_to_sample(clouds, before, number, evidence, config)))
+        fit_chains = _fit_to_sample(clouds, before, number, evidence, config)
+        by_class.append(compared(mine, of_class, fit_chains, run))
     if not any(by_class):
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     return by_class
@@ -98,7 +102,13 @@ def _of_class(clouds: Clouds, fit: TubeFit, number: int) -> Clouds:
 
 
 def decided_again(
-    by_class: ByClass, arcs: Arcs, clouds: Clouds, before: TubeFit, evidence: JoinEvidence, config: Config
+    by_class: ByClass,
+    arcs: Arcs,
+    clouds: Clouds,
+    before: TubeFit,
+    evidence: JoinEvidence,
+    config: Config,
+    run: Run,
 ) -> list[list[ScoredHypothesis]] | None:
     """Fit and compare hypotheses about other arcs; None if that pays for no class of radius.
 
@@ -118,7 +128,7 @@ def decided_again(
             iterations=8,
             uncertainty=False,
         )
-    again = decided(clouds, arcs, before, evidence, config)
+    again = decided(clouds, arcs, before, evidence, config, run)
     if not all(by_class) or not all(again):
         return None
     costs = [scored[0].cost for scored in by_class]

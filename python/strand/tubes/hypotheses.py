@@ -12,6 +12,7 @@ from strand._core import NotEnoughDataError, TubeFit
 from strand.checks import Array
 from strand.evidence.join_evidence import JoinEvidence
 from strand.polyline import path_length, walk
+from strand.stages import Run
 from strand.tubes.arc_repair import aimed, part_at_contacts, without_duplicates
 from strand.tubes.chaining import chained, chained_to_length
 from strand.tubes.clouds import Chains, Pair
@@ -23,8 +24,11 @@ from strand.tubes.scores import contradiction_cost, explanation_cost
 _CUT_BACK = (2.5, 6.0)
 # what a join may cost to be obvious, for each end
 _OBVIOUS = 1.25
-# more arcs than this are no ropes
-_MOST = 200
+# more arcs than this are no ropes; hypotheses follow until the squares of their numbers of arcs add up to so
+# many
+_MOST, _EFFORT = 200, 40_000
+# of more pairs of ends than this, bridges are priced between each end and at least so many nearest others
+_BRIDGED, _PARTNERS = 1000, 4
 # joins whose matching costs up to this much more without them are tried without, and at most so many
 _DOUBT, _TRIES = 8.0, 4
 
@@ -105,28 +109,47 @@ def hypothesis(costs: JoinCosts, evidence: JoinEvidence, without: Sequence[Pair]
         chain_of = _open_chains(made, joins, len(arcs), config.min_length * radius)
         # pairs that the matching is to do without may still be what makes the ropes so few
         barred = [pair for pair in without if pair not in costs.costs]
-        pairs = (
+        pairs = [
             (i, j)
             for i, j in combinations(free_ends(joins, chain_of), 2)
             if chain_of[i // 2] != chain_of[j // 2] and (i, j) not in barred
-        )
-        joins = [*joins, *joined_to(prior.ropes, bridge_costs(costs, pairs, evidence), chain_of)]
+        ]
+        priced = bridge_costs(costs, _nearest(costs, pairs), evidence)
+        joins = [*joins, *joined_to(prior.ropes, priced, chain_of)]
         made = chained(arcs, joins, evidence)
     if config.rings == "always" and not all(closed for _, closed in made):
         chain_of = _open_chains(made, joins, len(arcs), config.loop * radius)
         # if the number of ropes is known, each chain is a ring of its own
-        pairs = (
+        pairs = [
             (i, j)
             for i, j in combinations(free_ends(joins, chain_of), 2)
             if prior.ropes is None or chain_of[i // 2] == chain_of[j // 2]
-        )
-        joins = [*joins, *joined_most(bridge_costs(costs, pairs, evidence), len(arcs))]
+        ]
+        priced = bridge_costs(costs, _nearest(costs, pairs), evidence)
+        joins = [*joins, *joined_most(priced, len(arcs))]
         made = chained(arcs, joins, evidence)
     if prior.lengths:
         made = chained_to_length(arcs, joins, evidence)
     chains = [chain for chain in made if long_enough(chain)]
     left_out = tuple(chain[0] for chain in made if not long_enough(chain))
     return Hypothesis(costs, tuple(joins), chains, cost, left_out) if chains else None
+
+
+def _nearest(costs: JoinCosts, pairs: Sequence[Pair]) -> Sequence[Pair]:
+    """Return pairs of ends; of more than can be bridged, for each end those with the nearest others."""
+    if len(pairs) <= _BRIDGED:
+        return pairs
+    each = max(_BRIDGED // len({end for pair in pairs for end in pair}), _PARTNERS)
+    partners: dict[int, int] = {}
+    kept = []
+    for pair in sorted(
+        pairs, key=lambda pair: float(np.linalg.norm(costs.end(pair[0]) - costs.end(pair[1])))
+    ):
+        if min(partners.get(end, 0) for end in pair) < each:
+            kept.append(pair)
+        for end in pair:
+            partners[end] = partners.get(end, 0) + 1
+    return sorted(kept)
 
 
 def _open_chains(made: Chains, joins: Sequence[Pair], arcs: int, least: float) -> list[int]:
@@ -140,9 +163,9 @@ def _open_chains(made: Chains, joins: Sequence[Pair], arcs: int, least: float) -
 
 
 def compared(
-    arcs: Sequence[Array], evidence: JoinEvidence, fitted: Callable[[Chains], TubeFit]
+    arcs: Sequence[Array], evidence: JoinEvidence, fitted: Callable[[Chains], TubeFit], run: Run
 ) -> list[ScoredHypothesis]:
-    """Fit the likely hypotheses about arcs and compare them.
+    """Fit the likely hypotheses about arcs and compare them, as many as the number of arcs allows.
 
     Parameters
     ----------
@@ -151,6 +174,8 @@ def compared(
     evidence : JoinEvidence
     fitted : callable
         Fits chains to the points.
+    run : Run
+        Its deadline leaves out all hypotheses after the first.
 
     Returns
     -------
@@ -164,6 +189,15 @@ def compared(
     """
     radius, config, prior = evidence.radius, evidence.config, evidence.prior
     scored: list[ScoredHypothesis] = []
+    effort = 0
+
+    def affordable(count: int) -> bool:
+        """Tell whether there is time for one more hypothesis about so many arcs."""
+        nonlocal effort
+        if scored and (effort > _EFFORT or run.late("other ways to join the arcs")):
+            return False
+        effort += count**2
+        return True
 
     def consider(one: Hypothesis | None) -> None:
         if one is not None and not any(
@@ -178,7 +212,12 @@ def compared(
             scored.append(ScoredHypothesis(one, fit, cost + contradiction, contradiction))
 
     def consider_arcs(arcs: Sequence[Array]) -> None:
-        consider(hypothesis(join_costs(arcs, evidence), evidence))
+        if affordable(len(arcs)):
+            consider(hypothesis(join_costs(arcs, evidence), evidence))
+
+    def consider_without(costs: JoinCosts, pair: Pair) -> None:
+        if affordable(len(costs.arcs)):
+            consider(hypothesis(costs, evidence, [pair]))
 
     if len(arcs) > _MOST:
         raise NotEnoughDataError(
@@ -190,13 +229,13 @@ def compared(
     consider_arcs(parted)
     if len(parted) != len(arcs):
         consider_arcs(arcs)
-        for back in _CUT_BACK:
+        for back in _CUT_BACK if affordable(len(arcs)) else ():
             consider_arcs(part_at_contacts(arcs, radius, config, back))
-    # with the obvious joins made first, more ends turn out to lie inside others
-    costs = join_costs(arcs, evidence)
-    merged = [nodes for nodes, _ in chained(arcs, matched(costs, _OBVIOUS)[0], evidence)]
-    if len(merged) < len(arcs):
-        for back in _CUT_BACK:
+    if affordable(len(arcs)):
+        # with the obvious joins made first, more ends turn out to lie inside others
+        costs = join_costs(arcs, evidence)
+        merged = [nodes for nodes, _ in chained(arcs, matched(costs, _OBVIOUS)[0], evidence)]
+        for back in _CUT_BACK if len(merged) < len(arcs) else ():
             parts = part_at_contacts(merged, radius, config, back)
             if len(parts) > len(merged):
                 consider_arcs(parts)
@@ -213,10 +252,10 @@ def compared(
     wrong = bool(prior.lengths) and first.contradiction > 0
     for more, pair in tries[:_TRIES]:
         if more < _DOUBT or few or wrong:
-            consider(hypothesis(best.costs, evidence, [pair]))
+            consider_without(best.costs, pair)
     for pair in best.joins if wrong else ():
         if pair not in best.costs.costs:
-            consider(hypothesis(best.costs, evidence, [pair]))
+            consider_without(best.costs, pair)
     return sorted(scored, key=lambda one: one.cost)
 
 

@@ -14,8 +14,9 @@ from strand.tubes.join_costs import JoinCosts
 
 # weights of the matching are whole numbers, in millionths of the cost
 _UNIT = 1e6
-# so many ways to bridge gaps are compared, and so many to do without rings
-_WAYS, _RINGLESS = 20000, 500
+# so many ways to bridge gaps are compared at a time and in all, and so many to do without rings; each of
+# these takes a matching, so fewer where there is much to match
+_WAYS, _ALL_WAYS, _RINGLESS, _MATCHED = 20000, 60000, 500, 100_000
 # of more joins than this the cheapest each are taken
 _MANY = 300
 
@@ -44,6 +45,7 @@ def matched(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -
         return joins, cost
     # without rings: matchings that close one are parted by the first of its joins that they lack
     ways = [(cost, 0, joins, frozenset(without))]
+    most = min(_RINGLESS, _MATCHED // max(len(costs.costs), 1))
     count = 0
     while True:
         cost, _, joins, barred = heappop(ways)
@@ -53,7 +55,7 @@ def matched(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -
         arcs = {end // 2 for end in rings[0]}
         ring = [pair for pair in joins if pair[0] // 2 in arcs]
         ring.sort(key=costs.costs.__getitem__, reverse=True)
-        if count > _RINGLESS:
+        if count > most:
             ways, ring = [], ring[:1]
         for pair in ring:
             count += 1
@@ -102,10 +104,14 @@ def joined_to(ropes: int, priced: Priced, chain_of: Sequence[int]) -> list[Pair]
     first = _greedy(priced, chain_of, wanted)
     if len(first) > _MANY:
         return [(min(pair), max(pair)) for pair in first]
+    tried = 0
     while wanted > 0:
-        more, all_tried = _cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
+        if tried > _ALL_WAYS:
+            return [(min(pair), max(pair)) for pair in first[:wanted]]
+        more, ways = _cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
         if more:
             return more
+        tried, all_tried = tried + ways, ways <= _WAYS
         # how many there can be is not known if not all were tried, but so many there are
         wanted = wanted - 1 if all_tried else min(wanted - 1, len(first))
     return []
@@ -139,8 +145,8 @@ def _greedy(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
 
 def _cheapest(
     priced: Priced, chain_of: Sequence[int], wanted: int, known: Sequence[Pair]
-) -> tuple[list[Pair], bool]:
-    """Return the `wanted` pairs that cost least together and always join two chains, and if all were tried.
+) -> tuple[list[Pair], int]:
+    """Return the `wanted` pairs that cost least together and always join two chains, and how many were tried.
 
     Parameters
     ----------
@@ -176,4 +182,4 @@ def _cheapest(
             search(k + 1, [*chosen, (i, j)], cost + more, merged)
 
     search(0, [], 0.0, {number: number for number in chain_of})
-    return [(min(pair), max(pair)) for pair in best[1]], ways <= _WAYS
+    return [(min(pair), max(pair)) for pair in best[1]], ways

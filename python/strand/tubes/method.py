@@ -27,6 +27,8 @@ from strand.tubes.ropes import fit_ropes, rope_parts
 from strand.tubes.second_look import to_decide_again
 from strand.tubes.warnings import about_answer, about_fit
 
+# what a deadline may leave out
+SECOND_LOOK = "a second look at what is not explained"
 # how often what the last fit leaves unexplained reopens the decision
 _REOPENED = 1
 
@@ -73,9 +75,12 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     with run.stage("register"):
         few = clouds.thinned(float(radii.values.min()))
         motions = registered_roughly(few, radii.values, config)
+    if run.late("most of the points"):
+        observed = _thinned(observed, clouds.step(float(radii.values.min())))
+        clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
-        fit, radii = fit_arcs(clouds, few, motions, radii, config)
-        before = with_unexplained(clouds, fit, config)
+        fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
+        before = fit if run.late(SECOND_LOOK) else with_unexplained(clouds, fit, config)
         arcs = seen_arcs(before, config)
     with run.stage("link"):
         poses = [motion @ view.pose for motion, view in zip(before.motions, observed.whole, strict=True)]
@@ -83,16 +88,16 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         colors = colors_of(observed.views)
         arc_colors = None if colors is None else ArcColors.of(before, colors)
         evidence = JoinEvidence(float(before.radii[0]), config.linking, visibility, prior, arc_colors)
-        by_class = decided(clouds, arcs, before, evidence, config)
+        by_class = decided(clouds, arcs, before, evidence, config, run)
     for reopenings in range(1 + _REOPENED):
         ropes, closed = chosen(by_class)
         with run.stage("fit"):
-            fit, noise, ends = fit_ropes(clouds, cameras, ropes, closed, before, radii, given, config)
+            fit, noise, ends = fit_ropes(clouds, cameras, ropes, closed, before, radii, given, config, run)
         with run.stage("ends"):
             parts = rope_parts(fit, ropes, closed, before, prior, config)
             # no decision is reopened that no fit would follow
             other_arcs = None
-            if reopenings < _REOPENED:
+            if reopenings < _REOPENED and not run.late(SECOND_LOOK):
                 as_before = fit.replace(
                     radius_classes=np.array(ropes.classes),
                     radii=before.radii,
@@ -103,7 +108,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         if other_arcs is None:
             break
         with run.stage("link"):
-            again = decided_again(by_class, other_arcs, clouds, before, evidence, config)
+            again = decided_again(by_class, other_arcs, clouds, before, evidence, config, run)
         if again is None:
             break
         by_class = again
@@ -134,3 +139,9 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         ends=tuple(ends),
         all_rings=config.linking.rings == "always",
     )
+
+
+def _thinned(observed: Observed, step: int) -> Observed:
+    """Return the same with every n-th point of each view, as `Clouds.every` takes them."""
+    views = tuple(view.only(np.arange(len(view.points)) % step == 0) for view in observed.views)
+    return replace(observed, views=views)

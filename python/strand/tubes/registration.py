@@ -11,6 +11,7 @@ from strand._core import NotEnoughDataError
 from strand.checks import Array, checked_radius, extraction_range, rigid_motion
 from strand.config import Config
 from strand.radius import Radii
+from strand.stages import Run
 from strand.tubes.arcs import fit_arcs, trace
 from strand.tubes.clouds import Clouds
 from strand.tubes.fitting import ROUGHLY, fitted, splines
@@ -105,7 +106,7 @@ def register_views(
     radii = Radii.given(radius)
     few = clouds.thinned(radius)
     motions = registered_roughly(few, radii.values, config)
-    fit, _ = fit_arcs(clouds, few, motions, radii, config, uncertainty=True)
+    fit, _ = fit_arcs(clouds, few, motions, radii, config, Run(None), uncertainty=True)
     poses = [
         rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
     ]

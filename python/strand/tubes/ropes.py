@@ -12,6 +12,7 @@ from strand.config import Config
 from strand.curve import Curve
 from strand.evidence.prior import Prior
 from strand.radius import Radii, agreeing
+from strand.stages import Run
 from strand.tubes.clouds import Arcs, Clouds
 from strand.tubes.end_observations import observed_ends
 from strand.tubes.ends import extents
@@ -30,6 +31,7 @@ def fit_ropes(
     radii: Radii,
     given: Noise | None,
     config: Config,
+    run: Run,
 ) -> tuple[TubeFit, Noise, list[EndObservation]]:
     """Fit whole ropes with the poses along the rays, then again to where views see them end.
 
@@ -49,6 +51,8 @@ def fit_ropes(
     given : Noise or None
         What the sensor's errors are known to be.
     config : Config
+    run : Run
+        Its deadline leaves out the second fit, and radii that are free stay each rope's own.
 
     Returns
     -------
@@ -88,8 +92,11 @@ def fit_ropes(
             **known,
         )
 
-    fit = fit_again(uncertainty=radii.free)
+    once = run.late("the last fit of the ropes")
+    fit = fit_again(uncertainty=radii.free or once, noise=given if once else None)
     measured = measured_noise(fit, cameras, config.tubes.spacing)
+    if once:
+        return fit, measured, ends
     ends = observed_ends(
         fit,
         extents(fit, exclusive=True),

@@ -8,6 +8,7 @@ from drawn import crossing
 
 import strand
 from strand.radius import Radii
+from strand.stages import Run
 from strand.tubes import arcs
 from strand.tubes.clouds import Clouds
 
@@ -25,7 +26,7 @@ def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(mo
     # the last kind of rope is not there
     radii = Radii(np.array([0.003, 0.006, 0.015]), np.array([0.0002, 0.0003, 0.001]), free=False, held=True)
     few = clouds.thinned(0.003)
-    found, present = arcs.fit_arcs(clouds, few, np.eye(4)[None], radii, strand.Config())
+    found, present = arcs.fit_arcs(clouds, few, np.eye(4)[None], radii, strand.Config(), Run(None))
     assert present.values.tolist() == found.radii.tolist() == [0.003, 0.006]
     # radii that are held need no fit along the rays
     assert fitted
