@@ -166,8 +166,9 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
         If its rows are of different lengths, or elements of a masked array are masked.
     """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        masked = np.count_nonzero(np.ma.getmaskarray(value))
         raise ValueError(
-            f"{name}: expected an array without masked elements, got {np.count_nonzero(np.ma.getmaskarray(value))} of them; "
+            f"{name}: expected an array without masked elements, got {masked} of them; "
             "fill them, as with .filled(0.0) for depths without a return, or leave them out"
         )
     try:
