@@ -15,12 +15,15 @@ use rayon::prelude::*;
 use super::bounds::Bounds;
 use crate::Point;
 use crate::geometry::squared_distance;
+use crate::parallel::go_on;
 
 /// Boxes of so few points, or of points in one place, are not divided.
 const FEW: usize = 8;
 /// Most points that are answered for together, and how many such groups a task works through.
 const GROUP: usize = 32;
 const GROUPS_PER_TASK: usize = 16;
+/// While so many points are sorted someone may no longer wait for them.
+const MANY: usize = 4096;
 /// Boxes are halved, so 2³² points are not as deep.
 const DEEPEST: usize = 40;
 
@@ -204,6 +207,9 @@ impl PartialOrd for Near {
 
 /// Puts points in order of their boxes.
 fn divide(points: &mut [(Point, u32)], first: u32, nodes: &mut Vec<Node>) {
+    if points.len() > MANY {
+        go_on();
+    }
     let mut bounds = Bounds::NONE;
     for &(p, _) in points.iter() {
         bounds.add(p);
@@ -359,6 +365,7 @@ impl Crowded {
             }
         };
         summed.hierarchy.groups(GROUP).par_chunks(GROUPS_PER_TASK).for_each(|groups| {
+            go_on();
             let mut undecided = Vec::new();
             for &group in groups {
                 let members = &summed.hierarchy.order[summed.hierarchy.nodes[group].positions()];

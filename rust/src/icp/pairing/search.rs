@@ -49,7 +49,10 @@ pub(super) fn search<S: Simd>(
             bounds.add(moved(l));
         }
         let found = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
-        let suits = |_: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST;
+        // points of a wide batch are too far apart for single precision to tell what is in reach
+        let tells = |frame: &Frame| f64::from(frame.rounding) <= 0.01 * (spread * frame.unit).powi(2);
+        let suits =
+            |frame: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST && tells(frame);
         let Some(frame) = found.filter(suits) else {
             for &l in &left[..count] {
                 (batch.partners[l], batch.others[l]) = pairing.search_hierarchy(moved(l));
