@@ -49,13 +49,13 @@ pub(crate) fn bridge(
     let (Some(&start), Some(&stop)) = (before.last(), after.first()) else { return Ok(Vec::new()) };
     let step = sub(stop, start);
     let gap = dot(step, step).sqrt();
-    // a gap that is not finite has no nodes either
-    if !(gap / spacing < MOST_NODES) {
+    let nodes = gap / spacing;
+    if nodes.is_nan() || nodes > MOST_NODES {
         let reason =
             format!("expected a gap of less than {MOST_NODES:e} spacings, got {gap} m / {spacing} m");
         return Err(Error::invalid("spacing", reason));
     }
-    let count = (gap / spacing) as usize + 1;
+    let count = nodes as usize + 1;
     let backwards: Vec<Point> = after.iter().rev().copied().collect();
     let leave = end_direction(before, 0.0, span).map(|x| x * gap * reach[0]);
     let arrive = end_direction(&backwards, 0.0, span).map(|x| -x * gap * reach[1]);
