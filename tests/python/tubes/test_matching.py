@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import combinations
 
 import numpy as np
@@ -90,3 +91,18 @@ def test_many_rings_are_opened_in_time():
     joins, cost = matched(costs_of(costs, 120, rings=False), 5.0)
     assert len(joins) == 60
     assert cost == pytest.approx(60 * 11.0)
+
+
+def test_trying_to_join_chains_that_nothing_joins_ends():
+    # each chain may only be joined with its neighbour, so there are half as many joins as are wanted
+    rng = np.random.default_rng(2)
+    priced = sorted(
+        (float(rng.uniform(0, 50)), 4 * k + i, 4 * k + 2 + j)
+        for k in range(40)
+        for i in (0, 1)
+        for j in (0, 1)
+    )
+    start = time.process_time()
+    found = joined_to(1, priced, list(range(80)))
+    assert len(found) == 40
+    assert time.process_time() - start < 3.0

@@ -1,0 +1,122 @@
+"""Returned values hold arrays that nobody can change, and arrays that were given are never shared."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import strand
+from strand import Chain, View
+
+
+def arrays_of(value, path="model"):
+    """All arrays that a returned value holds, with where they are."""
+    if isinstance(value, np.ndarray):
+        yield path, value
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from arrays_of(getattr(value, field.name), f"{path}.{field.name}")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from arrays_of(item, f"{path}[{key!r}]")
+    elif isinstance(value, (list, tuple)):
+        for number, item in enumerate(value):
+            yield from arrays_of(item, f"{path}[{number}]")
+
+
+@pytest.mark.parametrize("config", [strand.Config(), strand.Config.published()])
+def test_no_array_of_a_model_can_be_changed(config):
+    scene = strand.synthetic.scene("loop", seed=2, views=2)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config, keep_stages=True)
+    found = dict(arrays_of(model))
+    assert len(found) > 10
+    assert [path for path, array in found.items() if array.flags.writeable] == []
+    with pytest.raises(ValueError, match="read-only"):
+        model.chains[0].points[0] = 0.0
+    for name in ("tangents", "curvature", "arc_length"):
+        assert not getattr(model.chains[0], name).flags.writeable or name == "arc_length"
+
+
+def test_no_array_of_a_view_can_be_changed():
+    scene = strand.synthetic.scene("arc", views=1)
+    (depth,) = scene.views
+    cropped = depth.crop(scene.bounds)
+    points = View(np.ones((4, 3)), np.eye(4), colors=np.zeros((4, 3)))
+    moved = points.moved(np.eye(4))
+    for view in (depth, cropped, points, moved, View.from_world(np.ones((4, 3)), (0, 0, 1))):
+        for array in (view.points, view.pose):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0
+    for array in (points.colors, depth.image.depth):
+        assert not array.flags.writeable
+
+
+class Lent:
+    """What lends its array, as tensors and data frames do."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __array__(self, dtype=None, copy=None):
+        return self.array
+
+
+def given_as(kind, array, folder):
+    if kind == "memmap":
+        path = folder / "points.npy"
+        np.save(path, array)
+        lent = np.load(path, mmap_mode="r+")
+        return lent, lent
+    if kind == "subclass":
+        return array.view(np.matrix) if array.ndim == 2 else array, array
+    if kind == "lent":
+        return Lent(array), array
+    return array, array
+
+
+@pytest.mark.parametrize("kind", ["array", "memmap", "subclass", "lent"])
+def test_what_the_caller_does_with_its_array_later_changes_nothing(kind, tmp_path):
+    points, theirs = given_as(kind, np.arange(12.0).reshape(4, 3), tmp_path)
+    view, chain = View(points), Chain(points, 0.1)
+    length = chain.length
+    theirs[:] = 7.0
+    assert np.array_equal(view.points, np.arange(12.0).reshape(4, 3))
+    assert np.array_equal(chain.points, view.points)
+    assert chain.length == length
+    assert theirs.flags.writeable
+
+
+def masked(array):
+    return np.ma.masked_array(array, mask=np.arange(np.size(array)).reshape(np.shape(array)) == 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: View(masked(np.ones((4, 3)))), "points"),
+        (lambda: View(np.ones((4, 3)), masked(np.eye(4))), "pose"),
+        (lambda: View(np.ones((4, 3)), colors=masked(np.ones((4, 3)))), "colors"),
+        (lambda: View.from_depth(masked(np.ones((4, 5))), np.diag([9.0, 9.0, 1.0])), "depth"),
+        (lambda: View.from_depth(np.ones((4, 5)), masked(np.diag([9.0, 9.0, 1.0]))), "intrinsics"),
+        (
+            lambda: View.from_depth(
+                np.ones((4, 5)), np.diag([9.0, 9.0, 1.0]), mask=masked(np.ones((4, 5), dtype=bool))
+            ),
+            "mask",
+        ),
+        (lambda: View.from_world(masked(np.ones((4, 3))), (0, 0, 1)), "points"),
+        (lambda: View.from_world(np.ones((4, 3)), masked(np.ones(3))), "viewpoint"),
+        (lambda: View.from_world(np.ones((4, 3)), (0, 0, 1), masked(np.ones((4, 3)))), "colors"),
+        (lambda: View(np.ones((4, 3))).crop((masked(np.zeros(3)), np.ones(3))), "bounds"),
+        (lambda: Chain(masked(np.arange(12.0).reshape(4, 3)), 0.1), "points"),
+    ],
+)
+def test_masked_elements_are_refused(call, name):
+    with pytest.raises(ValueError, match=f"^{name}.*without masked elements, got 1 of them"):
+        call()
+
+
+def test_a_masked_array_without_masked_elements_is_an_array():
+    assert len(View(np.ma.masked_array(np.ones((4, 3)))).points) == 4
