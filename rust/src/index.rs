@@ -1,10 +1,10 @@
 //! Neighbour search: the only place that knows a grid or a tree.
 //!
-//! Three structures. What lies around every point of a cloud is asked of batches of points at once:
+//! Four structures. What lies around every point of a cloud is asked of batches of points at once:
 //! [`cells::Cells`] sorts the points by cell, and [`around::Around`] gathers what a batch needs in single precision.
 //! What lies within a radius of single points, [`Grid`] tells in double precision. Where neighbours have no known
-//! scale, and where cells are crowded, or wide because a cloud reaches far, a [`hierarchy::Hierarchy`] of boxes answers
-//! instead.
+//! scale, [`Tree`], a k-d tree, finds the nearest. Where cells are crowded, or wide because a cloud reaches far, a
+//! [`hierarchy::Hierarchy`] of boxes counts and sums instead.
 
 pub mod around;
 pub mod bounds;
@@ -13,8 +13,10 @@ mod grid;
 pub mod hierarchy;
 pub mod reach;
 mod sort;
+mod tree;
 
 pub use grid::Grid;
+pub use tree::Tree;
 
 /// Points of a part of a parallel pass over a cloud.
 const POINTS_PER_PART: usize = 1 << 15;

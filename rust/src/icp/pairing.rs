@@ -17,6 +17,7 @@ use crate::parallel::go_on;
 use super::IcpOptions;
 use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
+use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;
@@ -60,7 +61,7 @@ pub struct Pairing {
     cells: Cells,
     /// The target in the order of the cells.
     sorted: Vec<Point>,
-    hierarchy: OnceLock<Hierarchy>,
+    tree: OnceLock<Tree>,
     batches: Vec<Batch>,
     source_points: usize,
     reach: f64,
@@ -116,7 +117,7 @@ impl Pairing {
         Self {
             cells,
             sorted,
-            hierarchy: OnceLock::new(),
+            tree: OnceLock::new(),
             batches,
             source_points: source.len(),
             reach,
@@ -193,13 +194,13 @@ impl Pairing {
         none || (position != NONE && is_below(best, batch.beyond[l]))
     }
 
-    /// The nearest target point by the hierarchy.
+    /// The nearest target point by the tree.
     #[cold]
-    fn search_hierarchy(&self, moved: Point) -> (u32, f64) {
-        let hierarchy = self.hierarchy.get_or_init(|| Hierarchy::new(self.sorted.iter().copied()));
-        let nearest = hierarchy.nearest(moved, 1, self.reach * self.reach);
+    fn search_tree(&self, moved: Point) -> (u32, f64) {
+        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
+        let nearest = tree.nearest_within(moved, self.reach * self.reach);
         // that others are farther than nothing is always true
-        (nearest.first().map_or(NONE, |&(_, position)| position), 0.0)
+        (nearest.map_or(NONE, |position| position as u32), 0.0)
     }
 }
 

@@ -5,8 +5,6 @@
 //! What lies within a distance is decided as point by point, rounding included: differences, squares and sums round
 //! monotonically, so the nearest and the farthest place of a box bound what is worked out for its points.
 
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -117,55 +115,6 @@ impl Hierarchy {
         );
     }
 
-    /// The `count` nearest points to a place that are not beyond a distance, given its square, nearest first: their
-    /// squared distances and indices in the input.
-    ///
-    /// Of points at the same distance, which one is found depends on the points alone.
-    pub fn nearest(&self, center: Point, count: usize, limit: f64) -> Vec<(f64, u32)> {
-        let mut found = BinaryHeap::with_capacity(count.min(self.points.len()) + 1);
-        if count > 0 && !self.nodes.is_empty() {
-            self.nearest_of(0, center, count, limit, &mut found);
-        }
-        found.into_sorted_vec().into_iter().map(|Near { squared, index }| (squared, index)).collect()
-    }
-
-    fn nearest_of(
-        &self,
-        number: usize,
-        center: Point,
-        count: usize,
-        limit: f64,
-        found: &mut BinaryHeap<Near>,
-    ) {
-        let (node, place) = (&self.nodes[number], Bounds { low: center, high: center });
-        let full = |found: &BinaryHeap<Near>, squared: f64| {
-            squared > limit
-                || found.len() == count && found.peek().is_some_and(|last| squared >= last.squared)
-        };
-        if full(found, node.bounds.squared_gap(&place)) {
-            return;
-        }
-        if node.second != 0 {
-            let (one, other) = (number + 1, node.second as usize);
-            let distance = |number: usize| self.nodes[number].bounds.squared_gap(&place);
-            let (one, other) = if distance(other) < distance(one) { (other, one) } else { (one, other) };
-            self.nearest_of(one, center, count, limit, found);
-            self.nearest_of(other, center, count, limit, found);
-            return;
-        }
-        for i in node.positions() {
-            let squared = squared_distance(self.points[i], center);
-            if !full(found, squared) {
-                found.push(Near { squared, index: self.order[i] });
-                if found.len() > count {
-                    found.pop();
-                }
-            } else if node.is_one_place() {
-                return;
-            }
-        }
-    }
-
     /// Boxes of at most so many points, or of points in one place, that hold all.
     fn groups(&self, most: usize) -> Vec<usize> {
         let mut groups = Vec::new();
@@ -181,27 +130,6 @@ impl Hierarchy {
             },
         );
         groups
-    }
-}
-
-/// A point and how near it is; the farther is the greater.
-#[derive(PartialEq)]
-struct Near {
-    squared: f64,
-    index: u32,
-}
-
-impl Eq for Near {}
-
-impl Ord for Near {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.squared.total_cmp(&other.squared).then(self.index.cmp(&other.index))
-    }
-}
-
-impl PartialOrd for Near {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
     }
 }
 
@@ -506,24 +434,6 @@ mod tests {
         }
 
         #[test]
-        fn the_nearest_are_those_of_brute_force(points in cloud(), limit in any_limit(), count in 0usize..40) {
-            let hierarchy = Hierarchy::new(points.iter().copied());
-            for &center in points.iter().chain(&[[0.3, 0.1, -0.2]]) {
-                let mut expected: Vec<f64> = points.iter().map(|&p| squared_distance(p, center)).collect();
-                expected.retain(|&squared| squared <= limit);
-                expected.sort_by(f64::total_cmp);
-                expected.truncate(count);
-                let found = hierarchy.nearest(center, count, limit);
-                let squares: Vec<f64> = found.iter().map(|found| found.0).collect();
-                prop_assert_eq!(squares, expected);
-                prop_assert!(found.iter().all(|&(squared, i)| squared == squared_distance(points[i as usize], center)));
-                // none twice
-                let distinct: std::collections::BTreeSet<u32> = found.iter().map(|found| found.1).collect();
-                prop_assert_eq!(distinct.len(), found.len());
-            }
-        }
-
-        #[test]
         fn sums_are_those_of_brute_force(points in cloud(), limit in any_limit(), open: u64) {
             let crowded = Crowded::default();
             let is_open = |i: usize| open & (1 << (i % 64)) != 0;
@@ -563,16 +473,6 @@ mod tests {
                 prop_assert_eq!(remaining.nearest(center, 4.0 * limit), nearest);
             }
         }
-    }
-
-    #[test]
-    fn many_coincident_points_are_no_trouble() {
-        let points = [[0.25, -1.0, 3.0]; 5000];
-        let hierarchy = Hierarchy::new(points.into_iter().chain([[0.25, -1.0, 2.0]]));
-        assert_eq!(hierarchy.nearest([0.25, -1.0, 2.5], 7, 0.2).len(), 0);
-        assert_eq!(hierarchy.nearest([0.25, -1.0, 2.4], 7, 0.2), [(0.4 * 0.4, 5000)]);
-        assert_eq!(hierarchy.nearest(points[0], 7, 0.0), [0, 1, 2, 3, 4, 5, 6].map(|i| (0.0, i)));
-        assert_eq!(hierarchy.nearest(points[0], 6000, 1.0).len(), 5001);
     }
 
     #[test]

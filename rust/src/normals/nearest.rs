@@ -1,13 +1,14 @@
 //! Planes through the k nearest points.
 
+use std::num::NonZeroUsize;
 use std::sync::OnceLock;
 
 use super::{Answers, Covariances, Sums, covariance};
 use crate::error::{Error, Result};
 use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
+use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::cells::Cells;
-use crate::index::hierarchy::Hierarchy;
 use crate::index::reach::reach_of;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 use crate::{Point, parallel};
@@ -16,7 +17,7 @@ use crate::{Point, parallel};
 const WIDTH: f64 = 1.3;
 const FIRST_REACH: f64 = 1.3;
 /// The search goes up to this many cells far, and while it meets at most this many points for each neighbour. Points that
-/// are much sparser or denser than most are left to the hierarchy.
+/// are much sparser or denser than most are left to the tree.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 64;
 /// Most rounds of the search for the k-th distance.
@@ -24,9 +25,9 @@ const ROUNDS: usize = 24;
 
 /// Fits a plane to the `k` nearest points of each.
 pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
-    if k < 3 {
-        return Err(Error::invalid("k", format!("expected at least 3 neighbours, got {k}")));
-    }
+    let count = NonZeroUsize::new(k)
+        .filter(|k| k.get() >= 3)
+        .ok_or_else(|| Error::invalid("k", format!("expected at least 3 neighbours, got {k}")))?;
     if points.is_empty() {
         return Ok(());
     }
@@ -38,7 +39,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
     }
     parallel::run(|| {
         let cells = Cells::new(points, WIDTH * reach_of(points, k));
-        let hierarchy = OnceLock::new();
+        let tree = OnceLock::new();
         cells.batches().for_each_task(|batches| {
             let mut search = Search::default();
             let mut covariances = Covariances::default();
@@ -53,12 +54,11 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                     reach *= 1.5;
                 }
                 for &position in &search.left {
-                    let hierarchy: &Hierarchy =
-                        hierarchy.get_or_init(|| Hierarchy::new(points.iter().copied()));
+                    let tree: &Tree = tree.get_or_init(|| Tree::new(points));
                     let center = cells.point(position as usize);
                     let mut moments = Moments::default();
-                    for (_, i) in hierarchy.nearest(center, k, f64::INFINITY) {
-                        moments.add(sub(points[i as usize], center));
+                    for i in tree.nearest(center, count) {
+                        moments.add(sub(points[i], center));
                     }
                     covariances.add(position as usize, covariance(&moments));
                 }

@@ -10,8 +10,7 @@ use crate::simd::{BATCH, Simd, Singles};
 
 /// The points that are kept are on a surface within this many cells of the nearest.
 const SPREAD: f64 = 0.35;
-/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the
-/// hierarchy.
+/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the tree.
 const FARTHEST: f64 = 8.0;
 const MOST: usize = 2048;
 
@@ -55,7 +54,7 @@ pub(super) fn search<S: Simd>(
             |frame: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST && tells(frame);
         let Some(frame) = found.filter(suits) else {
             for &l in &left[..count] {
-                (batch.partners[l], batch.others[l]) = pairing.search_hierarchy(moved(l));
+                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
                 (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], batch.others[l]);
             }
             return;
