@@ -22,17 +22,21 @@ from tables import head, row
 import strand
 from strand.config import Config, Reconnection
 from strand.evidence.join_evidence import JoinEvidence
+from strand.outliers import without_outliers
 from strand.polyline import path_length
 from strand.published.reconnection import reconnect
 from strand.published.splitting import Split
 from strand.radius import Radii
+from strand.stages import Run
 from strand.synthetic import SyntheticScene
 from strand.tubes.chaining import chained
 from strand.tubes.clouds import Arcs, Chains, Clouds
 from strand.tubes.ends import extents
 from strand.tubes.join_costs import join_costs
 from strand.tubes.matching import matched
+from strand.tubes.pixels import Cameras
 from strand.tubes.ropes import fit_ropes
+from strand.view import cropped
 
 
 def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> Chains:
@@ -55,7 +59,10 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
     viewpoints = np.array([view.viewpoint for view in scene.views])
     clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, scene.bounds)
     closed = [ring for _, ring in kept]
-    fit = fit_ropes(clouds, ropes, closed, model.stages["fit"], Radii.given(scene.radius), config)
+    seen = without_outliers(cropped(scene.views, scene.bounds), scene.radius, config.filter, widen=True)
+    cameras = Cameras(seen, scene.views)
+    radii, run = Radii.given(scene.radius), Run(None)
+    fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)
     parts = [part for part in extents(fit, exclusive=True) if part is not None]
     return [part.at(part.nodes(0.25 * scene.radius))[0] for part in parts]
 

@@ -121,7 +121,7 @@ class Chain:
                 bare[start:stop] = (stop - start) * spacing >= self.radius
         return bare
 
-    @property
+    @lazy
     def arc_length(self) -> Array:
         """(M,) Arc length from the first node to each node, metres."""
         if self.curve is not None:

@@ -5,6 +5,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Point;
+use crate::checks::{check_finite, check_positive};
+use crate::error::Result;
 use crate::geometry::{advance, sub};
 use crate::polyline::arc_length;
 
@@ -13,14 +15,20 @@ use crate::polyline::arc_length;
 /// Around a point of a tube, the surface points within 2r reach s² ≤ 2 r² (1 + cos φ) along the axis at the angle φ about
 /// it. Their mean s² is 8/9 r², so the mean of their axis points lies 4/9 r² κ inside an axis whose curvature vector is
 /// κ: that of the parabola of least squares through the nodes within `span` along the chain.
-pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Vec<Point> {
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, or a length not positive.
+pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Result<Vec<Point>> {
+    check_finite("nodes", nodes)?;
+    check_positive("radius", radius)?;
+    check_positive("span", span)?;
     let s = arc_length(nodes);
     let straightened = |i: usize| {
         let (low, high) = (s.partition_point(|&t| s[i] - t > span), s.partition_point(|&t| t - s[i] <= span));
         let bend = parabola(&s[low..high], &nodes[low..high], s[i], nodes[i], span);
         bend.map_or(nodes[i], |bend| advance(nodes[i], -4.0 / 9.0 * radius * radius, bend))
     };
-    (0..nodes.len()).map(straightened).collect()
+    Ok((0..nodes.len()).map(straightened).collect())
 }
 
 /// Second derivative of the parabola of least squares through nodes; none if there are fewer than four.
@@ -48,14 +56,16 @@ mod tests {
     fn a_circle_grows_and_a_line_stays() {
         let circle: Vec<Point> =
             (0..60).map(|i| f64::from(i) * 0.05).map(|a| [10.0 * a.cos(), 10.0 * a.sin(), 0.0]).collect();
-        for p in straighten(&circle, 1.0, 3.0) {
+        for p in straighten(&circle, 1.0, 3.0).unwrap() {
             let distance = (p[0] * p[0] + p[1] * p[1]).sqrt();
             assert!((distance - 10.0 - 4.0 / 90.0).abs() < 2e-3, "{distance}");
         }
         let line: Vec<Point> = (0..20).map(|i| [f64::from(i) * 0.5, 1.0, 2.0]).collect();
-        for (a, b) in straighten(&line, 1.0, 3.0).iter().zip(&line) {
+        for (a, b) in straighten(&line, 1.0, 3.0).unwrap().iter().zip(&line) {
             assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-12));
         }
-        assert_eq!(straighten(&line[..3], 1.0, 3.0), line[..3]);
+        assert_eq!(straighten(&line[..3], 1.0, 3.0).unwrap(), line[..3]);
+        assert!(straighten(&line, 1.0, -3.0).is_err());
+        assert!(straighten(&[[f64::NAN; 3]; 9], 1.0, 3.0).is_err());
     }
 }

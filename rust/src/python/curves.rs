@@ -172,7 +172,7 @@ pub(super) fn straightened<'py>(
     span: f64,
 ) -> PyResult<PointsArray<'py>> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
-    let straight = released_if_many(py, nodes.len(), move || straighten::straighten(&nodes, radius, span))?;
+    let straight = released_if_many(py, nodes.len(), move || straighten::straighten(&nodes, radius, span))??;
     points_array(py, straight)
 }
 

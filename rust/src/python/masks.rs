@@ -11,6 +11,9 @@ use crate::image::{Image, blobs};
 use crate::silhouette::Silhouette;
 use crate::{outline, parallel};
 
+/// Most steps of an outline: it is found in hundreds.
+const MOST_STEPS: usize = 100_000;
+
 /// An image (H, W) in single precision, convolved along rows and columns with a symmetric kernel that is given from its
 /// middle on; beyond the border are zeros.
 #[pyfunction]
@@ -60,6 +63,9 @@ pub(super) fn short_outlines<'py>(
 ) -> PyResult<Vec<Bound<'py, PyArray2<bool>>>> {
     let evidence = Array::<f32>::exactly("evidence", evidence, 2)?;
     let [height, width] = evidence.image_shape("evidence")?;
+    if steps > MOST_STEPS {
+        return Err(PyValueError::new_err(format!("steps: expected at most {MOST_STEPS}, got {steps}")));
+    }
     let evidence = Image { width, height, values: evidence.into_values() };
     let found = released(py, move || {
         parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values)
