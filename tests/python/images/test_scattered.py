@@ -172,7 +172,7 @@ def test_a_bare_table_in_wide_noise_shows_no_rope(seed):
 
 def test_a_radius_in_millimetres_is_refused_at_once():
     made = noisy("arc", 0.8, views=1, seed=8, size=(160, 120))
-    with pytest.raises(strand.NotEnoughDataError, match="is the radius right, in metres"):
+    with pytest.raises(strand.NotEnoughDataError, match="the radius in metres"):
         strand.reconstruct(made.views, 1000.0 * made.radius, made.bounds)
 
 

@@ -14,15 +14,15 @@ CALLS = {
     "normals by k": "strand.estimate_normals(many, k=200)",
     "normals by radius": "strand.estimate_normals(crowd, radius=1.0)",
     "icp": "strand.icp(many, moved, 0.05, max_iterations=10**6, tolerance=0)",
-    "centerline": "strand.centerline(crowd, up, 1.0, 3)",
-    "trace_chains": "strand.trace_chains(crowd, 0.001, 1.0)",
+    "centerline": "strand.centerline(many, up, 0.3, 3)",
+    "trace_chains": "strand.trace_chains(many, 0.001, 1.0)",
     "trace_tubes": "strand.trace_tubes(crowd, (0.0, 0.0, 9.0), 0.2)",
     "typical_neighbors": "[_core.typical_neighbors(crowd, 1.0) for _ in range(10**6)]",
     "overlapping": "_core.overlapping(crowd, number, arc, 0.0, 0.0)",
     "occludes": "_core.occludes(away, crowd, (0.0, 0.0, -9.0), 0.0)",
     "spline_through": "_core.spline_through(rope, 0.0004, 0.0)",
     "register_in_turn": "_core.register_in_turn([many, moved], 0.05, 10**6, 0.0)",
-    "short_outlines": "_core.short_outlines(noise, [1.0], 10**6)",
+    "short_outlines": "_core.short_outlines(noise, [1.0], 10**5)",
 }
 
 CODE = """
@@ -37,7 +37,7 @@ crowd, many = rng.uniform(size=(60_000, 3)), rng.uniform(size=(300_000, 3))
 number, arc = np.zeros(60_000, np.int64), np.zeros(60_000)
 rope = np.stack([np.linspace(0.0, 1.0, 900), np.zeros(900), np.zeros(900)], axis=1)
 noise = rng.normal(size=(900, 900)).astype(np.float32)
-moved, away, up = many + 0.01, crowd + 99.0, crowd * 0.0 + (0.0, 0.0, 1.0)
+moved, away, up = many + 0.01, crowd + 99.0, many * 0.0 + (0.0, 0.0, 1.0)
 small = crowd[:500]
 expected = strand.count_neighbors(small, 0.2)
 

@@ -14,6 +14,7 @@ import strand
 from strand import (
     NotEnoughDataError,
     StrandError,
+    _core,
     centerline,
     count_neighbors,
     estimate_normals,
@@ -248,3 +249,24 @@ def test_any_numbers_get_a_finite_answer_or_a_reason(rows, radius, nonfinite):
     elif nonfinite == "raise":
         with pytest.raises(ValueError, match=r"^(points|radius): expected"):
             radius_outlier_mask(points, radius, 2)
+
+
+def test_what_only_the_package_calls_refuses_mad_numbers_too():
+    nodes = lattice(40)
+    for arguments, name in (((0.1, -3.0), "span"), ((np.nan, 1.0), "radius"), ((0.1, np.inf), "span")):
+        with pytest.raises(ValueError, match=f"^{name}: "):
+            _core.straighten(nodes, *arguments)
+    with pytest.raises(ValueError, match=r"^nodes: "):
+        _core.straighten(nodes * np.nan, 0.1, 1.0)
+    with pytest.raises(ValueError, match=r"^steps: expected at most "):
+        _core.short_outlines(np.zeros((4, 4), np.float32), [0.5], 10**12)
+
+
+def test_small_answers_have_their_numbers_in_order():
+    # small arrays are copied into memory of NumPy's, large ones keep Rust's
+    for count in (3, 5000):
+        nodes = np.random.default_rng(0).normal(size=(count, 3)) + 10.0 * np.arange(count)[:, None]
+        # nodes so far apart have no neighbours, and stay
+        kept = _core.straighten(nodes, 1e-6, 1.0)
+        assert kept.flags.c_contiguous
+        np.testing.assert_array_equal(kept, nodes)

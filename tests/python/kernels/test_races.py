@@ -41,6 +41,7 @@ calls = {{
     "apparent_radii": lambda: _core.apparent_radii(points, (0.0, 0.0, -1.0), 0.1, 10),
     "typical_neighbors": lambda: _core.typical_neighbors(points, 0.05),
     "occupied_voxels": lambda: _core.occupied_voxels([points], 0.05),
+    "squared_distances": lambda: _core.squared_distances(points, points),
     "crop": lambda: _core.crop(points, eye, (0.0,) * 3, (0.5,) * 3, points),
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
     "unproject": lambda: _core.unproject(depth, *camera),
