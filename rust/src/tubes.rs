@@ -23,6 +23,8 @@ const LEAST_SCORE: f64 = 0.25;
 const CLEARANCE: f64 = 0.7;
 /// An arc ends where it comes nearer than this to another arc, or to its own nodes farther back, in radii.
 const COLLISION: f64 = 0.6;
+/// Side of the cubes that nodes are found by, radii: long beside these two, so most searches meet one cube or two.
+const CUBE: f64 = 6.0;
 /// Fewest nodes of an arc, where the caller does not say.
 pub const MIN_NODES: usize = 4;
 /// Distance between the nodes of an arc, in radii.
@@ -83,8 +85,13 @@ pub fn trace_tubes(
     Ok(parallel::run(|| {
         let grid = Grid::new(points, PATCH * radius);
         let to_camera = grid.gather(&to_camera);
-        let mut tracer =
-            Tracer { grid, to_camera, free: vec![true; points.len()], radius, nodes: Nodes::new(radius) };
+        let mut tracer = Tracer {
+            grid,
+            to_camera,
+            free: vec![true; points.len()],
+            radius,
+            nodes: Nodes::new(CUBE * radius),
+        };
         tracer.trace(min_nodes)
     }))
 }
@@ -106,7 +113,7 @@ struct Nodes {
 }
 
 impl Nodes {
-    /// None yet, to be searched for within less than `side`.
+    /// None yet.
     fn new(side: f64) -> Self {
         Self { side, cubes: HashMap::new() }
     }
@@ -119,8 +126,12 @@ impl Nodes {
 
     /// Whether one is nearer to a place than a distance, given its square.
     fn any_within(&self, place: Point, limit: f64) -> bool {
-        let [x, y, z] = cell_of(place, self.side).map(|i| [i.saturating_sub(1), i, i.saturating_add(1)]);
-        let cubes = x.into_iter().flat_map(|x| y.into_iter().flat_map(move |y| z.map(|z| [x, y, z])));
+        // rounding may move a border by less than this
+        let reach = limit.sqrt() * (1.0 + 1e-9) + 1e-12 * self.side;
+        let low = cell_of(place.map(|x| x - reach), self.side);
+        let high = cell_of(place.map(|x| x + reach), self.side);
+        let cubes = (low[0]..=high[0])
+            .flat_map(|x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z])));
         cubes
             .filter_map(|cube| self.cubes.get(&cube))
             .flatten()

@@ -44,16 +44,16 @@ struct Runs {
 pub struct Neighborhood<'a> {
     grid: &'a Grid,
     center: Point,
-    runs: &'a Runs,
+    runs: &'a [Range<usize>],
 }
 
 impl Neighborhood<'_> {
     /// Calls `visit` with each point within the grid's radius (boundary included): its position in the
     /// grid's order, itself and its squared distance. Stops when `visit` returns false.
-    #[inline]
+    #[inline(always)]
     pub fn visit(&self, mut visit: impl FnMut(usize, Point, f64) -> bool) {
         let limit = self.grid.radius * self.grid.radius;
-        for run in &self.runs.runs {
+        for run in self.runs {
             for (position, &q) in run.clone().zip(&self.grid.points[run.clone()]) {
                 let squared = squared_distance(q, self.center);
                 if squared <= limit && !visit(position, q, squared) {
@@ -141,6 +141,17 @@ impl Grid {
         self.hierarchy.get_or_init(|| Hierarchy::new(self.points.iter().copied()))
     }
 
+    /// The points within the radius of a place, each a run of its own, as the hierarchy tells them.
+    #[cold]
+    fn runs_in_hierarchy(&self, center: Point) -> Vec<Range<usize>> {
+        let mut runs = Vec::new();
+        self.hierarchy().visit(center, self.radius * self.radius, |position, _, _| {
+            runs.push(position..position + 1);
+            true
+        });
+        runs
+    }
+
     /// Whether searches may meet very many points, in the radius or out of it.
     pub fn is_crowded(&self) -> bool {
         self.wide || self.starts.windows(2).any(|pair| pair[1] - pair[0] > CROWDED / 8)
@@ -176,30 +187,34 @@ impl Grid {
     /// as [`Neighborhood::visit`] does.
     pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
         let center = self.points[position];
-        if self.wide {
-            return self.hierarchy().visit(center, self.radius * self.radius, visit);
-        }
-        let runs = Sweep::default().runs(self, key(self.cell(center)));
-        Neighborhood { grid: self, center, runs: &runs }.visit(visit);
+        let (few, many);
+        let runs = if self.wide {
+            many = self.runs_in_hierarchy(center);
+            &many[..]
+        } else {
+            few = Sweep::default().runs(self, key(self.cell(center)));
+            &few.runs[..]
+        };
+        Neighborhood { grid: self, center, runs }.visit(visit);
     }
 
     /// Calls `visit` with each point within the radius of a place anywhere, as [`Neighborhood::visit`] does.
     pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
-        if self.wide {
-            return self.hierarchy().visit(center, self.radius * self.radius, visit);
-        }
-        // farther outside than a cell there are no neighbours, nor a number for the cell
-        let inside = (0..3).all(|k| {
-            let cells = (center[k] - self.low[k]) * self.inverse_cell;
-            cells > -1.0 && cells < f64::from(1u32 << (AXIS_BITS - 1))
-        });
-        if inside {
-            let cell = std::array::from_fn(|k| {
-                (2.0 + ((center[k] - self.low[k]) * self.inverse_cell).floor()) as u64
-            });
-            let runs = Sweep::default().runs(self, key(cell));
-            Neighborhood { grid: self, center, runs: &runs }.visit(visit);
-        }
+        let cells = |k: usize| (center[k] - self.low[k]) * self.inverse_cell;
+        let (few, many);
+        let runs = if self.wide {
+            many = self.runs_in_hierarchy(center);
+            &many[..]
+        } else {
+            // farther outside than a cell there are no neighbours, nor a number for the cell
+            if (0..3).any(|k| !(cells(k) > -1.0 && cells(k) < f64::from(1u32 << (AXIS_BITS - 1)))) {
+                return;
+            }
+            let cell = std::array::from_fn(|k| (2.0 + cells(k).floor()) as u64);
+            few = Sweep::default().runs(self, key(cell));
+            &few.runs[..]
+        };
+        Neighborhood { grid: self, center, runs }.visit(visit);
     }
 
     /// The cell of a point inside the grid's extent; numbered from 2, so that places one cell outside have
