@@ -1,6 +1,6 @@
 """Read damaged files of every kind, and count what is neither an answer nor the documented error.
 
-    python benches/mutated_files.py --files 1000000 --seed 1 --findings /tmp/findings
+    python benches/mutated_files.py --files 1000000 --seed 1 --findings target/findings
 
 Damaged files are made at random (`mutations.py`) in folders that are in memory. Allowed are a value,
 `strand.FileFormatError` that names the file, and, where one file names another, `OSError` for what cannot be
