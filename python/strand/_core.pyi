@@ -22,6 +22,7 @@ __all__ = [
     "bending",
     "bridge",
     "centerline",
+    "constant_copy",
     "convolved",
     "copy_depth",
     "count_neighbors",
@@ -43,6 +44,7 @@ __all__ = [
     "radius_outlier_mask",
     "register_in_turn",
     "rope_extents",
+    "seen_behind",
     "set_num_threads",
     "short_outlines",
     "shown_radius",
@@ -54,6 +56,7 @@ __all__ = [
     "trace_tubes",
     "typical_neighbors",
     "unproject",
+    "variances_around",
 ]
 
 __version__: str
@@ -426,7 +429,18 @@ def overlapping(
 ) -> NDArray[np.bool_]: ...
 def typical_neighbors(points: ArrayLike, radius: float) -> int: ...
 def occupied_voxels(points: Sequence[ArrayLike], side: float) -> int: ...
+def variances_around(
+    points: ArrayLike, places: ArrayLike, reach: float, fewest: int
+) -> NDArray[np.float64]: ...
+def seen_behind(
+    depth: ArrayLike,
+    camera: Sequence[Sequence[float]],
+    pose: ArrayLike,
+    points: ArrayLike,
+    nearest: float,
+) -> NDArray[np.float64]: ...
 def squared_distances(points: ArrayLike, others: ArrayLike) -> NDArray[np.float64]: ...
+def constant_copy(points: ArrayLike) -> NDArray[np.float64]: ...
 def copy_depth(depth: ArrayLike, farthest: float) -> tuple[NDArray[np.float64], int]: ...
 def unproject(
     depth: ArrayLike, focal: tuple[float, float], center: tuple[float, float]

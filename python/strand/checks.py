@@ -195,6 +195,11 @@ def own(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
     return kept
 
 
+def to_millimetres(place: Array) -> list[float]:
+    """Return a place's coordinates, metres, as messages show them."""
+    return [round(x, 3) for x in place.tolist()]
+
+
 def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return points, depths or other measured numbers as a C-ordered float64 array of a shape.
 
@@ -223,7 +228,9 @@ def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ):
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
         raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
-    return np.ascontiguousarray(array, dtype=np.float64)
+    # NaN of single precision may warn, and long numbers that become infinite
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:

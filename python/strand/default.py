@@ -164,24 +164,26 @@ def _scatter(observed: Observed) -> float:
     for view, whole in zip(observed.views, observed.whole, strict=True):
         if whole.image is None:
             return 0.0
-        z = np.where(whole.image.depth > 0, whole.image.depth, np.nan)
-        # slopes cancel in second differences
-        scatter = _spread(z[::_EVERY, :-2] - 2.0 * z[::_EVERY, 1:-1] + z[::_EVERY, 2:])
+        depth = whole.image.depth
+        some = depth[::_EVERY]
+        scatter = _spread(some[:, :-2], some[:, 1:-1], some[:, 2:])
         if scatter > 0.0:
             # what is around the ropes may be rough
             rows, columns = pixels_of(view.points, whole.image)
-            inner = (columns > 0) & (columns < z.shape[1] - 1)
+            inner = (columns > 0) & (columns < depth.shape[1] - 1)
             rows, columns = rows[inner], columns[inner]
-            own = _spread(z[rows, columns - 1] - 2.0 * z[rows, columns] + z[rows, columns + 1])
+            own = _spread(*(depth[rows, columns + aside] for aside in (-1, 0, 1)))
             if 0.0 < own < _WIDE * float(observed.radii.values[0]):
                 scatter = min(scatter, own)
         found.append(scatter)
     return float(np.median(found))
 
 
-def _spread(bends: Array) -> float:
-    """Return the noise that second differences show, 0 if there are none."""
-    bends = np.abs(bends[np.isfinite(bends)])
+def _spread(before: Array, depth: Array, after: Array) -> float:
+    """Return the noise of depths beside each other, metres; 0 if there are none."""
+    returned = (before > 0) & (depth > 0) & (after > 0)
+    # slopes cancel in second differences
+    bends = np.abs(before[returned] - 2.0 * depth[returned] + after[returned])
     return 1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0
 
 

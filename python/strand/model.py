@@ -20,6 +20,7 @@ from strand.checks import (
     several,
     small_array,
     text,
+    to_millimetres,
     whole,
 )
 from strand.config import METHODS
@@ -143,7 +144,7 @@ class Doubt:
             object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
 
     def __str__(self) -> str:
-        where = "" if self.place is None else f" at {np.round(self.place, 3).tolist()}"
+        where = "" if self.place is None else f" at {to_millimetres(self.place)}"
         return f"unsure {self.about}{where}: {self.reason}"
 
 

@@ -126,15 +126,10 @@ def rotation_about(axis: Array, angle: float) -> Array:
 
 def rotation_vector(rotation: Array) -> Array:
     """(3,) Unit axis of a (3, 3) rotation times its angle, radians; the inverse of `rotation_about`."""
-    axis = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    sine = 0.5 * float(np.linalg.norm(axis))
-    angle = math.atan2(sine, 0.5 * (float(np.trace(rotation)) - 1.0))
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
+    axis = np.array([zy - yz, xz - zx, yx - xy])
+    sine = 0.5 * math.hypot(*axis)
+    angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
     # a half turn's axis is not told by the differences; corrections are smaller
     return 0.5 * axis * (angle / sine if sine > 0.0 else 1.0)
 

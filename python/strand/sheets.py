@@ -65,12 +65,12 @@ def _looks_like(points: Array, radius: float) -> str | None:
     voxels = _core.occupied_voxels([points], 2.0 * radius)
     points = points[:: max(len(points) // (_ENOUGH * max(voxels, 1)), 1)]
     places = points[:: max(len(points) // _PLACES, 1)][:_PLACES]
-    surroundings, shapes = _wide_places(points, places, _AROUND * radius, _SHARE)
+    wide, shapes = _wide_places(points, places, _AROUND * radius, _SHARE)
     if not len(shapes):
         return None
     if np.median(shapes[:, 0] / shapes[:, 2]) > _FILLED:
         return "a cloud that fills space"
-    smooth, rough = _normals(surroundings, radius)
+    smooth, rough = _normals(points, wide, radius)
     if smooth > _SMOOTH:
         return "a smooth surface"
     if rough > _ROUGH and len(_wide_places(points, places, _FARTHER * radius, _SHARE_FARTHER)[1]):
@@ -78,33 +78,22 @@ def _looks_like(points: Array, radius: float) -> str | None:
     return None
 
 
-def _wide_places(points: Array, places: Array, reach: float, share: float) -> tuple[list[Array], Array]:
-    """Return the points around places where they are wide, and their variances; none if few are."""
-    surroundings, shapes = [], []
-    narrow, silent = 0, 0
-    for place in places:
-        away = points - place
-        near = away[(away * away).sum(axis=1) < reach * reach]
-        if len(near) < _FEWEST:
-            silent += 1
-            continue
-        shape = np.linalg.eigvalsh(_covariance(near))
-        if shape[1] <= _WIDE * shape[2]:
-            narrow += 1
-            # most ropes are told by the first few places
-            if narrow > (1.0 - share) * len(places):
-                break
-            continue
-        surroundings.append(near)
-        shapes.append(shape)
-    enough = len(shapes) >= share * (len(places) - silent) and 2 * silent <= len(places)
-    return (surroundings, np.array(shapes)) if shapes and enough else ([], np.empty((0, 3)))
+def _wide_places(points: Array, places: Array, reach: float, share: float) -> tuple[Array, Array]:
+    """Return the places where points are wide, and the points' variances there; none if they are few."""
+    shapes = _core.variances_around(points, places, reach, _FEWEST)
+    silent = int(np.isnan(shapes[:, 0]).sum())
+    wide = shapes[:, 1] > _WIDE * shapes[:, 2]
+    if wide.sum() < share * (len(places) - silent) or 2 * silent > len(places):
+        wide[:] = False
+    return places[wide], shapes[wide]
 
 
-def _normals(surroundings: Sequence[Array], radius: float) -> tuple[float, float]:
+def _normals(points: Array, places: Array, radius: float) -> tuple[float, float]:
     """How much of the squares of normals is along one direction, and how thick points are there; medians."""
     along, thick = [], []
-    for near in surroundings:
+    for place in places:
+        away = points - place
+        near = away[(away * away).sum(axis=1) < (_AROUND * radius) ** 2]
         tensor, ratios = np.zeros((3, 3)), []
         for centre in near[:: max(len(near) // _NORMALS, 1)]:
             away = near - centre

@@ -24,6 +24,7 @@ from strand.checks import (
     rigid_motion,
     several,
     small_array,
+    to_millimetres,
     whole,
 )
 from strand.pose import moved
@@ -276,7 +277,7 @@ class View:
         return moved(self.points, self._pose)
 
     def __repr__(self) -> str:
-        where = np.round(self.viewpoint, 3).tolist()
+        where = to_millimetres(self.viewpoint)
         if isinstance(self.measured, DepthImage):
             height, width = self.measured.depth.shape
             masked = "" if self.measured.mask is None else ", masked"

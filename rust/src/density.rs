@@ -1,12 +1,11 @@
 //! How densely points lie.
 
-use std::collections::HashSet;
-
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 
 use crate::checks::{check_finite, check_positive};
 use crate::error::Result;
-use crate::geometry::cell_of;
+use crate::geometry::{Moments, cell_of, eigen_symmetric, squared_distance, sub};
 use crate::index::Grid;
 use crate::{Point, parallel};
 
@@ -49,7 +48,7 @@ pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
     for points in points {
         check_finite("points", points)?;
     }
-    let mut voxels = HashSet::new();
+    let mut voxels = FxHashSet::default();
     let mut last = None;
     for &p in points.iter().copied().flatten() {
         let voxel = Some(cell_of(p, side));
@@ -60,6 +59,31 @@ pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
         }
     }
     Ok(voxels.len())
+}
+
+/// The variances of the points within `reach` of each of some places along their principal axes, the least first, m²; NaN
+/// where there are fewer than `fewest`.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `reach` is not positive.
+pub(crate) fn variances_around(
+    points: &[Point],
+    places: &[Point],
+    reach: f64,
+    fewest: usize,
+) -> Result<Vec<[f64; 3]>> {
+    check_finite("points", points)?;
+    check_finite("places", places)?;
+    check_positive("reach", reach)?;
+    Ok(parallel::map(places, |&place| {
+        let mut around = Moments::default();
+        for &p in points {
+            if squared_distance(p, place) < reach * reach {
+                around.add(sub(p, place));
+            }
+        }
+        if around.count() < fewest { [f64::NAN; 3] } else { eigen_symmetric(&around.covariance()).values }
+    }))
 }
 
 #[cfg(test)]
@@ -82,5 +106,18 @@ mod tests {
         assert_eq!(occupied_voxels(&[], 1.0).unwrap(), 0);
         assert!(occupied_voxels(&[&points], 0.0).is_err());
         assert!(occupied_voxels(&[&[[f64::NAN; 3]]], 1.0).is_err());
+    }
+
+    #[test]
+    fn variances_are_those_along_principal_axes() {
+        let line: Vec<Point> = (-50..=50).map(|i| [0.0, f64::from(i), 7.0]).collect();
+        let found =
+            variances_around(&line, &[[0.0, 0.0, 7.0], [0.0, 50.0, 7.0], [40.0; 3]], 10.5, 11).unwrap();
+        for (got, want) in found.iter().zip([[0.0, 0.0, 110.0 / 3.0], [0.0, 0.0, 10.0]]) {
+            assert!(got.iter().zip(want).all(|(got, want)| (got - want).abs() < 1e-9), "{found:?}");
+        }
+        assert!(found[2].iter().all(|x| x.is_nan()));
+        assert!(variances_around(&line, &[], 0.0, 1).is_err());
+        assert!(variances_around(&line, &[[f64::NAN; 3]], 1.0, 1).is_err());
     }
 }

@@ -1,7 +1,9 @@
 //! Depth images as points.
 
-use crate::Point;
+use nalgebra::Vector3;
+
 use crate::error::{Error, Result};
+use crate::{Point, RigidMotion};
 
 /// A pinhole camera, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +19,12 @@ impl Pinhole {
     #[inline(always)]
     pub(crate) fn point(&self, u: f64, v: f64, z: f64) -> Point {
         [(u - self.center[0]) * z / self.focal[0], (v - self.center[1]) * z / self.focal[1], z]
+    }
+
+    /// Column and row of the pixel that sees a point of the camera frame.
+    #[inline(always)]
+    pub(crate) fn pixel(&self, [x, y, z]: Point) -> [f64; 2] {
+        [self.focal[0] * x / z + self.center[0], self.focal[1] * y / z + self.center[1]]
     }
 }
 
@@ -63,6 +71,30 @@ pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Poi
     points
 }
 
+/// How much farther along the camera's axis an image saw something than each of some points, metres: infinite where the
+/// point's pixel has no return, NaN where it has no pixel. Those less than `nearest` before the camera have none.
+pub(crate) fn seen_behind(
+    depth: &[f64],
+    width: usize,
+    camera: Pinhole,
+    pose: &RigidMotion,
+    points: &[Point],
+    nearest: f64,
+) -> Vec<f64> {
+    let height = depth.len() / width.max(1);
+    let behind = |&p: &Point| {
+        let seen_from: Point = pose.rotation.tr_mul(&(Vector3::from(p) - pose.translation)).into();
+        let z = seen_from[2];
+        let [u, v] = camera.pixel(seen_from).map(f64::round_ties_even);
+        if !(z > nearest && (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v)) {
+            return f64::NAN;
+        }
+        let seen = depth[v as usize * width + u as usize];
+        if has_return(seen) { seen - z } else { f64::INFINITY }
+    };
+    points.iter().map(behind).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,5 +108,25 @@ mod tests {
         assert!(cleaned(depth.to_vec(), 3.9).is_err());
         assert!(cleaned(vec![-1.0], 4.0).is_err());
         assert!(unproject(&[], 0, camera).is_empty());
+    }
+
+    #[test]
+    fn what_an_image_saw_behind_points() {
+        let camera = Pinhole { focal: [2.0, 2.0], center: [1.0, 1.0] };
+        let turned = [[0.0, 0.0, 1.0, 5.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let pose = RigidMotion::from_rows(&turned).unwrap();
+        let depth = [9.0, 3.0, 0.0, 4.0, 2.0, f64::INFINITY];
+        // of the camera frame: x right, y down, z forward
+        let seen =
+            |x: f64, y: f64, z: f64| seen_behind(&depth, 3, camera, &pose, &[pose.apply([x, y, z])], 0.5)[0];
+        assert_eq!(seen(0.0, 0.0, 1.5), 0.5);
+        assert_eq!(seen(0.0, -1.0, 2.0), 1.0);
+        assert_eq!(seen(-1.0, 0.0, 2.0), 2.0);
+        // rows 0 and 1 are the image's
+        assert!(seen(0.0, 1.0, 2.0).is_nan() && seen(-2.0, 0.0, 2.0).is_nan());
+        assert!(seen(0.0, 0.0, 0.5).is_nan() && seen(0.0, 0.0, -1.0).is_nan());
+        assert_eq!(seen(1.0, -1.0, 2.0), f64::INFINITY);
+        assert_eq!(seen(1.0, 0.0, 2.0), f64::INFINITY);
+        assert!(seen_behind(&[], 0, camera, &pose, &[[6.0, 0.0, 0.0]], 0.5)[0].is_nan());
     }
 }

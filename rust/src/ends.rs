@@ -19,17 +19,19 @@ const MOST_RADII: f64 = 1e6;
 /// Fewer points support no curve.
 const FEWEST: usize = 8;
 
-/// A surface point that a curve explains.
+/// Surface points, and what curves explain them, in arrays of one length.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct OnTube {
+pub(crate) struct OnTubes<'a> {
+    /// Whether each counts.
+    pub inlier: &'a [bool],
     /// Number of the curve.
-    pub curve: usize,
+    pub curve: &'a [i64],
     /// Parameter of its foot point there.
-    pub parameter: f64,
+    pub parameter: &'a [f64],
     /// Where it is, metres.
-    pub position: Point,
+    pub position: &'a [Point],
     /// Unit vector to the camera that saw it.
-    pub to_camera: Point,
+    pub to_camera: &'a [Point],
 }
 
 /// Cuts fitted curves to the stretch that points support: the parameters from which to which each is rope, if it is.
@@ -46,7 +48,7 @@ pub(crate) struct OnTube {
 pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],
-    points: &[OnTube],
+    points: &OnTubes,
     surface_tolerance: Option<&[f64]>,
 ) -> Result<Vec<Option<[f64; 2]>>> {
     for &radius in radii {
@@ -69,16 +71,20 @@ pub(crate) fn rope_extents(
     let strands = surface_tolerance.map(|tolerance| (Strands::new(&curves, tubes, radii), tolerance));
     let mut places: Vec<Vec<f64>> = vec![Vec::new(); tubes.len()];
     let mut near_ends: Vec<[Vec<(f64, usize)>; 2]> = vec![Default::default(); tubes.len()];
-    for (i, point) in points.iter().enumerate() {
-        let curve = &curves[point.curve];
-        let s = curve.arc_length(point.parameter);
-        let near = NEAR_END * radii[tubes[point.curve].radius_class];
+    for (i, (&number, &parameter)) in points.curve.iter().zip(points.parameter).enumerate() {
+        if !points.inlier[i] {
+            continue;
+        }
+        let number = number as usize;
+        let curve = &curves[number];
+        let s = curve.arc_length(parameter);
+        let near = NEAR_END * radii[tubes[number].radius_class];
         if strands.is_some() && s < near {
-            near_ends[point.curve][0].push((s, i));
+            near_ends[number][0].push((s, i));
         } else if strands.is_some() && s > curve.length() - near {
-            near_ends[point.curve][1].push((s, i));
+            near_ends[number][1].push((s, i));
         } else {
-            places[point.curve].push(s);
+            places[number].push(s);
         }
     }
     if let Some((strands, tolerance)) = &strands {
@@ -183,15 +189,15 @@ impl Strands {
     }
 
     /// Places along a curve of those of its points near one end that lie on no other strand's surface.
-    fn alone(&self, curve: usize, tolerance: f64, at_end: &[(f64, usize)], points: &[OnTube]) -> Vec<f64> {
+    fn alone(&self, curve: usize, tolerance: f64, at_end: &[(f64, usize)], points: &OnTubes) -> Vec<f64> {
         let r = self.radii[curve];
         let reach = 1.3 * self.widest + tolerance;
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
         for &(_, i) in at_end {
             for k in 0..3 {
-                low[k] = low[k].min(points[i].position[k] - reach);
-                high[k] = high[k].max(points[i].position[k] + reach);
+                low[k] = low[k].min(points.position[i][k] - reach);
+                high[k] = high[k].max(points.position[i][k] + reach);
             }
         }
         let near: Vec<&Node> = (self.nodes.iter())
@@ -202,7 +208,7 @@ impl Strands {
                 if node.curve == curve && (node.s - here).abs() <= 5.0 * r {
                     return false;
                 }
-                let offset = sub(points[i].position, node.position);
+                let offset = sub(points.position[i], node.position);
                 let lengthwise = dot(offset, node.tangent);
                 if lengthwise.abs() >= 0.3 * r {
                     return false;
@@ -210,7 +216,7 @@ impl Strands {
                 let across = advance(offset, -lengthwise, node.tangent);
                 let distance = dot(across, across).sqrt();
                 (distance - node.radius).abs() < tolerance
-                    && dot(across, points[i].to_camera) > -0.1 * distance
+                    && dot(across, points.to_camera[i]) > -0.1 * distance
             })
         };
         at_end.iter().filter(|point| !shared(point)).map(|&(s, _)| s).collect()
@@ -229,31 +235,43 @@ mod tests {
     }
 
     /// Points on top of a straight tube of radius 1 along x, from 3 to 37.
-    fn on_top(tube: &Tube) -> Vec<OnTube> {
+    fn on_top(tube: &Tube) -> (Vec<f64>, Vec<Point>) {
         let whole = ByLength::new(&tube.curve, 0.0, tube.curve.end());
-        (0..340)
-            .map(|i| 3.05 + 0.1 * f64::from(i))
-            .map(|x| OnTube {
-                curve: 0,
-                parameter: whole.parameter(x),
-                position: [x, 0.0, 1.0],
-                to_camera: [0.0, 0.0, 1.0],
-            })
-            .collect()
+        let x: Vec<f64> = (0..340).map(|i| 3.05 + 0.1 * f64::from(i)).collect();
+        (x.iter().map(|&x| whole.parameter(x)).collect(), x.iter().map(|&x| [x, 0.0, 1.0]).collect())
+    }
+
+    /// The extents of tubes of radius 1 where the first one's points for which `inlier` holds are as `on_top` says.
+    fn extents(
+        tubes: &[Tube],
+        radius: f64,
+        inlier: impl Fn(usize, Point) -> bool,
+        surface_tolerance: Option<&[f64]>,
+    ) -> Result<Vec<Option<[f64; 2]>>> {
+        let (parameter, position) = on_top(&tubes[0]);
+        let inlier: Vec<bool> = position.iter().enumerate().map(|(i, &p)| inlier(i, p)).collect();
+        let (curve, to_camera) = (vec![0; inlier.len()], vec![[0.0, 0.0, 1.0]; inlier.len()]);
+        let points = OnTubes {
+            inlier: &inlier,
+            curve: &curve,
+            parameter: &parameter,
+            position: &position,
+            to_camera: &to_camera,
+        };
+        rope_extents(tubes, &[radius], &points, surface_tolerance)
     }
 
     #[test]
     fn a_rope_is_as_long_as_its_points_are() {
         let tubes = [Tube { curve: straight(40.0, 16), radius_class: 0 }];
-        let points = on_top(&tubes[0]);
         for tolerance in [None, Some(&[0.15][..])] {
-            let parts = rope_extents(&tubes, &[1.0], &points, tolerance).unwrap();
+            let parts = extents(&tubes, 1.0, |_, _| true, tolerance).unwrap();
             let [start, stop] = parts[0].unwrap().map(|u| u * 2.5);
             assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
         }
-        assert_eq!(rope_extents(&tubes, &[1.0], &points[..7], None).unwrap(), [None]);
+        assert_eq!(extents(&tubes, 1.0, |i, _| i < 7, None).unwrap(), [None]);
         // bins of a rope as thin as this would fill the memory
-        assert!(rope_extents(&tubes, &[1e-9], &points, None).is_err());
+        assert!(extents(&tubes, 1e-9, |_, _| true, None).is_err());
     }
 
     #[test]
@@ -261,9 +279,8 @@ mod tests {
         let across = Spline { control: (0..9).map(|i| [36.5, 2.5 * f64::from(i - 4), 0.0]).collect() };
         let tubes =
             [Tube { curve: straight(40.0, 16), radius_class: 0 }, Tube { curve: across, radius_class: 0 }];
-        let mut points = on_top(&tubes[0]);
-        points.retain(|point| point.position[0] < 34.0 || point.position[0] > 36.2);
-        let stop = |tolerance| rope_extents(&tubes, &[1.0], &points, tolerance).unwrap()[0].unwrap()[1] * 2.5;
+        let seen = |_, [x, _, _]: Point| !(34.0..=36.2).contains(&x);
+        let stop = |tolerance| extents(&tubes, 1.0, seen, tolerance).unwrap()[0].unwrap()[1] * 2.5;
         assert!(stop(None) > 34.5);
         assert!(stop(Some(&[0.15, 0.15])) < 34.3);
     }

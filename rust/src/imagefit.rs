@@ -96,8 +96,7 @@ impl RopeView<'_> {
     /// Where the image shows a point of the camera frame.
     #[inline]
     fn projected(&self, y: Point) -> Place2 {
-        let Pinhole { focal, center } = self.pinhole;
-        [focal[0] * y[0] / y[2] + center[0], focal[1] * y[1] / y[2] + center[1]]
+        self.pinhole.pixel(y)
     }
 }
 

@@ -86,12 +86,15 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<images::RopeImages>()?;
     module.add_class::<visibility::Visibility>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
+    module.add_function(wrap_pyfunction!(views::constant_copy, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_points, module)?)?;
     module.add_function(wrap_pyfunction!(views::crop_images, module)?)?;
     module.add_function(wrap_pyfunction!(density::typical_neighbors, module)?)?;
     module.add_function(wrap_pyfunction!(density::occupied_voxels, module)?)?;
     module.add_function(wrap_pyfunction!(density::squared_distances, module)?)?;
+    module.add_function(wrap_pyfunction!(density::variances_around, module)?)?;
+    module.add_function(wrap_pyfunction!(views::seen_behind, module)?)?;
     module.add_function(wrap_pyfunction!(visibility::occludes, module)?)?;
     module.add_function(wrap_pyfunction!(filter::radius_outlier_mask, module)?)?;
     module.add_function(wrap_pyfunction!(filter::count_neighbors, module)?)?;

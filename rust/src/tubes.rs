@@ -3,9 +3,8 @@
 //! Where strands touch, an average over a neighbourhood mixes them. A tube with nothing inside it, fitted to the points
 //! that face their cameras, does not: of two strands in contact each lies outside the other.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::Result;
@@ -109,13 +108,13 @@ struct Tracer {
 /// Nodes by cubes of space.
 struct Nodes {
     side: f64,
-    cubes: HashMap<[i64; 3], Vec<Point>>,
+    cubes: FxHashMap<[i64; 3], Vec<Point>>,
 }
 
 impl Nodes {
     /// None yet.
     fn new(side: f64) -> Self {
-        Self { side, cubes: HashMap::new() }
+        Self { side, cubes: FxHashMap::default() }
     }
 
     fn extend(&mut self, nodes: &[Point]) {

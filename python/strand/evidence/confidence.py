@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.chain import Chain
-from strand.checks import Array
+from strand.checks import Array, to_millimetres
 from strand.evidence.prior import Prior, contradiction
 from strand.model import Doubt
 
@@ -63,7 +63,7 @@ def contradictions(
         contradicts("count", amount, f"found fewer ropes, {len(chains)}, than ropes = {prior.ropes}")
     all_lengths = sum(chain.length for chain in [*chains, *left_out])
     for chain in left_out:
-        where = np.round(chain.points[0], 3).tolist()
+        where = to_millimetres(chain.points[0])
         reason = (
             f"left out a chain {chain.length * 1e3:.0f} mm long at {where}, more than ropes = {prior.ropes}"
         )

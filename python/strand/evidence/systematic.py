@@ -12,11 +12,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+import strand._core as _core
 from strand.chain import Chain
 from strand.checks import Array, Bounds
 from strand.config import Config, Poses
 from strand.model import Doubt
-from strand.pose import moved, rotation_vector
+from strand.pose import rotation_vector
 from strand.stages import Found, Observed
 from strand.view import View
 
@@ -72,20 +73,22 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
         return
     nodes = np.concatenate([chain.points for chain in found.chains])
     middle, radius = nodes.mean(axis=0), min(chain.radius for chain in found.chains)
-    squares, far = [], 0.0
-    for number in others:
-        motion = found.poses[number] @ np.linalg.inv(views[number].pose)
-        shift = moved(middle, motion) - middle
-        far = max(far, float(np.linalg.norm(moved(nodes, motion) - nodes, axis=1).max()))
-        turn = rotation_vector(motion[:3, :3])
-        squares.append(
-            float(turn @ turn) / prior.rotation_sd**2 + float(shift @ shift) / prior.translation_sd**2
-        )
+    reported = np.array([views[number].pose for number in others])
+    motions = np.array([found.poses[number] for number in others]) @ np.linalg.inv(reported)
+    shifts = motions[:, :3, :3] @ middle + motions[:, :3, 3] - middle
+    turns = np.array([rotation_vector(motion[:3, :3]) for motion in motions])
+    rotated, shifted = ((of**2).sum(axis=1) for of in (turns, shifts))
+    squares = rotated / prior.rotation_sd**2 + shifted / prior.translation_sd**2
     rare = max(
-        deviate(sum(squares), _POSE * len(others)),
+        deviate(float(squares.sum()), _POSE * len(others)),
         # the greatest of several
-        deviate(max(squares), _POSE) - 0.5 * math.log(len(others)),
+        deviate(float(squares.max()), _POSE) - 0.5 * math.log(len(others)),
     )
+    if rare <= _CHANCE:
+        return
+    # |(R - 1) x + t|
+    away = nodes @ (motions[:, :3, :3] - np.eye(3)).transpose(0, 2, 1) + motions[:, None, :3, 3]
+    far = math.sqrt(float((away**2).sum(axis=2).max()))
     # an error that is small against the ropes leaves the answer right
     share = min(max((far / radius - _SMALL[0]) / (_SMALL[1] - _SMALL[0]), 0.0), 1.0)
     reason = (
@@ -93,7 +96,7 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
         f"{prior.translation_sd * 1e3:.1f} mm and {math.degrees(prior.rotation_sd):.1f} degrees; poses, "
         "intrinsics or depths may be wrong"
     )
-    yield Doubt("pose", _CORRECTED * share * max(rare - _CHANCE, 0.0), "where the ropes are", reason)
+    yield Doubt("pose", _CORRECTED * share * (rare - _CHANCE), "where the ropes are", reason)
 
 
 def _of_range(chains: Sequence[Chain], bounds: Bounds) -> Iterator[Doubt]:
@@ -151,17 +154,8 @@ def depth_behind(view: View, pose: Array, chain: Chain) -> Array:
         has no return, NaN where it is in no image.
     """
     image = view.image
-    behind = np.full(len(chain.points), np.nan)
     if image is None:
-        return behind
-    nodes = (chain.points - pose[:3, 3]) @ pose[:3, :3]
-    height, width = image.depth.shape
-    ahead = np.flatnonzero(nodes[:, 2] > chain.radius)
-    x, y, z = nodes[ahead].T
-    column = np.rint(x / z * image.focal[0] + image.centre[0])
-    row = np.rint(y / z * image.focal[1] + image.centre[1])
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    ahead, z = ahead[inside], z[inside]
-    depth = image.depth[row[inside].astype(np.int64), column[inside].astype(np.int64)]
-    behind[ahead] = np.where(depth > 0, (depth - z) / chain.radius + 1.0, np.inf)
-    return behind
+        return np.full(len(chain.points), np.nan)
+    camera = (image.focal, image.centre)
+    behind = _core.seen_behind(image.depth, camera, pose, chain.points, chain.radius)
+    return np.asarray(behind / chain.radius + 1.0)

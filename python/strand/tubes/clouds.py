@@ -47,11 +47,14 @@ class Clouds:
     def of(cls, views: Sequence[View], bounds: Bounds | None) -> Clouds:
         """Return the views' points; the middle view is the reference."""
         viewpoints = np.array([view.viewpoint for view in views])
-        return cls([view.world_points for view in views], viewpoints, len(views) // 2, bounds)
+        points = [_core.constant_copy(view.world_points) for view in views]
+        return cls(points, viewpoints, len(views) // 2, bounds)
 
     def every(self, step: int) -> Clouds:
         """Return every n-th point of each view."""
-        return replace(self, points=[cloud[::step] for cloud in self.points])
+        if step == 1:
+            return self
+        return replace(self, points=[_core.constant_copy(cloud[::step]) for cloud in self.points])
 
     def step(self, radius: float) -> int:
         """Return the n of which every n-th point of each view is enough to trace arcs."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import TubeFit
-from strand.checks import Array
+from strand.checks import Array, to_millimetres
 from strand.curve import Curve
 from strand.evidence.confidence import SCALE, doubt_of_margin
 from strand.evidence.visibility import Visibility
@@ -81,7 +81,7 @@ def _of_join(join: Join) -> Doubt:
     other = (
         "it may end there"
         if join.alternative is None
-        else f"it may go on at {np.round(join.alternative, 3).tolist()}"
+        else f"it may go on at {to_millimetres(join.alternative)}"
     )
     reason = f"{other} (margin {join.margin:.1f})"
     return Doubt("join", doubt_of_margin(join.margin), "how the rope runs", reason, join.place)

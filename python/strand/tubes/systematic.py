@@ -76,15 +76,13 @@ def _of_residuals(fit: TubeFit) -> Iterator[Doubt]:
     """Doubt fits whose residuals are alike along stretches of rope: views disagree there."""
     number = np.flatnonzero(fit.inlier)
     stretch = np.floor(fit.parameter[number] / _STRETCH).astype(np.int64)
-    each = (fit.view[number] * len(fit.curves) + fit.curve[number]) * (
-        int(stretch.max(initial=0)) + 1
-    ) + stretch
-    _, each = np.unique(each, return_inverse=True)
-    count = np.bincount(each)
+    curves = fit.view[number] * len(fit.curves) + fit.curve[number]
+    each = curves * (int(stretch.max(initial=0)) + 1) + stretch
     residual = fit.residual[number]
-    mean = np.bincount(each, residual) / count
+    count = np.bincount(each)
+    mean, square = (np.bincount(each, of) / np.maximum(count, 1) for of in (residual, residual**2))
     # what is left of the points' own scatter
-    chance = np.maximum(np.bincount(each, residual**2) / count - mean**2, 0.0) / count
+    chance = np.maximum(square - mean**2, 0.0) / np.maximum(count, 1)
     some = count >= _POINTS
     if not some.any():
         return
@@ -102,7 +100,7 @@ def _of_ends(fit: TubeFit, ends: Sequence[EndObservation]) -> Iterator[Doubt]:
         places = np.array([moved(one.place, fit.motions[one.view]) for one in own])
         common = _END_SD**2 + (_END_NOISE * fit.sigma / radius) ** 2
         precision = np.array([1.0 / ((one.sd / radius) ** 2 + common) for one in own])
-        middle = np.average(places, axis=0, weights=precision)
+        middle = precision @ places / precision.sum()
         apart = (places - middle) @ own[0].outward / radius
         rare = deviate(float(precision @ apart**2), len(own) - 1)
         reason = f"views see it up to {np.ptp(apart):.1f} radii apart; depth around it may not be the rope's"

@@ -8,7 +8,7 @@ import numpy as np
 
 from strand._core import TubeFit
 from strand.chain import Chain
-from strand.checks import Bounds
+from strand.checks import Bounds, to_millimetres
 from strand.config import Config, Linking, Poses
 from strand.evidence.branches import branches
 from strand.evidence.confidence import doubt_of_margin
@@ -56,9 +56,7 @@ def about_answer(
         if doubt.amount > least:
             yield ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
     for number, trunk, place in branches(chains, visibility):
-        message = (
-            f"chain {number} ends on the side of chain {trunk} at {np.round(place, 3).tolist()}: a branch?"
-        )
+        message = f"chain {number} ends on the side of chain {trunk} at {to_millimetres(place)}: a branch?"
         reach = float(np.linalg.norm(chains[number].points[[0, -1]] - place, axis=1).min())
         yield ModelWarning("branch", message, place, reach, (number, trunk))
     if bounds is not None:
@@ -86,7 +84,7 @@ def _cut_ends(chains: Sequence[Chain], bounds: Bounds) -> Iterator[ModelWarning]
             # a rope that lies along a face, such as near the table, does not run out there
             out = ((ahead < bounds[0]) & (outward < -0.5)) | ((ahead > bounds[1]) & (outward > 0.5))
             if not chain.closed and out.any():
-                where = np.round(node, 3).tolist()
+                where = to_millimetres(node)
                 message = f"chain {number} runs out of the extraction range at {where}: it may go on"
                 yield ModelWarning("cut end", message, node, chains=(number,))
 

@@ -171,7 +171,7 @@ impl Grid {
     /// order.
     pub fn sample(&self, size: f64, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
         let voxel = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
-        let mut seen = std::collections::HashSet::new();
+        let mut seen = rustc_hash::FxHashSet::default();
         let mut last = None;
         let mut is_new = |p: Point| {
             let found = voxel(p);

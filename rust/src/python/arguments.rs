@@ -10,19 +10,38 @@ use pyo3::Borrowed;
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
+use super::arrays::Constant;
 use crate::{Point, RigidMotion, Viewpoints};
 
-/// A C-ordered array made of an argument: a copy, because other threads may write to the caller's memory while kernels run.
+/// A C-ordered array made of an argument.
 #[derive(Clone)]
 pub(super) struct Array<T> {
-    values: Vec<T>,
+    values: Values<T>,
     shape: Vec<usize>,
+}
+
+/// The numbers of an argument: a copy where other threads may write to the caller's memory while kernels run.
+#[derive(Clone)]
+enum Values<T> {
+    Copy(Vec<T>),
+    Constant(Constant<T>),
+}
+
+impl<T: Element + Copy + 'static> Deref for Values<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match self {
+            Self::Copy(values) => values,
+            Self::Constant(values) => values.slice(),
+        }
+    }
 }
 
 /// An array of numbers in double precision, made of any kind of them.
 pub(super) type FloatArray = Array<f64>;
 
-impl<T> Array<T> {
+impl<T: Element + Copy + 'static> Array<T> {
     pub(super) fn slice(&self) -> &[T] {
         &self.values
     }
@@ -32,7 +51,10 @@ impl<T> Array<T> {
     }
 
     pub(super) fn into_values(self) -> Vec<T> {
-        self.values
+        match self.values {
+            Values::Copy(values) => values,
+            Values::Constant(values) => values.slice().to_vec(),
+        }
     }
 
     /// Height and width of an image.
@@ -41,8 +63,8 @@ impl<T> Array<T> {
     }
 }
 
-impl<T: Element + Copy> Array<T> {
-    /// A copy of an array that has this type already, of so many dimensions.
+impl<T: Element + Copy + 'static> Array<T> {
+    /// An array that has this type already, of so many dimensions.
     pub(super) fn exactly(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
         let refuse = || {
             let (wanted, got) = (T::get_dtype(value.py()), value.get_type());
@@ -54,25 +76,32 @@ impl<T: Element + Copy> Array<T> {
             let axes = ["()", "(N,)", "(H, W)"].get(dimensions).copied().unwrap_or("another");
             return Err(wrong_shape(name, axes, array.shape()));
         }
-        let values = copied(name, array)?;
+        let values = taken(name, array)?;
         let values = values.ok_or_else(|| PyValueError::new_err(format!("{name}: expected C order")))?;
         Ok(Self { values, shape: array.shape().to_vec() })
     }
 }
 
 impl Array<bool> {
-    /// A copy of a mask (H, W).
+    /// A mask (H, W).
     pub(super) fn mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::flags(name, value, 2)
     }
 
-    /// A copy of an array of so many dimensions.
+    /// An array of so many dimensions.
     pub(super) fn flags(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
+        if let Ok(array) = value.cast::<PyArrayDyn<bool>>()
+            && array.ndim() == dimensions
+            && let Some(flags) = Constant::of(array)
+        {
+            return Ok(Self { values: Values::Constant(flags), shape: array.shape().to_vec() });
+        }
         if value.getattr("dtype").is_ok_and(|dtype| dtype.eq("bool").unwrap_or(false)) {
             // a byte that another thread writes need not be 0 or 1
             let bytes = value.call_method1("view", ("uint8",))?;
             let Array { values, shape } = Array::<u8>::exactly(name, &bytes, dimensions)?;
-            return Ok(Self { values: values.into_iter().map(|byte| byte != 0).collect(), shape });
+            let flags = values.iter().map(|&byte| byte != 0).collect();
+            return Ok(Self { values: Values::Copy(flags), shape });
         }
         Self::exactly(name, value, dimensions)
     }
@@ -83,26 +112,29 @@ impl Array<bool> {
 const WORK: usize = 8;
 const LARGE: usize = 1 << 20;
 
-/// A copy of an array's numbers, if they lie in C order.
-fn copied<T: Element + Copy, D: Dimension>(
+/// An array's numbers, if they lie in C order.
+fn taken<T: Element + Copy + 'static, D: Dimension>(
     name: &str,
     array: &Bound<'_, PyArray<T, D>>,
-) -> PyResult<Option<Vec<T>>> {
+) -> PyResult<Option<Values<T>>> {
     if !array.is_c_contiguous() || !array.data().is_aligned() {
         return Ok(None);
     }
     let count = array.len();
-    let mut values = reserved(name, count)?;
     if size_of::<T>() * count > LARGE {
         drop(reserved::<T>(name, WORK * count)?);
     }
+    if let Some(values) = Constant::of(array) {
+        return Ok(Some(Values::Constant(values)));
+    }
+    let mut values = reserved(name, count)?;
     // SAFETY: the array holds as many numbers from there on, and this holds the GIL, without which it is not freed; no
     // reference is made to what other threads may write. Every pattern of bits is a number of these types
     unsafe {
         std::ptr::copy_nonoverlapping(array.data().cast_const(), values.as_mut_ptr(), count);
         values.set_len(count);
     }
-    Ok(Some(values))
+    Ok(Some(Values::Copy(values)))
 }
 
 /// Room for so many values of an argument.
@@ -127,7 +159,7 @@ impl FloatArray {
     fn of_kind(name: &str, value: &Bound<'_, PyAny>, kinds: &str) -> PyResult<Self> {
         let py = value.py();
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
-            && let Some(values) = copied(name, array)?
+            && let Some(values) = taken(name, array)?
         {
             return Ok(Self { values, shape: array.shape().to_vec() });
         }
@@ -151,7 +183,7 @@ impl FloatArray {
         let array = array.cast_into::<PyArrayDyn<f64>>()?;
         let shape = array.shape().to_vec();
         let values =
-            copied(name, &array)?.ok_or_else(|| PyValueError::new_err(format!("{name}: no order")))?;
+            taken(name, &array)?.ok_or_else(|| PyValueError::new_err(format!("{name}: no order")))?;
         Ok(Self { values, shape })
     }
 
@@ -171,7 +203,7 @@ impl FloatArray {
 
 /// An (N, 3) array made of an argument.
 #[derive(Clone)]
-pub(super) struct Points(Vec<f64>);
+pub(super) struct Points(Values<f64>);
 
 impl Points {
     /// `shape` is what the error message asks for.

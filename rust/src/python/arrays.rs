@@ -2,12 +2,18 @@
 
 use std::any::Any;
 use std::ffi::c_void;
+use std::ops::Range;
 use std::ptr::null_mut;
+use std::sync::Arc;
 
 use numpy::ndarray::{Dimension, IntoDimension};
 use numpy::npyffi::{NPY_ARRAY_WRITEABLE, NpyTypes, PyArrayObject, get_type_object, npy_intp};
-use numpy::{Element, PY_ARRAY_API, PyArray, PyArray1, PyArray2, PyArrayDescrMethods};
+use numpy::{
+    Element, PY_ARRAY_API, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
+use pyo3::intern;
 use pyo3::prelude::*;
 
 use crate::Point;
@@ -18,10 +24,44 @@ pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
 /// Fewer bytes than this are copied into NumPy's memory, which costs less than to keep Rust's.
 const COPIED: usize = 1 << 12;
 
-/// Keeps the memory of an array.
+/// Keeps the memory of an array: a vector.
 #[pyclass(frozen, module = "strand._core")]
 struct Memory {
-    _values: Box<dyn Any + Send + Sync>,
+    values: Arc<dyn Any + Send + Sync>,
+    /// Whether nobody can write to it. NumPy makes no array of it writeable again, as this class does not lend it.
+    constant: bool,
+}
+
+/// Numbers of an array in C order to which nobody can write, shared with the array.
+#[derive(Clone)]
+pub(super) struct Constant<T> {
+    memory: Arc<Vec<T>>,
+    range: Range<usize>,
+}
+
+impl<T: Element + Copy + 'static> Constant<T> {
+    /// Those of an array that `constant` made, or of a part of one.
+    pub(super) fn of<D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> Option<Self> {
+        if !array.is_c_contiguous() {
+            return None;
+        }
+        // wherever it is found, memory that holds the numbers and that nobody can write to is what is sought
+        let base = intern!(array.py(), "base");
+        let mut owner = array.getattr(base).ok()?;
+        while owner.is_instance_of::<PyUntypedArray>() {
+            owner = owner.getattr(base).ok()?;
+        }
+        let memory = owner.cast::<Memory>().ok()?.get();
+        let values = memory.constant.then(|| memory.values.clone().downcast::<Vec<T>>().ok())??;
+        let away = array.data().addr().checked_sub(values.as_ptr().addr())?;
+        let start = away / size_of::<T>();
+        let range = start..start.checked_add(array.len())?;
+        (away % size_of::<T>() == 0 && range.end <= values.len()).then_some(Self { memory: values, range })
+    }
+
+    pub(super) fn slice(&self) -> &[T] {
+        &self.memory[self.range.clone()]
+    }
 }
 
 /// An array of a shape, row by row; the memory is the vector's.
@@ -30,15 +70,34 @@ pub(super) fn array<T: Element + Copy + 'static, I: IntoDimension>(
     values: Vec<T>,
     shape: I,
 ) -> PyResult<Bound<'_, PyArray<T, I::Dim>>> {
+    made(py, values, shape, false)
+}
+
+/// The same, to which nobody can write: kernels need no copy of it.
+pub(super) fn constant<T: Element + Copy + 'static, I: IntoDimension>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: I,
+) -> PyResult<Bound<'_, PyArray<T, I::Dim>>> {
+    made(py, values, shape, true)
+}
+
+fn made<T: Element + Copy + 'static, I: IntoDimension>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: I,
+    constant: bool,
+) -> PyResult<Bound<'_, PyArray<T, I::Dim>>> {
     let dimension = shape.into_dimension();
     let mut shape: Vec<npy_intp> = dimension.slice().iter().map(|&size| size as npy_intp).collect();
     if dimension.size_checked() != Some(values.len()) {
         return Err(PyValueError::new_err("an answer does not have the shape that it should"));
     }
-    let copied = size_of_val(&values[..]) < COPIED;
+    // memory of NumPy's own can be made writeable again
+    let copied = !constant && size_of_val(&values[..]) < COPIED;
     let data = if copied { null_mut() } else { values.as_ptr().cast_mut().cast::<c_void>() };
     // any flag would order memory of NumPy's own by columns
-    let flags = if copied { 0 } else { NPY_ARRAY_WRITEABLE };
+    let flags = if copied || constant { 0 } else { NPY_ARRAY_WRITEABLE };
     // SAFETY: the shape has as many numbers as said; without data NumPy allocates its own, else the vector has as many values
     // as the shape says, and what owns it becomes the array's base below, before anyone else has the array
     let array = unsafe {
@@ -61,7 +120,7 @@ pub(super) fn array<T: Element + Copy + 'static, I: IntoDimension>(
         // SAFETY: the array is new, of this type and as long as the vector
         unsafe { std::ptr::copy_nonoverlapping(values.as_ptr(), (*object).data.cast(), values.len()) };
     } else {
-        let memory = Bound::new(py, Memory { _values: Box::new(values) })?;
+        let memory = Bound::new(py, Memory { values: Arc::new(values), constant })?;
         // SAFETY: both are objects that live; the reference is NumPy's from here on, even where it fails
         let code = unsafe { PY_ARRAY_API.PyArray_SetBaseObject(py, object, memory.into_ptr()) };
         if code != 0 {
@@ -85,6 +144,21 @@ pub(super) fn list<T: Element + Copy + 'static>(
 ) -> PyResult<Bound<'_, PyArray1<T>>> {
     let count = values.len();
     array(py, values, [count])
+}
+
+/// An array of one dimension to which nobody can write.
+pub(super) fn constant_list<T: Element + Copy + 'static>(
+    py: Python<'_>,
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray1<T>>> {
+    let count = values.len();
+    constant(py, values, [count])
+}
+
+/// An (N, 3) array to which nobody can write.
+pub(super) fn constant_points(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
+    let rows = points.len();
+    constant(py, points.into_flattened(), [rows, 3])
 }
 
 /// An (N, 3) array.

@@ -4,7 +4,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 
 use super::arguments::{Points, slices};
-use super::arrays::list;
+use super::arrays::{PointsArray, list, points_array};
 use super::released::released;
 use crate::{density, proximity};
 
@@ -32,4 +32,19 @@ pub(super) fn squared_distances<'py>(
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
     list(py, released(py, move || proximity::squared_distances(&points, &others))??)
+}
+
+/// (M, 3) Variances of the points within `reach` of each of some places along their principal axes, the least first, m^2; NaN
+/// where there are fewer than `fewest`.
+#[pyfunction]
+pub(super) fn variances_around<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    places: &Bound<'py, PyAny>,
+    reach: f64,
+    fewest: usize,
+) -> PyResult<PointsArray<'py>> {
+    let points = Points::new("points", points, "(N, 3)")?;
+    let places = Points::new("places", places, "(M, 3)")?;
+    points_array(py, released(py, move || density::variances_around(&points, &places, reach, fewest))??)
 }

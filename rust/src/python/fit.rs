@@ -9,15 +9,14 @@ use pyo3::prelude::*;
 
 pub(super) use end_observation::EndObservation;
 pub(super) use outcome::TubeFit;
-use outcome::in_range;
 
 use super::arguments::{
     Array, FloatArray, Given, Points, count, motions, number, numbers, slices, wrong_shape,
 };
-use super::arrays::{array, list, points_array};
+use super::arrays::{constant, constant_list, constant_points};
 use super::curves::checked_spline;
 use super::released::released;
-use crate::ends::{self, OnTube};
+use crate::ends::{self, OnTubes};
 use crate::tubefit::placed;
 use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView};
 
@@ -189,37 +188,37 @@ pub(super) fn fit_tubes<'py>(
     let poses = uncertainty.poses.as_flattened().as_flattened().to_vec();
     let covariances = uncertainty.curves.iter().map(|curve| {
         let flat = curve.as_flattened().as_flattened().as_flattened().to_vec();
-        Ok(array(py, flat, [curve.len(), 4, 3, 3])?.unbind())
+        Ok(constant(py, flat, [curve.len(), 4, 3, 3])?.unbind())
     });
     let of_each = |value: fn(&crate::FootPoint) -> f64| {
-        Ok::<_, PyErr>(list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
+        Ok::<_, PyErr>(constant_list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
     };
     let whether = |value: fn(&crate::FootPoint) -> bool| {
-        Ok::<_, PyErr>(list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
+        Ok::<_, PyErr>(constant_list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
     };
     Ok(TubeFit {
         curves: fit
             .curves
             .into_iter()
-            .map(|curve| points_array(py, curve.control).map(Bound::unbind))
+            .map(|curve| constant_points(py, curve.control).map(Bound::unbind))
             .collect::<PyResult<_>>()?,
-        motions: array(py, motions.into_flattened().into_flattened(), [fit.motions.len(), 4, 4])?.unbind(),
-        radius_classes: list(py, classes)?.unbind(),
-        radii: list(py, fit.radii)?.unbind(),
-        radii_sd: list(py, uncertainty.radii)?.unbind(),
+        motions: constant(py, motions.into_flattened().into_flattened(), [fit.motions.len(), 4, 4])?.unbind(),
+        radius_classes: constant_list(py, classes)?.unbind(),
+        radii: constant_list(py, fit.radii)?.unbind(),
+        radii_sd: constant_list(py, uncertainty.radii)?.unbind(),
         sigma: fit.sigma,
-        bands: list(py, fit.bands)?.unbind(),
-        points: points_array(py, placed)?.unbind(),
-        to_camera: points_array(py, to_camera)?.unbind(),
-        view: list(py, view.collect())?.unbind(),
-        curve: list(py, foot_points.iter().map(|foot| foot.curve as i64).collect())?.unbind(),
+        bands: constant_list(py, fit.bands)?.unbind(),
+        points: constant_points(py, placed)?.unbind(),
+        to_camera: constant_points(py, to_camera)?.unbind(),
+        view: constant_list(py, view.collect())?.unbind(),
+        curve: constant_list(py, foot_points.iter().map(|foot| foot.curve as i64).collect())?.unbind(),
         parameter: of_each(|foot| foot.parameter)?,
         residual: of_each(|foot| foot.residual)?,
         facing: of_each(|foot| foot.facing)?,
         weight: of_each(|foot| foot.weight)?,
         explained: whether(|foot| foot.explained)?,
         inlier: whether(|foot| foot.inlier)?,
-        pose_covariance: array(py, poses, [uncertainty.poses.len(), 6, 6])?.unbind(),
+        pose_covariance: constant(py, poses, [uncertainty.poses.len(), 6, 6])?.unbind(),
         covariances: covariances.collect::<PyResult<_>>()?,
     })
 }
@@ -340,21 +339,14 @@ pub(super) fn rope_extents(
     let curve = Array::<i64>::exactly("curve", fit.curve.bind(py), 1)?;
     let parameter = FloatArray::new("parameter", fit.parameter.bind(py))?;
     let inlier = Array::flags("inlier", fit.inlier.bind(py), 1)?;
-    // the fit's arrays may have been written to since they were checked
-    in_range("curve", curve.slice(), tubes.len(), "curves for each point")?;
-    in_range("radius_classes", classes.slice(), radii.slice().len(), "radii for each curve")?;
     Ok(released(py, move || {
-        let rows = points.iter().zip(&*to_camera).zip(curve.slice()).zip(parameter.slice());
-        let on_tubes: Vec<OnTube> = rows
-            .zip(inlier.slice())
-            .filter(|(_, inlier)| **inlier)
-            .map(|((((&position, &to_camera), &curve), &parameter), _)| OnTube {
-                curve: curve as usize,
-                parameter,
-                position,
-                to_camera,
-            })
-            .collect();
+        let on_tubes = OnTubes {
+            inlier: inlier.slice(),
+            curve: curve.slice(),
+            parameter: parameter.slice(),
+            position: &points,
+            to_camera: &to_camera,
+        };
         ends::rope_extents(&tubes, radii.slice(), &on_tubes, surface_tolerance.as_deref())
     })??)
 }

@@ -1,9 +1,10 @@
 //! Bindings of views: depth images and the extraction range.
 
+use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use super::arguments::{FloatArray, Points, motion, motions, require_same_length};
-use super::arrays::{PointsArray, array, points_array};
+use super::arguments::{FloatArray, Points, motion, motions, require_same_length, wrong_shape};
+use super::arrays::{PointsArray, constant, constant_points, list};
 use super::released::{released, released_if_many};
 use crate::{DepthView, Pinhole, Point, crop, depth};
 
@@ -17,7 +18,15 @@ pub(super) fn copy_depth<'py>(
     let image = FloatArray::new("depth", depth)?;
     let (shape, image) = (image.image_shape("depth")?, image.into_values());
     let (copy, dropped) = released_if_many(py, image.len(), move || depth::cleaned(image, farthest))??;
-    Ok((array(py, copy, shape)?, dropped))
+    Ok((constant(py, copy, shape)?, dropped))
+}
+
+/// A copy of some points, to which nobody can write: kernels that are given it need none of their own.
+#[pyfunction]
+pub(super) fn constant_copy<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<PointsArray<'py>> {
+    let points = FloatArray::new("points", points)?;
+    let &[rows, 3] = points.shape() else { return Err(wrong_shape("points", "(N, 3)", points.shape())) };
+    constant(py, points.into_values(), [rows, 3])
 }
 
 /// The points of a depth image; see `strand.View.from_depth`.
@@ -32,7 +41,7 @@ pub(super) fn unproject<'py>(
     let ([_, width], camera) = (image.image_shape("depth")?, Pinhole { focal, center });
     let pixels = image.slice().len();
     let points = released_if_many(py, pixels, move || depth::unproject(image.slice(), width, camera))?;
-    points_array(py, points)
+    constant_points(py, points)
 }
 
 /// The points of depth images in an extraction range; see `strand.view.cropped`.
@@ -62,7 +71,29 @@ pub(super) fn crop_images<'py>(
             .collect();
         crate::crop_images(&views, [low, high])
     })?;
-    found.into_iter().map(|points| points_array(py, points)).collect()
+    found.into_iter().map(|points| constant_points(py, points)).collect()
+}
+
+/// How much farther along the camera's axis an image saw something than each of some points, metres; see
+/// `strand.evidence.systematic.depth_behind`.
+#[pyfunction]
+pub(super) fn seen_behind<'py>(
+    py: Python<'py>,
+    depth: &Bound<'py, PyAny>,
+    camera: [[f64; 2]; 2],
+    pose: &Bound<'py, PyAny>,
+    points: &Bound<'py, PyAny>,
+    nearest: f64,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let image = FloatArray::new("depth", depth)?;
+    let ([_, width], [focal, center]) = (image.image_shape("depth")?, camera);
+    let (pose, points) = (motion("pose", pose)?, Points::new("points", points, "(N, 3)")?);
+    list(
+        py,
+        released_if_many(py, points.len(), move || {
+            depth::seen_behind(image.slice(), width, Pinhole { focal, center }, &pose, &points, nearest)
+        })?,
+    )
 }
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
@@ -86,5 +117,5 @@ pub(super) fn crop_points<'py>(
         let only = |rows: &[Point]| kept.iter().map(|&i| rows[i]).collect();
         (only(&points), colors.map(|colors| only(&colors)))
     })?;
-    Ok((points_array(py, points)?, colors.map(|colors| points_array(py, colors)).transpose()?))
+    Ok((constant_points(py, points)?, colors.map(|colors| constant_points(py, colors)).transpose()?))
 }

@@ -1,6 +1,6 @@
 //! Which place of which curve explains a point best, from nothing but the point.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::state::State;
 use super::{OnCurve, Residual};
@@ -17,7 +17,7 @@ const REACH: f64 = 2.0;
 pub(super) struct Search {
     cell: f64,
     /// Of the blocks of a cell.
-    cells: HashMap<[i64; 3], std::ops::Range<usize>>,
+    cells: FxHashMap<[i64; 3], std::ops::Range<usize>>,
     blocks: Vec<Block>,
     /// Square of the distance within which places count, m².
     reach: f32,
@@ -39,7 +39,7 @@ impl Search {
         let reach = REACH * state.radii.iter().copied().fold(0.0, f64::max);
         let cell = 2.0 * reach;
         let mut samples = Vec::new();
-        let mut numbers: HashMap<[i64; 3], usize> = HashMap::new();
+        let mut numbers: FxHashMap<[i64; 3], usize> = FxHashMap::default();
         let mut lists: Vec<([i64; 3], Vec<usize>)> = Vec::new();
         // neighbouring samples mostly reach into the same cells
         let (mut corners, mut reached) = ([[i64::MAX; 3]; 2], Vec::new());
@@ -69,7 +69,7 @@ impl Search {
                 samples.push((place, state.radius(curve), OnCurve { curve, parameter }));
             }
         }
-        let mut cells = HashMap::new();
+        let mut cells = FxHashMap::default();
         let mut blocks: Vec<Block> = Vec::new();
         for (of, list) in lists {
             let first = blocks.len();

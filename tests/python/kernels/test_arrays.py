@@ -15,6 +15,7 @@ from strand import (
     radius_outlier_mask,
     trace_chains,
 )
+from strand._core import constant_copy
 
 
 def misaligned(array):
@@ -67,6 +68,55 @@ LAYOUTS = {
 def test_every_layout_gives_the_same_answer(kernel, layout):
     arrays = {name: LAYOUTS[layout](array) for name, array in ARRAYS[kernel].items()}
     assert_same(call(kernel, **arrays), call(kernel))
+
+
+@pytest.mark.parametrize("kernel", CALLS)
+def test_arrays_that_nobody_can_write_to_give_the_same_answer(kernel):
+    arrays = {
+        name: constant_copy(array) if array.shape[1:] == (3,) else array
+        for name, array in ARRAYS[kernel].items()
+    }
+    assert_same(call(kernel, **arrays), call(kernel))
+
+
+# of a constant array; kernels look at its memory, at the right place
+PARTS = {
+    "all": lambda a: a,
+    "a slice": lambda a: a[300:700],
+    "a slice of a slice": lambda a: a[100:][200:][:400],
+    "every second": lambda a: a[::2],
+    "reversed": lambda a: a[::-1],
+    "reshaped": lambda a: a.reshape(-1)[1:-2].reshape(-1, 3),
+    "other kinds and back": lambda a: a.view(np.uint8)[9:].view(np.float64),
+    "a subclass": lambda a: a[5:].view(np.recarray),
+    "none": lambda a: a[7:7],
+    "another array": lambda a: a + 0.5,
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_parts_of_an_array_that_nobody_can_write_to_are_those_parts(part):
+    points = PARTS[part](constant_copy(np.random.default_rng(3).uniform(size=(1000, 3))))
+    assert_same([count_neighbors(points, 0.2)], [count_neighbors(np.array(points), 0.2)])
+
+
+@pytest.mark.parametrize("count", [1, 1000])
+def test_nobody_can_write_to_a_constant_array(count):
+    points = np.ones((count, 3))
+    constant = constant_copy(points)
+    points[:] = 7.0
+    assert (constant == 1.0).all()
+    for array in (constant, constant[:1], constant.reshape(-1), constant.view(np.int64), constant.T):
+        assert not array.flags.writeable
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.setflags(write=True)
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(TypeError, match="read-only"):
+        memoryview(constant)[0, 0] = 0.0
+    part, last = constant[-1:], constant[-1].copy()
+    del constant
+    np.testing.assert_array_equal(part, [last])
 
 
 @pytest.mark.parametrize("kernel", CALLS)

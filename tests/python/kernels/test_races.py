@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -44,6 +45,9 @@ calls = {{
     "squared_distances": lambda: _core.squared_distances(points, points),
     "crop": lambda: _core.crop(points, eye, (0.0,) * 3, (0.5,) * 3, points),
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
+    "constant_copy": lambda: _core.constant_copy(points),
+    "variances_around": lambda: _core.variances_around(points, points[:9], 0.2, 5),
+    "seen_behind": lambda: _core.seen_behind(depth, camera, eye, points, 0.1),
     "unproject": lambda: _core.unproject(depth, *camera),
     "copy_depth": lambda: _core.copy_depth(depth, 65.0),
     "fit_tubes": lambda: strand.fit_tubes([points[:500]], np.ones((1, 3)), [control], **fit),
@@ -118,7 +122,7 @@ def test_what_is_written_after_a_call_changes_no_answer(kernel):
         np.testing.assert_array_equal(part, kept)
 
 
-def test_a_fit_whose_arrays_were_written_to_is_refused():
+def test_nobody_can_write_to_the_arrays_of_a_fit():
     control = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
     angle = np.linspace(0.0, np.pi, 600)
     x = np.linspace(1.0, 4.0, 600)
@@ -126,13 +130,19 @@ def test_a_fit_whose_arrays_were_written_to_is_refused():
     fit = strand.fit_tubes(
         [points], [[2.0, 0.0, 50.0]], [control], [np.eye(4)], 1.0, pose_sd=(0.01, 0.01), reference=0
     )
-    fit.curve[:] = 2**40
+    extents = strand._core.rope_extents(fit)
+    kept = {name: np.array(getattr(fit, name)) for name in ("curve", "points", "inlier", "radii")}
+    for changed in (fit, fit.replace(**kept), pickle.loads(pickle.dumps(fit))):
+        for array in (changed.curve, changed.points, changed.inlier, changed.radii, changed.curves[0]):
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                array.setflags(write=True)
+        for array in kept.values():
+            array[...] = 0
+        assert strand._core.rope_extents(changed) == extents
     with pytest.raises(ValueError, match="curve"):
-        strand._core.rope_extents(fit)
-    fit.curve[:] = 0
-    fit.radii[:] = 1e-300
+        fit.replace(curve=np.full(600, 2**40))
     with pytest.raises(ValueError, match="radii"):
-        strand._core.rope_extents(fit)
+        strand._core.rope_extents(fit.replace(radii=np.array([1e-300])))
 
 
 def test_this_file_names_every_kernel_that_takes_arrays():

@@ -1,16 +1,19 @@
 //! The outcome of the joint fit, as Python gets it.
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{
+    Element, PyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::OnCurve;
 use crate::python::arguments::{Array, FloatArray, require_same_length, wrong_shape};
-use crate::python::arrays::array;
+use crate::python::arrays::{Constant, array, constant};
 use crate::tubefit::deviations;
 
-/// The outcome of `strand.fit_tubes`.
+/// The outcome of `strand.fit_tubes`; nobody can write to its arrays.
 #[pyclass(frozen, get_all, module = "strand")]
 pub(in super::super) struct TubeFit {
     /// list of (n, 3) ndarray: control points of uniform cubic B-splines, metres.
@@ -83,26 +86,32 @@ impl TubeFit {
         pose_covariance: Py<PyArray3<f64>>,
         covariances: Vec<Py<PyArray4<f64>>>,
     ) -> PyResult<Self> {
+        let all = |name: &str, arrays: Vec<Py<PyArray2<f64>>>| {
+            arrays.into_iter().map(|array| own(py, name, array)).collect::<PyResult<_>>()
+        };
         let fit = Self {
-            curves,
-            motions,
-            radius_classes,
-            radii,
-            radii_sd,
+            curves: all("curves", curves)?,
+            motions: own(py, "motions", motions)?,
+            radius_classes: own(py, "radius_classes", radius_classes)?,
+            radii: own(py, "radii", radii)?,
+            radii_sd: own(py, "radii_sd", radii_sd)?,
             sigma,
-            bands,
-            points,
-            to_camera,
-            view,
-            curve,
-            parameter,
-            residual,
-            facing,
-            weight,
-            explained,
-            inlier,
-            pose_covariance,
-            covariances,
+            bands: own(py, "bands", bands)?,
+            points: own(py, "points", points)?,
+            to_camera: own(py, "to_camera", to_camera)?,
+            view: own(py, "view", view)?,
+            curve: own(py, "curve", curve)?,
+            parameter: own(py, "parameter", parameter)?,
+            residual: own(py, "residual", residual)?,
+            facing: own(py, "facing", facing)?,
+            weight: own(py, "weight", weight)?,
+            explained: own_flags(py, "explained", explained)?,
+            inlier: own_flags(py, "inlier", inlier)?,
+            pose_covariance: own(py, "pose_covariance", pose_covariance)?,
+            covariances: covariances
+                .into_iter()
+                .map(|array| own(py, "covariances", array))
+                .collect::<PyResult<_>>()?,
         };
         fit.check(py)?;
         Ok(fit)
@@ -234,10 +243,7 @@ impl TubeFit {
         let classes = Array::<i64>::exactly("radius_classes", self.radius_classes.bind(py), 1)?;
         let class = classes.slice().get(curve).copied();
         let class = class.ok_or_else(|| PyIndexError::new_err(format!("there is no curve {curve}")))?;
-        // `check` holds them together, but arrays can be written to
-        let values = FloatArray::new("radii", values.bind(py))?;
-        let value = usize::try_from(class).ok().and_then(|class| values.slice().get(class).copied());
-        value.ok_or_else(|| PyIndexError::new_err(format!("there is no radius {class}")))
+        Ok(FloatArray::new("radii", values.bind(py))?.slice()[class as usize])
     }
 
     /// The foot point of each point; none where no tube is near.
@@ -252,6 +258,34 @@ impl TubeFit {
         };
         Ok(all.map(foot_point).collect())
     }
+}
+
+/// An array to which nobody can write.
+fn own<T: Element + Copy + 'static, D: Dimension>(
+    py: Python<'_>,
+    name: &str,
+    array: Py<PyArray<T, D>>,
+) -> PyResult<Py<PyArray<T, D>>> {
+    kept(py, array, |values, dimensions| Array::exactly(name, values, dimensions))
+}
+
+/// The same of flags.
+fn own_flags(py: Python<'_>, name: &str, array: Py<PyArray1<bool>>) -> PyResult<Py<PyArray1<bool>>> {
+    kept(py, array, |values, dimensions| Array::flags(name, values, dimensions))
+}
+
+/// An array, if nobody can write to it, or one of what `taken` makes of its values in C order.
+fn kept<T: Element + Copy + 'static, D: Dimension>(
+    py: Python<'_>,
+    array: Py<PyArray<T, D>>,
+    taken: impl FnOnce(&Bound<'_, PyAny>, usize) -> PyResult<Array<T>>,
+) -> PyResult<Py<PyArray<T, D>>> {
+    let given = array.bind(py);
+    if Constant::of(given).is_some() {
+        return Ok(array);
+    }
+    let values = taken(&given.call_method1("copy", ("C",))?, given.ndim())?;
+    Ok(constant(py, values.into_values(), given.dims())?.unbind())
 }
 
 /// Refuses numbers of things of which there are not as many; `things` says what, and for each of what.
