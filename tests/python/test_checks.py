@@ -197,3 +197,14 @@ def test_an_end_observed_by_a_view_that_is_not_there_is_refused():
 def test_extraction_ranges_may_be_whole_numbers():
     radii, _ = strand.estimate_radius(CLOUDS, ([-1, -1, -1], [1, 1, 1]))
     assert radii.tolist() == strand.estimate_radius(CLOUDS)[0].tolist()
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_at_the_limits_of_their_kind_raise_no_warning():
+    signalling = np.full((4, 3), 0x7F800001, np.uint32).view(np.float32)
+    with pytest.raises(ValueError, match="points: expected finite"):
+        strand.View(signalling)
+    with pytest.raises(ValueError, match="points: expected finite"):
+        strand.View(np.full((4, 3), np.finfo(np.longdouble).max))
+    far = ModelWarning("radius", "the rope is far", place=(1e308, -1e308, 0.12345))
+    assert "[1e+308, -1e+308, 0.123]" in str(far)
