@@ -206,5 +206,5 @@ def test_numbers_at_the_limits_of_their_kind_raise_no_warning():
         strand.View(signalling)
     with pytest.raises(ValueError, match="points: expected finite"):
         strand.View(np.full((4, 3), np.finfo(np.longdouble).max))
-    far = ModelWarning("radius", "the rope is far", place=(1e308, -1e308, 0.12345))
+    far = Doubt("end", 0.1, "where the rope ends", "it is far", (1e308, -1e308, 0.12345))
     assert "[1e+308, -1e+308, 0.123]" in str(far)

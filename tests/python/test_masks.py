@@ -218,3 +218,28 @@ def test_one_mask_tells_the_ropes_in_views_without(number):
     assert model.chains[0].length == pytest.approx(truth.length, rel=0.04)
     assert max(truth.nearest(point)[1] for point in model.chains[0].points) < 2.0 * made.radius
     assert model.confidence > 0.4
+
+
+@pytest.mark.parametrize("count", [7, 12, 18])
+def test_a_mask_in_many_pieces_makes_no_sure_answer(count):
+    """Dashes all over a table: the ways to read them are more than can be tried."""
+    rng = np.random.default_rng(count)
+    height, width = 360, 480
+    rows, columns = np.mgrid[:height, :width]
+    mask = np.zeros((height, width), dtype=bool)
+    for row, column in np.ndindex(count, count):
+        angle = rng.uniform(0.0, np.pi)
+        right = columns - (column + 0.5) * width / count
+        down = rows - (row + 0.5) * height / count
+        along, across = (
+            right * np.cos(angle) + down * np.sin(angle),
+            down * np.cos(angle) - right * np.sin(angle),
+        )
+        mask |= (np.abs(along) < rng.uniform(5.0, 0.5 * width / count)) & (np.abs(across) < 3.0)
+    depth = 0.6 + 1e-3 * rng.normal(size=mask.shape) - 0.004 * mask
+    camera = np.array([[450.0, 0.0, 240.0], [0.0, 450.0, 180.0], [0.0, 0.0, 1.0]])
+    try:
+        model = strand.reconstruct([strand.View.from_depth(depth, camera, mask=mask)], 0.004)
+    except strand.NotEnoughDataError:
+        return
+    assert model.confidence < 0.5

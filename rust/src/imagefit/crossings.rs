@@ -11,6 +11,8 @@ const WINDING: usize = 4;
 const STRETCH: usize = 8;
 /// Flips of both of two neighbours are tried for this many crossings at most.
 const MOST_DOUBLE: usize = 24;
+/// Solutions that are tried at most to better the orders of all crossings together.
+const MOST_SOLVED: usize = 4000;
 /// A crossing whose sides differ by more than this alone is left as it is.
 const CLEAR: f64 = 20.0;
 
@@ -199,7 +201,11 @@ impl Evidence<'_> {
         let mut order = start;
         let mut best = cost(&order, 3);
         let mut margins = alone.clone();
+        let mut solved = 0;
         for _ in 0..2 * overlaps.len() {
+            if solved > MOST_SOLVED {
+                break;
+            }
             let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
             let doubles = neighbours(overlaps).into_iter().take(MOST_DOUBLE);
             let doubles = doubles.filter(|p| p.iter().all(|&k| alone[k] < CLEAR)).map(|p| p.to_vec());
@@ -210,6 +216,7 @@ impl Evidence<'_> {
                     other[k] = other[k].map(|first| !first);
                 }
                 let more = cost(&other, 3) - best;
+                solved += 1;
                 if let [k] = flips[..] {
                     margins[k] = more;
                 }

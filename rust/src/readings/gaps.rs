@@ -153,11 +153,7 @@ fn bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<
     for i in 0..chains.len() {
         for j in i + 1..chains.len() {
             for (e, f) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                if let Some(bridge) =
-                    bridge(silhouette, chains, [(i, e), (j, f)]).filter(|b| b.cost < dearest)
-                {
-                    found.push(bridge);
-                }
+                found.extend(bridge(silhouette, chains, [(i, e), (j, f)], dearest));
             }
         }
     }
@@ -180,7 +176,13 @@ fn from_end(chain: &[Place], end: usize) -> Vec<Place> {
     if end == 0 { nodes.to_vec() } else { nodes.iter().rev().copied().collect() }
 }
 
-fn bridge(silhouette: &Silhouette, chains: &[Vec<Place>], ends: [(usize, usize); 2]) -> Option<Bridge> {
+/// The cheapest curve between two ends, if it costs less than `dearest`.
+fn bridge(
+    silhouette: &Silhouette,
+    chains: &[Vec<Place>],
+    ends: [(usize, usize); 2],
+    dearest: f64,
+) -> Option<Bridge> {
     let rr = silhouette.radius_px;
     let [p, q] = ends.map(|(chain, end)| from_end(&chains[chain], end));
     let heading = |p: &[Place]| {
@@ -191,9 +193,6 @@ fn bridge(silhouette: &Silhouette, chains: &[Vec<Place>], ends: [(usize, usize);
     let mut best: Option<Bridge> = None;
     for speed in SPEEDS {
         let curve = resampled(&hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x)), STEP * rr);
-        let whole: Vec<Place> =
-            p[1..4.min(p.len())].iter().rev().chain(&curve).chain(&q[1..4.min(q.len())]).copied().collect();
-        let (bent, change) = bending(&resampled(&whole, STEP * rr), rr);
         let long = length(&curve) / rr / curve.len() as f64;
         let price = |x: &Place| {
             if silhouette.distance(*x) > 0.0 {
@@ -205,9 +204,21 @@ fn bridge(silhouette: &Silhouette, chains: &[Vec<Place>], ends: [(usize, usize);
                 Shown::Level | Shown::Unknown => UNKNOWN,
             }
         };
-        let fixed = GAP + long * curve.iter().map(price).sum::<f64>();
+        let mut dear = 0.0;
+        let is_too_dear = |place| {
+            dear += price(place);
+            GAP + long * dear >= dearest
+        };
+        // most ends are far apart
+        if curve.iter().any(is_too_dear) {
+            continue;
+        }
+        let fixed = GAP + long * dear;
+        let whole: Vec<Place> =
+            p[1..4.min(p.len())].iter().rev().chain(&curve).chain(&q[1..4.min(q.len())]).copied().collect();
+        let (bent, change) = bending(&resampled(&whole, STEP * rr), rr);
         let cost = fixed + BENDING * bent + CHANGE * change.min(1.0);
-        if best.as_ref().is_none_or(|b| cost < b.cost) {
+        if cost < best.as_ref().map_or(dearest, |b| b.cost) {
             best = Some(Bridge { ends, curve, cost, fixed });
         }
     }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::links::{Link, Votes, free_end, link};
 use super::network::{Network, Port, Skeleton};
-use super::planar::{Place, cross, nearest};
+use super::planar::{Place, apart, cross, nearest};
 use crate::parallel;
 use crate::silhouette::Silhouette;
 
@@ -14,6 +14,11 @@ const KISS: f64 = 2.5;
 /// Most ways that are kept, and that are tried.
 const KEPT: usize = 6;
 const TRIED: usize = 20_000;
+/// Ports of a zone that are all joined with each other; of more, each is joined with so many nearest ones.
+const PORTS: usize = 24;
+const PARTNERS: usize = 16;
+/// What trying takes, in joints that are looked at for each port that is left: as much as so many tries of as many ports.
+const WORK: usize = TRIED * PORTS * PORTS * PORTS;
 
 /// A link between two ports of a zone, or from one to a rope's end.
 #[derive(Debug, Clone)]
@@ -165,7 +170,34 @@ fn kiss(p: &[Place], q: &[Place], rr: f64) -> f64 {
     if away > 1.7 * rr || cross(p, q) { 0.0 } else { ((1.7 - away / rr) / 0.7).clamp(0.0, 1.0) }
 }
 
-/// Ranks the ways to join the ports of a zone.
+/// Which two of a zone's ports are worth a link: all, unless there are many.
+fn partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
+    let n = ports.len();
+    let mut chosen = vec![vec![n <= PORTS; n]; n];
+    if n <= PORTS {
+        return chosen;
+    }
+    let places: Vec<Place> = ports
+        .iter()
+        .map(|port| {
+            let points = &network.segments[port.segment].points;
+            points[if port.end == 0 { 0 } else { points.len() - 1 }]
+        })
+        .collect();
+    for a in 0..n {
+        let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();
+        others.sort_by(|&b, &c| {
+            apart(places[a], places[b]).total_cmp(&apart(places[a], places[c])).then(b.cmp(&c))
+        });
+        for &b in &others[..PARTNERS] {
+            chosen[a][b] = true;
+            chosen[b][a] = true;
+        }
+    }
+    chosen
+}
+
+/// Ranks the ways to join the ports of a zone, of which at most `most` are tried.
 pub fn pairings(
     silhouette: &Silhouette,
     votes: &Votes,
@@ -173,12 +205,15 @@ pub fn pairings(
     network: &Network,
     zone: usize,
     ports: &[Port],
+    most: usize,
 ) -> Pairings {
     let rr = silhouette.radius_px;
+    let partners = partners(network, ports);
     let pairs: Vec<(usize, usize)> = (0..ports.len())
         .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
         .filter(|&(a, b)| {
-            ports[a].segment != ports[b].segment || network.segments[ports[a].segment].points.len() >= 8
+            let long = network.segments[ports[a].segment].points.len() >= 8;
+            partners[a][b] && (ports[a].segment != ports[b].segment || long)
         })
         .collect();
     let links =
@@ -210,7 +245,7 @@ pub fn pairings(
         covers: &covers,
         rr,
         kisses: HashMap::new(),
-        tried: 0,
+        left: [most.min(TRIED), WORK],
         ways: Vec::new(),
     };
     let all: Vec<usize> = (0..ports.len()).collect();
@@ -228,7 +263,8 @@ struct Search<'a> {
     covers: &'a [Vec<u64>],
     rr: f64,
     kisses: HashMap<(usize, usize), f64>,
-    tried: usize,
+    /// Tries that are left, and work.
+    left: [usize; 2],
     /// The best so far, the best first.
     ways: Vec<Way>,
 }
@@ -236,10 +272,11 @@ struct Search<'a> {
 impl Search<'_> {
     /// Joins the ports that are left, the first of them in every way that is not too dear.
     fn join(&mut self, rest: &[usize], chosen: &mut Vec<usize>, cost: f64) {
-        self.tried += 1;
-        if self.tried > TRIED {
+        let work = self.joints.len() * rest.len();
+        if self.left[0] == 0 || self.left[1] < work {
             return;
         }
+        self.left = [self.left[0] - 1, self.left[1] - work];
         let at_least = cost + rest.iter().map(|&port| self.least[port]).sum::<f64>();
         if self.ways.len() == KEPT && at_least - 1e-9 > self.ways[KEPT - 1].cost {
             return;

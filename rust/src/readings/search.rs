@@ -29,8 +29,15 @@ const GAPS: usize = 4;
 /// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
 const STACK: f64 = 25.0;
 const STACKS: usize = 4;
-/// Most whole ways that are put together in one reading of the skeleton.
+/// Most whole ways that are put together in one reading of the skeleton, and the work that they may take: squares of how
+/// many zones there are, and of how many chains, each of which counts as so many.
 const MOST: usize = 600;
+const WORK: usize = 2_000_000;
+const CHAIN: usize = 16;
+/// More chains than this are no ropes.
+const CHAINS: usize = 100;
+/// Ways of a zone that are tried where there are many zones: so many in all.
+const TRIED: usize = 4_000_000;
 
 /// A whole reading of one view.
 #[derive(Debug, Clone)]
@@ -92,7 +99,7 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
     let pairings = parallel::map(&places, |&(number, zone)| {
         let Candidate { skeleton, network, zones, .. } = &candidates[number];
         let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
-        Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own))
+        Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own, TRIED / places.len()))
     });
     let found = parallel::map(&candidates, |candidate| search(silhouette, candidate, &pairings, ropes, most));
     let mut found = found.concat();
@@ -252,11 +259,12 @@ fn search(
     let first = vec![0; zones.len()];
     let mut seen = HashSet::from([first.clone()]);
     heap.push((std::cmp::Reverse(Ordered(price(&first))), first));
-    let mut tried = 0;
+    let (mut tried, mut work) = (0, 0);
     while let Some((std::cmp::Reverse(Ordered(cost)), choice)) = heap.pop() {
         parallel::go_on();
         tried += 1;
-        if tried > MOST || found.len() >= 4 * most {
+        work += zones.len().pow(2);
+        if tried > MOST || work > WORK || found.len() >= 4 * most {
             break;
         }
         let (mut chains, rings) = assembled(network, &zones, &choice, rr);
@@ -265,7 +273,10 @@ fn search(
         }
         let fixed: f64 =
             choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
-        for way in joined(silhouette, &chains, ropes, ROPE, GAPS) {
+        work += CHAIN * chains.len().pow(2);
+        let ways =
+            if chains.len() > CHAINS { vec![] } else { joined(silhouette, &chains, ropes, ROPE, GAPS) };
+        for way in ways {
             let number = match ropes {
                 Some(ropes) => TOO_FEW * ropes.saturating_sub(way.chains.len()) as f64,
                 None => ROPE * way.chains.len() as f64,

@@ -1,0 +1,92 @@
+"""Reconstruct random scenes by several threads in one process: memory stays flat, answers are one thread's.
+
+python benches/soak.py [--scenes N] [--threads N] [--first SEED]
+
+The scenes are small and drawn from seeds. First one thread reconstructs them in order, then several share
+them, and each answer is compared bit for bit. The resident memory is noted after each hundredth of the
+scenes; the slope is that of a straight line through the second half of them. The exit code is 1 if an answer
+differs or memory grows by more than 1 kB for each scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+import strand
+from strand.synthetic import SHAPES, random_ropes, scene
+
+SMALL = (160, 120)  # pixels
+FLAT = 1.0  # kB of resident memory for each scene
+
+
+def answer(seed: int) -> str:
+    """Draw a scene, reconstruct it in one of several ways, and return a digest of all that came of it."""
+    rng = np.random.default_rng(seed)
+    views = int(rng.integers(1, 4))
+    if rng.random() < 0.5:
+        made = scene(SHAPES[seed % len(SHAPES)], views=views, size=SMALL, seed=seed, flying=0.0)
+    else:
+        chains = random_ropes(int(rng.integers(1, 3)), 1, seed=seed)
+        made = scene(chains=chains, views=views, size=SMALL, seed=seed, flying=0.0)
+    config = strand.Config.published() if rng.random() < 0.2 else strand.Config()
+    ropes = 1 if rng.random() < 0.5 else None
+    whole = hashlib.sha256()
+    try:
+        model = strand.reconstruct(made.views, made.radius, made.bounds, ropes, config)
+    except strand.StrandError as error:
+        whole.update(str(error).encode())
+    else:
+        for array in (*(chain.points for chain in model.chains), model.poses, model.pose_sd):
+            whole.update(array.tobytes())
+        whole.update(repr((model.confidence, [str(warning) for warning in model.warnings])).encode())
+    return whole.hexdigest()
+
+
+def resident() -> float:
+    """The process's resident memory, kB."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return float(line.split()[1])
+    raise OSError("/proc/self/status: no VmRSS")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=int, default=2000, metavar="N", help="(default: 2000)")
+    parser.add_argument("--threads", type=int, default=4, metavar="N", help="(default: 4)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    arguments = parser.parse_args()
+    seeds = range(arguments.first, arguments.first + arguments.scenes)
+    start = time.perf_counter()
+    alone = [answer(seed) for seed in seeds]
+    print(f"one thread: {len(seeds)} scenes in {time.perf_counter() - start:.0f} s", flush=True)
+    start = time.perf_counter()
+    places, sizes, differing = [], [], []
+    every = max(len(seeds) // 100, 1)
+    with ThreadPoolExecutor(arguments.threads) as pool:
+        for number, found in enumerate(pool.map(answer, seeds)):
+            if found != alone[number]:
+                differing.append(seeds[number])
+            if number % every == 0:
+                places.append(number)
+                sizes.append(resident())
+    print(f"{arguments.threads} threads: {len(seeds)} scenes in {time.perf_counter() - start:.0f} s")
+    half = len(places) // 2
+    slope = float(np.polyfit(places[half:], sizes[half:], 1)[0]) if len(places) - half > 1 else 0.0
+    print(
+        f"resident memory: {sizes[half] / 1e3:.1f} MB half way, {sizes[-1] / 1e3:.1f} MB at the end, ", end=""
+    )
+    print(f"{slope:+.3f} kB for each scene")
+    print(f"answers that differ from one thread's: {len(differing)} {differing[:10] if differing else ''}")
+    return int(bool(differing) or slope > FLAT)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
