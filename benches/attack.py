@@ -193,6 +193,7 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "View.from_world": (strand.View.from_world, (TUBE, (0.0, 0.0, 9.0)), {"colors": np.abs(NORMALS)}),
     "variances_around": (_core.variances_around, (TUBE, NODES, 0.02, 5), {}),
     "squared_distances": (_core.squared_distances, (TUBE, NODES), {}),
+    "depth_bends": (_core.depth_bends, ([DEPTH], [CAMERA], [TUBE], 3), {}),
     "seen_behind": (_core.seen_behind, (DEPTH, CAMERA, EYE, NODES, 0.1), {}),
     "constant_copy": (_core.constant_copy, (TUBE,), {}),
     "reconstruct": (
@@ -226,6 +227,7 @@ UNCHECKED = {
     "crop_images",
     "constant_copy",
     "seen_behind",
+    "depth_bends",
     "variances_around",
 }
 

@@ -29,6 +29,7 @@ __all__ = [
     "count_neighbors_each",
     "crop",
     "crop_images",
+    "depth_bends",
     "end_direction",
     "estimate_normals",
     "estimate_normals_each",
@@ -432,6 +433,12 @@ def occupied_voxels(points: Sequence[ArrayLike], side: float) -> int: ...
 def variances_around(
     points: ArrayLike, places: ArrayLike, reach: float, fewest: int
 ) -> NDArray[np.float64]: ...
+def depth_bends(
+    depths: Sequence[ArrayLike],
+    cameras: Sequence[Sequence[Sequence[float]]],
+    points: Sequence[ArrayLike],
+    every: int,
+) -> list[tuple[float, float]]: ...
 def seen_behind(
     depth: ArrayLike,
     camera: Sequence[Sequence[float]],

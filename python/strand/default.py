@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.checks import Array
 from strand.config import Config
@@ -19,7 +20,6 @@ from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked
 from strand.images.scattered import read_scattered
-from strand.images.seen import pixels_of
 from strand.model import ModelWarning
 from strand.sheets import no_ropes
 from strand.stages import Found, Observed, Run
@@ -160,31 +160,20 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
 
 def _scatter(observed: Observed) -> float:
     """Return how far depths scatter about their neighbours' in the median view, metres; 0 without images."""
-    found = []
-    for view, whole in zip(observed.views, observed.whole, strict=True):
-        if whole.image is None:
-            return 0.0
-        depth = whole.image.depth
-        some = depth[::_EVERY]
-        scatter = _spread(some[:, :-2], some[:, 1:-1], some[:, 2:])
-        if scatter > 0.0:
-            # what is around the ropes may be rough
-            rows, columns = pixels_of(view.points, whole.image)
-            inner = (columns > 0) & (columns < depth.shape[1] - 1)
-            rows, columns = rows[inner], columns[inner]
-            own = _spread(*(depth[rows, columns + aside] for aside in (-1, 0, 1)))
-            if 0.0 < own < _WIDE * float(observed.radii.values[0]):
-                scatter = min(scatter, own)
-        found.append(scatter)
-    return float(np.median(found))
-
-
-def _spread(before: Array, depth: Array, after: Array) -> float:
-    """Return the noise of depths beside each other, metres; 0 if there are none."""
-    returned = (before > 0) & (depth > 0) & (after > 0)
-    # slopes cancel in second differences
-    bends = np.abs(before[returned] - 2.0 * depth[returned] + after[returned])
-    return 1.4826 * float(np.median(bends)) / 6.0**0.5 if len(bends) else 0.0
+    images = [view.image for view in observed.whole if view.image is not None]
+    if len(images) < len(observed.whole):
+        return 0.0
+    bends = _core.depth_bends(
+        [image.depth for image in images],
+        [(image.focal, image.centre) for image in images],
+        [view.points for view in observed.views],
+        _EVERY,
+    )
+    # of normal noise: the median's size, and a second difference has six times the variance of a depth
+    found = 1.4826 * np.array(bends) / 6.0**0.5
+    # what is around the ropes may be rough
+    wide = _WIDE * float(observed.radii.values[0])
+    return float(np.median([min(around, own) if 0.0 < own < wide else around for around, own in found]))
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:

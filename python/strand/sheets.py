@@ -10,8 +10,9 @@ import strand._core as _core
 from strand.checks import Array
 from strand.view import View
 
-# so many places of a view are looked at, as far around as this, in radii; farther, if noise hides strands
-_PLACES, _AROUND, _FARTHER = 32, 5.0, 10.0
+# so many places of a view are looked at, so many of them first, as far around as this, in radii; farther, if
+# noise hides strands
+_PLACES, _FIRST, _AROUND, _FARTHER = 32, 13, 5.0, 10.0
 # mean number of points in a voxel of two radii that is enough, and fewest around a place that say anything
 _ENOUGH, _FEWEST = 20, 24
 # along a strand points have many times the variance that they have across; where the second largest variance
@@ -80,7 +81,11 @@ def _looks_like(points: Array, radius: float) -> str | None:
 
 def _wide_places(points: Array, places: Array, reach: float, share: float) -> tuple[Array, Array]:
     """Return the places where points are wide, and the points' variances there; none if they are few."""
-    shapes = _core.variances_around(points, places, reach, _FEWEST)
+    few = _core.variances_around(points, places[:_FIRST], reach, _FEWEST)
+    # most ropes are told by the first few places
+    if np.count_nonzero(few[:, 1] <= _WIDE * few[:, 2]) > (1.0 - share) * len(places):
+        return places[:0], few[:0]
+    shapes = np.concatenate([few, _core.variances_around(points, places[_FIRST:], reach, _FEWEST)])
     silent = int(np.isnan(shapes[:, 0]).sum())
     wide = shapes[:, 1] > _WIDE * shapes[:, 2]
     if wide.sum() < share * (len(places) - silent) or 2 * silent > len(places):

@@ -95,6 +95,40 @@ pub(crate) fn seen_behind(
     points.iter().map(behind).collect()
 }
 
+/// Medians of how far depths lie from the mean of their neighbours to both sides, times two, metres: in every so many rows of
+/// an image, and at the pixels of some points of the camera frame. 0 where no three neighbours have a return.
+///
+/// Slopes cancel in these second differences.
+pub(crate) fn bends(
+    depth: &[f64],
+    width: usize,
+    camera: Pinhole,
+    points: &[Point],
+    every: usize,
+) -> [f64; 2] {
+    let bend = |row: &[f64], column: usize| {
+        let three = row.get(column.checked_sub(1)?..column + 2)?;
+        three.iter().all(|&z| z > 0.0).then(|| (three[0] - 2.0 * three[1] + three[2]).abs())
+    };
+    let rows: Vec<&[f64]> = depth.chunks_exact(width.max(1)).collect();
+    let some = rows.iter().step_by(every.max(1)).flat_map(|row| (1..width).filter_map(|u| bend(row, u)));
+    let own = points.iter().filter_map(|&p| {
+        let [u, v] = camera.pixel(p).map(f64::round_ties_even);
+        bend(rows.get(v as usize).filter(|_| u >= 0.0 && v >= 0.0)?, u as usize)
+    });
+    [middle(some.collect()), middle(own.collect())]
+}
+
+/// The median; of two middle values their mean, of none 0.
+fn middle(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let (half, odd) = (values.len() / 2, values.len() % 2 == 1);
+    let (below, &mut upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
+    if odd { upper } else { 0.5 * (below.iter().copied().fold(0.0, f64::max) + upper) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -128,5 +162,22 @@ mod tests {
         assert_eq!(seen(1.0, -1.0, 2.0), f64::INFINITY);
         assert_eq!(seen(1.0, 0.0, 2.0), f64::INFINITY);
         assert!(seen_behind(&[], 0, camera, &pose, &[[6.0, 0.0, 0.0]], 0.5)[0].is_nan());
+    }
+
+    #[test]
+    fn bends_are_those_of_three_neighbours_with_returns() {
+        let camera = Pinhole { focal: [2.0, 2.0], center: [0.0, 0.0] };
+        let depth = [1.0, 5.0, 3.0, 4.0, 0.0, 9.0, 1.0, 2.0, 3.0, 1.0, 5.0, 1.0];
+        let at = |u: f64, v: f64| camera.point(u, v, 2.0);
+        let [all, own] = bends(
+            &depth,
+            4,
+            camera,
+            &[at(1.0, 0.0), at(2.0, 0.0), at(0.0, 0.0), at(1.0, 9.0), at(-3.0, 0.0)],
+            2,
+        );
+        assert_eq!((all, own), (6.0, 4.5));
+        assert_eq!(bends(&depth, 4, camera, &[], 3), [4.5, 0.0]);
+        assert_eq!(bends(&[], 0, camera, &[[0.0; 3]], 0), [0.0; 2]);
     }
 }

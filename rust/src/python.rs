@@ -94,6 +94,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(density::occupied_voxels, module)?)?;
     module.add_function(wrap_pyfunction!(density::squared_distances, module)?)?;
     module.add_function(wrap_pyfunction!(density::variances_around, module)?)?;
+    module.add_function(wrap_pyfunction!(views::depth_bends, module)?)?;
     module.add_function(wrap_pyfunction!(views::seen_behind, module)?)?;
     module.add_function(wrap_pyfunction!(visibility::occludes, module)?)?;
     module.add_function(wrap_pyfunction!(filter::radius_outlier_mask, module)?)?;

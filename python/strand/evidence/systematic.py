@@ -121,9 +121,11 @@ def _of_views(views: Sequence[View], found: Found) -> Iterator[Doubt]:
     worst, where, shown, lost = 0.0, -1, 0, 0
     for number, (view, pose) in enumerate(zip(views, found.poses, strict=True)):
         behind = np.concatenate([depth_behind(view, pose, chain) for chain in found.chains])
-        returned = int(np.isfinite(behind).sum())
-        shown, lost = shown + returned, lost + int(np.isinf(behind).sum())
-        through = int((behind[np.isfinite(behind)] > _BEHIND).sum())
+        # comparisons with NaN are false
+        missed = np.count_nonzero(behind == np.inf)
+        returned = np.count_nonzero(behind < np.inf)
+        shown, lost = shown + returned, lost + missed
+        through = np.count_nonzero(behind > _BEHIND) - missed
         if returned >= _FEWEST and through / returned > worst:
             worst, where = through / returned, number
     reason = (

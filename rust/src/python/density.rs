@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{Points, slices};
 use super::arrays::{PointsArray, list, points_array};
-use super::released::released;
+use super::released::{CHEAP, released, released_if_many};
 use crate::{density, proximity};
 
 /// The median number of other points within a radius of a point; 0 for no points.
@@ -19,7 +19,8 @@ pub(super) fn typical_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radiu
 #[pyfunction]
 pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
     let clouds = Points::all("points", &points)?;
-    Ok(released(py, move || density::occupied_voxels(&slices(&clouds), side))??)
+    let count: usize = clouds.iter().map(|points| points.len()).sum();
+    Ok(released_if_many(py, count / CHEAP, move || density::occupied_voxels(&slices(&clouds), side))??)
 }
 
 /// The squared distance of each of some points from the nearest of others; infinity where there are none.

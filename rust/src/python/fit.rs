@@ -15,10 +15,10 @@ use super::arguments::{
 };
 use super::arrays::{constant, constant_list, constant_points};
 use super::curves::checked_spline;
-use super::released::released;
+use super::released::{CHEAP, released, released_if_many};
 use crate::ends::{self, OnTubes};
 use crate::tubefit::placed;
-use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView};
+use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView, parallel};
 
 const DEFAULT: &TubeFitOptions = &TubeFitOptions::DEFAULT;
 
@@ -167,7 +167,7 @@ pub(super) fn fit_tubes<'py>(
     let foot_points = previous.map_or(Ok(Vec::new()), |fit| earlier(fit, &tubes, sizes.iter().sum()))?;
     let viewpoints = viewpoints.points("viewpoints", "(V, 3)")?;
     let classes = tubes.iter().map(|tube| tube.radius_class as i64).collect();
-    let (fit, (placed, to_camera)) = released(py, move || {
+    let (fit, (placed, to_camera), foot_points) = released(py, move || {
         let points = slices(&points);
         let mut foot_points = &foot_points[..];
         let views: Vec<TubeView> = (points.iter().zip(&*viewpoints).zip(&ends))
@@ -178,24 +178,18 @@ pub(super) fn fit_tubes<'py>(
             })
             .collect();
         let fit = crate::fit_tubes(&views, &tubes, &motions, radii.slice(), &options)?;
-        let placed = placed(&views, &fit.motions);
-        Ok::<_, Error>((fit, placed))
+        let (placed, columns) =
+            parallel::both(|| placed(&views, &fit.motions), || FootPoints::of(&fit.foot_points));
+        Ok::<_, Error>((fit, placed, columns))
     })??;
     let view = sizes.iter().enumerate().flat_map(|(view, &size)| std::iter::repeat_n(view as i64, size));
     let motions: Vec<[[f64; 4]; 4]> = fit.motions.iter().map(RigidMotion::to_rows).collect();
-    let foot_points: Vec<&crate::FootPoint> = fit.foot_points.iter().flatten().collect();
     let uncertainty = fit.uncertainty.unwrap_or_default();
     let poses = uncertainty.poses.as_flattened().as_flattened().to_vec();
     let covariances = uncertainty.curves.iter().map(|curve| {
         let flat = curve.as_flattened().as_flattened().as_flattened().to_vec();
         Ok(constant(py, flat, [curve.len(), 4, 3, 3])?.unbind())
     });
-    let of_each = |value: fn(&crate::FootPoint) -> f64| {
-        Ok::<_, PyErr>(constant_list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
-    };
-    let whether = |value: fn(&crate::FootPoint) -> bool| {
-        Ok::<_, PyErr>(constant_list(py, foot_points.iter().map(|foot| value(foot)).collect())?.unbind())
-    };
     Ok(TubeFit {
         curves: fit
             .curves
@@ -211,16 +205,44 @@ pub(super) fn fit_tubes<'py>(
         points: constant_points(py, placed)?.unbind(),
         to_camera: constant_points(py, to_camera)?.unbind(),
         view: constant_list(py, view.collect())?.unbind(),
-        curve: constant_list(py, foot_points.iter().map(|foot| foot.curve as i64).collect())?.unbind(),
-        parameter: of_each(|foot| foot.parameter)?,
-        residual: of_each(|foot| foot.residual)?,
-        facing: of_each(|foot| foot.facing)?,
-        weight: of_each(|foot| foot.weight)?,
-        explained: whether(|foot| foot.explained)?,
-        inlier: whether(|foot| foot.inlier)?,
+        curve: constant_list(py, foot_points.curve)?.unbind(),
+        parameter: constant_list(py, foot_points.parameter)?.unbind(),
+        residual: constant_list(py, foot_points.residual)?.unbind(),
+        facing: constant_list(py, foot_points.facing)?.unbind(),
+        weight: constant_list(py, foot_points.weight)?.unbind(),
+        explained: constant_list(py, foot_points.explained)?.unbind(),
+        inlier: constant_list(py, foot_points.inlier)?.unbind(),
         pose_covariance: constant(py, poses, [uncertainty.poses.len(), 6, 6])?.unbind(),
         covariances: covariances.collect::<PyResult<_>>()?,
     })
+}
+
+/// The foot points of all views, attribute by attribute.
+#[derive(Default)]
+struct FootPoints {
+    curve: Vec<i64>,
+    parameter: Vec<f64>,
+    residual: Vec<f64>,
+    facing: Vec<f64>,
+    weight: Vec<f64>,
+    explained: Vec<bool>,
+    inlier: Vec<bool>,
+}
+
+impl FootPoints {
+    fn of(views: &[Vec<crate::FootPoint>]) -> Self {
+        let mut all = Self::default();
+        for foot in views.iter().flatten() {
+            all.curve.push(foot.curve as i64);
+            all.parameter.push(foot.parameter);
+            all.residual.push(foot.residual);
+            all.facing.push(foot.facing);
+            all.weight.push(foot.weight);
+            all.explained.push(foot.explained);
+            all.inlier.push(foot.inlier);
+        }
+        all
+    }
 }
 
 /// Curves, each with the number of its radius.
@@ -339,7 +361,7 @@ pub(super) fn rope_extents(
     let curve = Array::<i64>::exactly("curve", fit.curve.bind(py), 1)?;
     let parameter = FloatArray::new("parameter", fit.parameter.bind(py))?;
     let inlier = Array::flags("inlier", fit.inlier.bind(py), 1)?;
-    Ok(released(py, move || {
+    Ok(released_if_many(py, points.len() / CHEAP, move || {
         let on_tubes = OnTubes {
             inlier: inlier.slice(),
             curve: curve.slice(),

@@ -16,6 +16,8 @@ use crate::parallel::{self, Caller};
 const PATIENCE: Duration = Duration::from_millis(50);
 /// Things of which most work takes less time than a signal may wait.
 const FEW: usize = 20_000;
+/// As many points are one thing where each takes some nanoseconds.
+pub(super) const CHEAP: usize = 16;
 
 /// Where the last panic was.
 static PLACE: Mutex<String> = Mutex::new(String::new());

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use super::arguments::{FloatArray, Points, motion, motions, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, constant, constant_points, list};
 use super::released::{released, released_if_many};
-use crate::{DepthView, Pinhole, Point, crop, depth};
+use crate::{DepthView, Pinhole, Point, crop, depth, parallel};
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
 #[pyfunction]
@@ -72,6 +72,29 @@ pub(super) fn crop_images<'py>(
         crate::crop_images(&views, [low, high])
     })?;
     found.into_iter().map(|points| constant_points(py, points)).collect()
+}
+
+/// For each view the medians of second differences of its depths, of every so many rows and at its points; see
+/// `strand.default`.
+#[pyfunction]
+pub(super) fn depth_bends(
+    py: Python<'_>,
+    depths: Vec<Bound<'_, PyAny>>,
+    cameras: Vec<[[f64; 2]; 2]>,
+    points: Vec<Bound<'_, PyAny>>,
+    every: usize,
+) -> PyResult<Vec<[f64; 2]>> {
+    require_same_length("cameras", cameras.len(), depths.len())?;
+    require_same_length("points", points.len(), depths.len())?;
+    let (images, clouds) = (FloatArray::all("depths", &depths)?, Points::all("points", &points)?);
+    let views = (images.into_iter().zip(cameras).zip(clouds))
+        .map(|((image, camera), points)| Ok((image.image_shape("depths")?[1], image, camera, points)))
+        .collect::<PyResult<Vec<_>>>()?;
+    released(py, move || {
+        parallel::map(&views, |(width, image, [focal, center], points)| {
+            depth::bends(image.slice(), *width, Pinhole { focal: *focal, center: *center }, points, every)
+        })
+    })
 }
 
 /// How much farther along the camera's axis an image saw something than each of some points, metres; see

@@ -47,6 +47,7 @@ calls = {{
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
     "constant_copy": lambda: _core.constant_copy(points),
     "variances_around": lambda: _core.variances_around(points, points[:9], 0.2, 5),
+    "depth_bends": lambda: _core.depth_bends([depth], [camera], [points], 1),
     "seen_behind": lambda: _core.seen_behind(depth, camera, eye, points, 0.1),
     "unproject": lambda: _core.unproject(depth, *camera),
     "copy_depth": lambda: _core.copy_depth(depth, 65.0),
