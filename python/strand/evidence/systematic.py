@@ -122,10 +122,10 @@ def _of_views(views: Sequence[View], found: Found) -> Iterator[Doubt]:
     for number, (view, pose) in enumerate(zip(views, found.poses, strict=True)):
         behind = np.concatenate([depth_behind(view, pose, chain) for chain in found.chains])
         # comparisons with NaN are false
-        missed = np.count_nonzero(behind == np.inf)
-        returned = np.count_nonzero(behind < np.inf)
+        missed = int(np.count_nonzero(behind == np.inf))
+        returned = int(np.count_nonzero(behind < np.inf))
         shown, lost = shown + returned, lost + missed
-        through = np.count_nonzero(behind > _BEHIND) - missed
+        through = int(np.count_nonzero(behind > _BEHIND)) - missed
         if returned >= _FEWEST and through / returned > worst:
             worst, where = through / returned, number
     reason = (

@@ -48,12 +48,10 @@ def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> t
     if not len(normals):
         return None
     offsets = (normals * corners).sum(axis=1)
-    # a part of the points tells planes apart; one product for all would wake threads of BLAS
-    some, wide = points[::_EACH].T.copy(), _SCATTER * radius
-    on = [
-        np.count_nonzero(np.abs(normal @ some - offset) < wide)
-        for normal, offset in zip(normals, offsets, strict=True)
-    ]
+    # a part of the points tells planes apart; a product of matrices would wake threads of BLAS
+    (x, y, z), wide = points[::_EACH].T.copy(), _SCATTER * radius
+    nx, ny, nz = normals.T[:, :, None]
+    on = np.count_nonzero(np.abs(nx * x + ny * y + nz * z - offsets[:, None]) < wide, axis=1)
     best = int(np.argmax(on))
     near = np.abs(points @ normals[best] - offsets[best]) < wide
     if np.count_nonzero(near) < _SHARE * len(points):
