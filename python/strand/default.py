@@ -40,6 +40,8 @@ _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
+# with less confidence tubes are compared with what images show, whatever the noise
+_HOPELESS = 0.1
 # doubts of less are not mentioned; more makes an answer unsure, and is warned of
 _LEAST, _WARNED = 1e-3, 0.1
 
@@ -98,7 +100,9 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         raise NotEnoughDataError(f"views: {wide}")
     tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
-    if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)):
+    # neighbours that share their errors scatter little, and tubes fall to pieces
+    hopeless = tubes is not None and _confidence(tubes) < _HOPELESS and all(v.image for v in observed.whole)
+    if tubes is not None and narrow and not hopeless and (scatter < _WIDE or _certain(tubes)):
         return _accepted(tubes, tubes_run, run)
     if tubes is not None and run.late("readings of the images"):
         return _accepted(tubes, tubes_run, run)
@@ -124,7 +128,8 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
             raise
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
-        if _misread(what, scatter) or run.late("the comparison with readings of the images"):
+        misread = what.neighbours_alike <= PLAIN and _misread(what, scatter)
+        if misread or run.late("the comparison with readings of the images"):
             return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
     found = answer(what, observed, config, images_run)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +106,11 @@ def doubts(
     reason = f"noise is {fit.noise:.2f} radii wide"
     amount = _NOISE * max(fit.noise - _NARROW, 0.0)
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
+    return in_order(found)
+
+
+def in_order(found: Iterable[Doubt]) -> tuple[Doubt, ...]:
+    """Return the doubts that are worth mentioning, the greatest first."""
     return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
 
 

@@ -23,6 +23,8 @@ pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Fewer bytes than this are copied into NumPy's memory, which costs less than to keep Rust's.
 const COPIED: usize = 1 << 12;
+/// An array is a part of a part of another so many times at most: NumPy itself keeps but the first and the last.
+const DEPTH: usize = 8;
 
 /// Keeps the memory of an array: a vector.
 #[pyclass(frozen, module = "strand._core")]
@@ -48,7 +50,10 @@ impl<T: Element + Copy + 'static> Constant<T> {
         // wherever it is found, memory that holds the numbers and that nobody can write to is what is sought
         let base = intern!(array.py(), "base");
         let mut owner = array.getattr(base).ok()?;
-        while owner.is_instance_of::<PyUntypedArray>() {
+        for _ in 0..DEPTH {
+            if !owner.is_instance_of::<PyUntypedArray>() {
+                break;
+            }
             owner = owner.getattr(base).ok()?;
         }
         let memory = owner.cast::<Memory>().ok()?.get();

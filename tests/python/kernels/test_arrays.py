@@ -100,6 +100,19 @@ def test_parts_of_an_array_that_nobody_can_write_to_are_those_parts(part):
     assert_same([count_neighbors(points, 0.2)], [count_neighbors(np.array(points), 0.2)])
 
 
+class Endless(np.ndarray):
+    """Says that it is a part of itself."""
+
+    @property
+    def base(self):
+        return self
+
+
+def test_an_array_may_say_that_it_is_part_of_itself():
+    points = np.random.default_rng(3).uniform(size=(300, 3))
+    assert_same([count_neighbors(points.view(Endless), 0.2)], [count_neighbors(points, 0.2)])
+
+
 @pytest.mark.parametrize("count", [1, 1000])
 def test_nobody_can_write_to_a_constant_array(count):
     points = np.ones((count, 3))

@@ -1,0 +1,77 @@
+"""Masks that lost a piece of rope: depth beyond an end shows it, and the answer is unsure of that end."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import strand
+from strand.synthetic import Segmentation, scene
+
+RADIUS = 0.0045
+
+
+def drawn(camera, views):
+    return scene(
+        "s",
+        radius=RADIUS,
+        seed=5,
+        views=views,
+        camera=camera,
+        size=(640, 480),
+        distance=0.6,
+        mask=Segmentation(),
+        elevation=math.radians(70.0),
+    )
+
+
+def without(made, low, high):
+    """The scene, its masks without the pixels that are nearest to a stretch of the rope, in shares of it."""
+    (rope,) = made.truth
+    (fx, _, cx), (_, fy, cy), _ = made.intrinsics
+    masks = []
+    for mask, pose in zip(made.mask, made.poses, strict=True):
+        x, y, z = ((rope - pose[:3, 3]) @ pose[:3, :3]).T
+        rows, columns = np.nonzero(mask)
+        squares = (columns[:, None] - fx * x / z - cx) ** 2 + (rows[:, None] - fy * y / z - cy) ** 2
+        share = squares.argmin(axis=1) / len(rope)
+        lost = (share > low) & (share < high)
+        masks.append(mask.copy())
+        masks[-1][rows[lost], columns[lost]] = False
+    return dataclasses.replace(made, mask=np.array(masks))
+
+
+def doubted(model):
+    """Where the ropes' ends are doubted for what depth shows beyond them."""
+    return [doubt.place for doubt in model.doubts if "goes on" in doubt.reason and doubt.amount > 0.3]
+
+
+@pytest.mark.parametrize(("camera", "views"), [("d435", 1), ("d435", 3), ("zed", 1)])
+def test_an_end_that_a_mask_lost_is_unsure_and_one_that_is_there_is_not(camera, views):
+    made = drawn(camera, views)
+    whole = strand.reconstruct(made.views, RADIUS, made.bounds, ropes=1)
+    assert not doubted(whole)
+    assert whole.confidence > 0.7
+    cut = strand.reconstruct(without(made, 0.8, 1.1).views, RADIUS, made.bounds, ropes=1)
+    (place,) = doubted(cut)
+    (rope,) = made.truth
+    assert np.linalg.norm(place - rope[int(0.8 * len(rope))]) < 4.0 * RADIUS
+    assert cut.confidence < 0.5
+
+
+def test_both_ends_at_a_gap_of_the_mask_are_unsure():
+    made = without(drawn("d435", 1), 0.45, 0.55)
+    model = strand.reconstruct(made.views, RADIUS, made.bounds)
+    assert len(model.chains) == 1 or len(doubted(model)) == 2
+    assert len(model.chains) == 1 or model.confidence < 0.5
+
+
+def test_without_masks_correlated_noise_is_read_from_the_images(measure):
+    made = drawn("d435", 1)
+    low, high = made.bounds
+    bounds = np.array([low[0], low[1], 0.4 * RADIUS]), high
+    model = strand.reconstruct(dataclasses.replace(made, mask=None).views, RADIUS, bounds, ropes=1)
+    assert measure(model, made.truth, RADIUS).right or model.confidence < 0.5
