@@ -13,14 +13,15 @@ from strand.images.seen import RopeImage
 from strand.model import Doubt
 
 # places beyond an end and inside of it, and how far beside the axis the surroundings are, in radii
-_AHEAD, _ASIDE = np.arange(1.5, 4.6, 0.5), 3.0
+_AHEAD, _ASIDE = np.arange(1.5, 4.1, 0.5), 3.0
 # other stretches nearer than this to a place say nothing of it; the own rope's begin so far back, radii
 _OTHERS, _OWN = 3.5, 7.0
 # fewest places that say anything; ropes stand out from their surroundings by so many radii at least, and what
 # does by so many is something else
 _FEWEST, _STANDS_OUT, _HIDES = 4, 0.3, 6.0
-# deviations of the noise that chance may have, the share of the height that is doubted in full, and how much
-_CHANCE, _SHARE, _GOES_ON = 2.0, 0.5, 1.2
+# deviations of the noise that chance may have; the shares of the rope's height that are none of a doubt, as
+# matchers draw ends out, and all of it, and how much that is
+_CHANCE, _SHARES, _GOES_ON = 2.0, (0.2, 0.6), 1.2
 
 
 def ends_that_go_on(
@@ -67,7 +68,8 @@ def ends_that_go_on(
             # depth of two discs, one after the other, and of what is beside them
             chance = _CHANCE * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_AHEAD), 1.0))
             if usual > _STANDS_OUT:
-                share = (height - chance) / (_SHARE * usual)
+                none, whole = _SHARES
+                share = ((height - chance) / usual - none) / (whole - none)
                 reason = (
                     f"depth goes on as if the rope did: {height:.1f} radii before what is beside it, "
                     f"{usual:.1f} along the rope; the mask may have lost a piece"
