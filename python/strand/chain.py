@@ -13,6 +13,9 @@ from strand.curve import Curve
 from strand.lazy import lazy
 from strand.polyline import runs
 
+# products of lengths stay finite
+_FARTHEST = 1e75
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:
@@ -58,6 +61,8 @@ class Chain:
         points = finite_array("points", self.points, ("N", 3))
         if len(points) < 2:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
+        if np.abs(points).max() > _FARTHEST:
+            raise ValueError(f"points: expected coordinates up to {_FARTHEST:g} m")
         object.__setattr__(self, "points", own(points))
         object.__setattr__(self, "radius", checked_radius(self.radius))
         object.__setattr__(self, "closed", flag("closed", self.closed))

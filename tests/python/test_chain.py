@@ -24,6 +24,15 @@ def test_length_tangents_and_curvature_of_a_circle(closed):
     np.testing.assert_allclose(np.linalg.norm(chain.tangents, axis=1), 1.0, atol=1e-12)
 
 
+def test_coordinates_whose_products_overflow_are_refused():
+    for far in (1e76, 1e300):
+        with pytest.raises(ValueError, match="points: expected coordinates up to 1e"):
+            Chain([[0.0, 0.0, 0.0], [1.0, far, 0.0], [2.0, 0.0, 0.0]], 0.1)
+    near = Chain([[0.0, 0.0, 0.0], [1.0, 1e74, 0.0], [2.0, 0.0, 0.0]], 0.1)
+    assert np.isfinite(near.tangents).all()
+    assert np.isfinite(near.curvature).all()
+
+
 def test_at_and_nearest_go_together():
     chain = circle(0.05, 300, False)
     rng = np.random.default_rng(0)
