@@ -101,7 +101,8 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
     # neighbours that share their errors scatter little, and tubes fall to pieces
-    hopeless = tubes is not None and _confidence(tubes) < _HOPELESS and all(v.image for v in observed.whole)
+    shared = tubes is not None and not _plain(tubes) and all(view.image for view in observed.whole)
+    hopeless = shared and tubes is not None and _confidence(tubes) < _HOPELESS
     if tubes is not None and narrow and not hopeless and (scatter < _WIDE or _certain(tubes)):
         return _accepted(tubes, tubes_run, run)
     if tubes is not None and run.late("readings of the images"):
