@@ -45,7 +45,7 @@ class Chain:
         If an argument is of the wrong kind.
     ValueError
         If an array has a wrong shape or is not finite, `points` has fewer than two nodes or equal
-        neighbours, `radius` is not positive, or `radius_sd` is negative.
+        neighbours or coordinates above 1e75 m, `radius` is not positive, or `radius_sd` is negative.
     """
 
     points: Array

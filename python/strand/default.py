@@ -40,7 +40,7 @@ _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
 # pixel, they follow the rope more closely
 _NARROW = 0.25
-# with less confidence tubes are compared with what images show, whatever the noise
+# tubes of less confidence are compared with what images show, where neighbouring pixels share their errors
 _HOPELESS = 0.1
 # doubts of less are not mentioned; more makes an answer unsure, and is warned of
 _LEAST, _WARNED = 1e-3, 0.1
@@ -94,16 +94,14 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
         return answer(what, observed, config, run)
+    pictured = all(view.image for view in observed.whole)
     # no tubes are sought in a table that images tell from the ropes on it
     wide = no_ropes(observed.views, radius) if scatter < _WIDE else None
-    if wide and not all(view.image for view in observed.whole):
+    if wide and not pictured:
         raise NotEnoughDataError(f"views: {wide}")
     tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
-    # neighbours that share their errors scatter little, and tubes fall to pieces
-    shared = tubes is not None and not _plain(tubes) and all(view.image for view in observed.whole)
-    hopeless = shared and tubes is not None and _confidence(tubes) < _HOPELESS
-    if tubes is not None and narrow and not hopeless and (scatter < _WIDE or _certain(tubes)):
+    if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)) and _settled(tubes, pictured):
         return _accepted(tubes, tubes_run, run)
     if tubes is not None and run.late("readings of the images"):
         return _accepted(tubes, tubes_run, run)
@@ -207,6 +205,11 @@ def _accepted(found: Found, own: Run, run: Run) -> Found:
 def _plain(tubes: Found) -> bool:
     """Tell whether tubes find the errors of neighbouring pixels independent."""
     return tubes.sensor is None or not tubes.sensor.correlation
+
+
+def _settled(tubes: Found, pictured: bool) -> bool:
+    # where neighbours share their errors, depths scatter little, and yet tubes fall to pieces
+    return not pictured or _plain(tubes) or _confidence(tubes) >= _HOPELESS
 
 
 def _confidence(found: Found) -> float:

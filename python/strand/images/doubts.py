@@ -62,7 +62,11 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
 
 
 def doubts(
-    rivals: Sequence[Explanation], fit: ImageFit, chains: Sequence[Chain], radius: float
+    rivals: Sequence[Explanation],
+    fit: ImageFit,
+    chains: Sequence[Chain],
+    radius: float,
+    going_on: Iterable[Doubt],
 ) -> tuple[Doubt, ...]:
     """Say what speaks against the best explanation, and how much.
 
@@ -80,11 +84,13 @@ def doubts(
         Made of it.
     radius : float
         Metres.
+    going_on : iterable of Doubt
+        What depth shows beyond the ends.
 
     Returns
     -------
     tuple of Doubt
-        The greatest first.
+        Those worth mentioning, the greatest first.
     """
     found = [Doubt("noise", _ALWAYS, "of all that depth decides", "errors of neighbouring pixels are alike")]
     if len(rivals) > 1:
@@ -97,6 +103,7 @@ def doubts(
         reason = f"depth hardly tells it (margin {margin:.1f})"
         found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += _of_ends(fit.nodes, radius)
+    found += going_on
     found += _of_stretches(chains)
     uncovered, outside = fit.misfit[:2]
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
@@ -106,11 +113,6 @@ def doubts(
     reason = f"noise is {fit.noise:.2f} radii wide"
     amount = _NOISE * max(fit.noise - _NARROW, 0.0)
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
-    return in_order(found)
-
-
-def in_order(found: Iterable[Doubt]) -> tuple[Doubt, ...]:
-    """Return the doubts that are worth mentioning, the greatest first."""
     return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
 
 

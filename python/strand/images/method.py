@@ -10,7 +10,7 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.beyond import ends_that_go_on
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
-from strand.images.doubts import distinct, doubts, in_order
+from strand.images.doubts import distinct, doubts
 from strand.images.ends import ends_moved
 from strand.images.errors import Errors, expected_errors, measured_errors, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
@@ -131,11 +131,10 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
     poses = corrected_poses([view.pose for view in observed.views], fit.corrections)
-    uncertain = doubts(rivals, fit, chains, radius)
-    if what.scatter is None:
-        # what is before its surroundings was made the mask else
-        going_on = ends_that_go_on(what.taken, poses, fit.nodes, fit.noise, radius)
-        uncertain = in_order([*uncertain, *going_on])
+    # where depths scatter, what is before its surroundings was made the mask
+    given = what.scatter is None
+    going_on = ends_that_go_on(what.taken, poses, fit.nodes, fit.noise, radius) if given else ()
+    uncertain = doubts(rivals, fit, chains, radius, going_on)
     chains = sorted(chains, key=lambda chain: -chain.length)
     run.warnings.extend(about_answer(chains, uncertain, None, observed.bounds, config.linking))
     return Found(

@@ -289,7 +289,7 @@ fn kept<T: Element + Copy + 'static, D: Dimension>(
 }
 
 /// Refuses numbers of things of which there are not as many; `things` says what, and for each of what.
-pub(super) fn in_range(name: &str, numbers: &[i64], count: usize, things: &str) -> PyResult<()> {
+fn in_range(name: &str, numbers: &[i64], count: usize, things: &str) -> PyResult<()> {
     if numbers.iter().all(|number| (0..count as i64).contains(number)) {
         return Ok(());
     }
