@@ -18,7 +18,7 @@ from strand.evidence import systematic
 from strand.evidence.confidence import confidence
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
-from strand.images.raised import all_masked
+from strand.images.raised import all_masked, without_untold
 from strand.images.scattered import read_scattered
 from strand.model import ModelWarning
 from strand.sheets import no_ropes
@@ -64,8 +64,15 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     strand.NotEnoughDataError
         If neither finds a rope.
     """
-    found = _found(observed, config, run)
-    against = [*systematic.doubts(observed, found, config), *of_tubes.doubts(observed, found)]
+    used = without_untold(observed)
+    for number in sorted({*observed.numbers} - {*used.numbers}):
+        message = (
+            f"view {number} was not used: errors of neighbouring pixels are alike, which does not tell ropes "
+            "from what they lie on; give it a mask, as others have"
+        )
+        run.warnings.append(ModelWarning("unused view", message, view=number))
+    found = _found(used, config, run)
+    against = [*systematic.doubts(used, found, config), *of_tubes.doubts(used, found)]
     against = [doubt for doubt in against if doubt.amount > _LEAST]
     run.warnings.extend(
         ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
@@ -73,7 +80,8 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
         # a radius that the points contradict has its warning
         if doubt.amount > _WARNED and doubt.kind != "radius"
     )
-    return replace(found, doubts=(*(found.doubts or ()), *against))
+    found = replace(found, doubts=(*(found.doubts or ()), *against))
+    return _with_all_poses(found, used, observed)
 
 
 def _found(observed: Observed, config: Config, run: Run) -> Found:
@@ -83,6 +91,19 @@ def _found(observed: Observed, config: Config, run: Run) -> Found:
     if any(view.mask is not None for view in observed.whole):
         return _images_first(all_masked(observed), config, run)
     return _tubes_first(observed, config, run)
+
+
+def _with_all_poses(found: Found, used: Observed, observed: Observed) -> Found:
+    """Return an answer of some of the views with poses of all; those of the others are as given."""
+    if used is observed:
+        return found
+    known = dict(zip(used.numbers, zip(found.poses, found.pose_sd, strict=True), strict=True))
+    unknown = np.full(6, np.nan)
+    both = [
+        known.get(number, (view.pose, unknown))
+        for number, view in zip(observed.numbers, observed.views, strict=True)
+    ]
+    return replace(found, poses=[pose for pose, _ in both], pose_sd=[deviation for _, deviation in both])
 
 
 def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:

@@ -11,6 +11,7 @@ import numpy as np
 from strand._core import ImageFit, RopeImages
 from strand.images.seen import RopeImage
 from strand.sensor import Sensor
+from strand.tubes.backgrounds import plane_correlations
 from strand.tubes.noise import depth_step
 
 # depth is taken from discs of this part of the rope's radius
@@ -21,6 +22,8 @@ _MEDIAN = 1.25
 _FOLLOWED, _FARTHER = 1.4, 2.0
 # a correlation that is as good as none, pixels
 _ALONE = 0.01
+# of neighbouring pixels that are alike their correlation is found
+_MOST_ALIKE = 0.99
 # least and most noise, and lengths over which errors are alike, radii; and edges' errors, pixels
 _NOISE, _LENGTH, _LATERAL = (0.08, 2.0), (1.0, 8.0), (0.1, 1.0)
 
@@ -51,6 +54,16 @@ class Errors:
     def values(self) -> tuple[float | None, float, float, float]:
         """As the kernels take them."""
         return self.noise, self.correlation, self.lateral, self.bias
+
+
+def neighbours_alike(taken: Sequence[RopeImage]) -> float:
+    """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
+    images = [(image.depth, image.depth[image.mask]) for image in taken]
+    correlations, followed = plane_correlations(
+        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images if (on_rope > 0).any()],
+        1,
+    )
+    return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
 
 def expected_errors(sensor: Sensor, taken: Sequence[RopeImage], images: RopeImages, radius: float) -> Errors:

@@ -12,7 +12,7 @@ from strand.images.beyond import ends_that_go_on
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.images.doubts import distinct, doubts
 from strand.images.ends import ends_moved
-from strand.images.errors import Errors, expected_errors, measured_errors, sensor_of
+from strand.images.errors import Errors, expected_errors, measured_errors, neighbours_alike, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
 from strand.images.outlined import mean_noise
 from strand.images.raised import raised
@@ -23,13 +23,11 @@ from strand.model import Alternative
 from strand.pose import moved
 from strand.sensor import Sensor
 from strand.stages import Found, Observed, Run
-from strand.tubes.backgrounds import plane_correlations
 from strand.tubes.warnings import about_answer
 
 PLAIN = 0.1
 """Errors of neighbouring pixels that are less alike count as independent."""
 
-_MOST_ALIKE = 0.99
 _NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 
 
@@ -66,11 +64,7 @@ class Read:
     @lazy
     def neighbours_alike(self) -> float:
         """How alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
-        images = [(image.depth, image.depth[image.mask]) for image in self.taken]
-        correlations, followed = plane_correlations(
-            [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images], 1
-        )
-        return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
+        return neighbours_alike(self.taken)
 
 
 def read(observed: Observed, config: Config, run: Run) -> Read:

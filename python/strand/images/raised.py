@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
+from strand.images.errors import neighbours_alike
 from strand.images.seen import RopeImage, rope_images
 from strand.images.table import table_plane
 from strand.stages import Observed
-from strand.view import cropped, masked
+from strand.view import View, cropped, masked
 
 LOWEST = -2.0
 """Single heights count only above this, radii."""
@@ -28,6 +29,46 @@ _WIDEST = 0.25
 # a view without a mask of whose points this share lies on the table, lower than so many radii, shows more
 # than ropes; ropes are looked for so many radii around those that masks show
 _ON_TABLE, _LOW, _AROUND = 0.3, 0.5, 4.0
+# from this on errors of neighbouring pixels are alike beyond doubt
+_ALIKE = 0.2
+
+
+def without_untold(observed: Observed) -> Observed:
+    """Leave out views without a mask that do not tell ropes from their table, if others have masks.
+
+    Where errors of neighbouring pixels are alike, much stands out of a table that is no rope. Depth images
+    without a mask tell nothing then, and points that show the table neither.
+
+    Parameters
+    ----------
+    observed : Observed
+
+    Returns
+    -------
+    Observed
+        The same if all are kept.
+    """
+    given = [view.mask is not None for view in observed.whole]
+    if all(given) or not any(given):
+        return observed
+    radius = float(observed.radii.values[0])
+    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+    if neighbours_alike(images) < _ALIKE:
+        return observed
+    table = table_plane(images, _middle(given), radius)
+    kept = [
+        k
+        for k, view in enumerate(observed.whole)
+        if given[k] or not (view.image or (table and _on_table(observed.views[k], table, radius)))
+    ]
+    if len(kept) == len(given):
+        return observed
+    return replace(
+        observed,
+        views=[observed.views[k] for k in kept],
+        whole=[observed.whole[k] for k in kept],
+        numbers=[observed.numbers[k] for k in kept],
+    )
 
 
 def all_masked(observed: Observed) -> Observed:
@@ -43,30 +84,40 @@ def all_masked(observed: Observed) -> Observed:
     -------
     Observed
     """
-    given = [number for number, view in enumerate(observed.whole) if view.mask is not None]
-    if not given or len(given) == len(observed.whole):
+    given = [view.mask is not None for view in observed.whole]
+    if all(given) or not any(given):
         return observed
     radius = float(observed.radii.values[0])
     images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
-    table = table_plane(images, given[len(given) // 2], radius)
+    table = table_plane(images, _middle(given), radius)
     if table is None:
         return observed
-    normal, offset = table
-    ropes = np.vstack([observed.views[number].world_points for number in given])
+    ropes = np.vstack([view.world_points for view, own in zip(observed.views, given, strict=True) if own])
     low, high = np.percentile(ropes, (1, 99), axis=0)
     near = low - _AROUND * radius, high + _AROUND * radius
     if observed.bounds is not None:
         near = np.maximum(near[0], observed.bounds[0]), np.minimum(near[1], observed.bounds[1])
     views, whole = list(observed.views), list(observed.whole)
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
-        above = own.world_points @ normal - offset
-        if view.image is None or view.mask is not None or np.mean(above < _LOW * radius) < _ON_TABLE:
+        if view.image is None or given[number] or not _on_table(own, table, radius):
             continue
         cut = masked(view, _standing_out(images[number], table, near, radius))
         (inside,) = cropped([cut], near)
         if len(inside.points):
             views[number], whole[number] = inside, cut
     return replace(observed, views=tuple(views), whole=tuple(whole))
+
+
+def _middle(given: Sequence[bool]) -> int:
+    """Return the middle one of the views that have a mask."""
+    masked_views = np.flatnonzero(given)
+    return int(masked_views[len(masked_views) // 2])
+
+
+def _on_table(view: View, table: tuple[Array, float], radius: float) -> bool:
+    """Tell whether a view shows more than ropes: much that lies on the table."""
+    normal, offset = table
+    return float(np.mean(view.world_points @ normal - offset < _LOW * radius)) >= _ON_TABLE
 
 
 def raised(

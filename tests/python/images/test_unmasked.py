@@ -1,0 +1,51 @@
+"""Views without masks among views with masks: they help where noise is plain, and do no harm elsewhere."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from drawn import of_kind
+
+import strand
+from strand.synthetic import Segmentation, scene
+
+
+def only_first_masked(made):
+    return [made.views[0], *dataclasses.replace(made, mask=None).views[1:]]
+
+
+@pytest.mark.parametrize("camera", ["d435", "zed", "tof"])
+@pytest.mark.parametrize("bounded", [True, False])
+def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_and_named(camera, bounded):
+    made = scene("s", seed=5, views=3, camera=camera, mask=Segmentation(), size=(640, 480), distance=0.6)
+    given = {"radius": made.radius, "ropes": 1, "bounds": made.bounds if bounded else None}
+    some = strand.reconstruct(only_first_masked(made), **given)
+    alone = strand.reconstruct(made.views[:1], **given)
+    np.testing.assert_array_equal(some.chains[0].points, alone.chains[0].points)
+    assert some.confidence == alone.confidence
+    assert [doubt.kind for doubt in some.doubts] == [doubt.kind for doubt in alone.doubts]
+    assert [warning.view for warning in of_kind(some, "unused view")] == [1, 2]
+    np.testing.assert_array_equal(some.poses[1:], [view.pose for view in made.views[1:]])
+    assert np.isnan(some.pose_sd[1:]).all()
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3])
+@pytest.mark.parametrize("seed", [1, 4])
+def test_where_noise_is_plain_views_without_masks_help(noise, seed, measure):
+    made = scene("loop", seed=seed, views=3, mask=Segmentation(), noise=noise * 0.0042)
+    some = strand.reconstruct(only_first_masked(made), made.radius, made.bounds, ropes=1)
+    alone = strand.reconstruct(made.views[:1], made.radius, made.bounds, ropes=1)
+    found = measure(some, made.truth, made.radius)
+    assert found.right
+    assert found.rms < 0.5 * measure(alone, made.truth, made.radius).rms
+    assert of_kind(some, "unused view") == []
+
+
+def test_points_without_an_image_are_used_unless_they_show_the_table():
+    made = scene("loop", seed=1, views=2, camera="d435", mask=Segmentation(), size=(480, 360))
+    first, second = made.views
+    rope = strand.View(second.points, second.pose)
+    table = strand.View(dataclasses.replace(made, mask=None).views[1].points, second.pose)
+    for view, unused in ((rope, []), (table, [1])):
+        model = strand.reconstruct([first, view], made.radius, ropes=1)
+        assert [warning.view for warning in of_kind(model, "unused view")] == unused
