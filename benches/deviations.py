@@ -6,6 +6,9 @@ Each row has the shapes of `SHAPES` with so many seeds from 50 on. Depths have n
 ones, or these smoothed with a Gaussian and scaled to the same standard deviation. The normalised error of a
 chain is the root of the mean of e' C^-1 e / 2 over its nodes, e their errors across the rope and C their
 covariance there; it is near 1 where covariances tell the truth. Only scenes whose topology is right count.
+
+Below are the same shapes through each of `strand.synthetic.CAMERAS` with masks up to a pixel too wide or too
+narrow, the radius and the number of ropes told: these answers are read from images.
 """
 
 from __future__ import annotations
@@ -14,12 +17,15 @@ import argparse
 import dataclasses
 import math
 import sys
+from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 from limits import Truth, calibration
 from measure import measured
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+from sensors import seen_by
 from tables import head, row
 
 import strand
@@ -28,7 +34,7 @@ from strand.synthetic import SyntheticScene
 
 SHAPES = ("s", "arc", "overhand", "paper")
 CASES = ((0.3e-3, 0.0), (0.7e-3, 0.0), (1.5e-3, 0.0), (0.7e-3, 1.0), (0.7e-3, 1.5), (0.7e-3, 2.5))
-VIEWS = (1, 3, 7)
+VIEWS, CAMERA_VIEWS = (1, 3, 7), (1, 3)
 FIRST_SEED = 50
 
 
@@ -57,45 +63,46 @@ def scene(shape: str, seed: int, noise: float, correlation: float, views: int) -
     return dataclasses.replace(exact, depth=np.stack(units), noise=noise)
 
 
+def told(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]:
+    """The last cells of a row: of normalised errors, of errors, and how many count."""
+    found, count = [], 0
+    for drawn in scenes:
+        count += 1
+        try:
+            model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds, ropes=ropes)
+        except strand.StrandError:
+            continue
+        error = measured([chain.points for chain in model.chains], drawn.truth, drawn.radius)
+        if error.right:
+            sd, square = calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
+            found.append((math.sqrt(square), error.rms * 1e3, sd * 1e3))
+    low, middle, high = np.percentile([each[0] for each in found], [10, 50, 90])
+    rms, sd = np.median(found, axis=0)[1:]
+    return (
+        f"{middle:.2f}",
+        f"{low:.2f} to {high:.2f}",
+        f"{rms:.3f}",
+        f"{sd:.3f}",
+        f"{len(found)} of {count}",
+    )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=4, metavar="N", help="of each shape (default: 4)")
     arguments = parser.parse_args()
-    titles = (
-        "noise mm",
-        "correlation px",
-        "views",
-        "normalised error",
-        "10 to 90 %",
-        "RMS mm",
-        "reported sd mm",
-    )
-    print(head(*titles, "right"))
+    chosen = list(product(SHAPES, range(FIRST_SEED, FIRST_SEED + arguments.seeds)))
+    titles = ("views", "normalised error", "10 to 90 %", "RMS mm", "reported sd mm", "right")
+    print(head("noise mm", "correlation px", *titles))
     for noise, correlation in CASES:
         for views in VIEWS:
-            found = []
-            for shape in SHAPES:
-                for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
-                    drawn = scene(shape, seed, noise, correlation, views)
-                    try:
-                        model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
-                    except strand.StrandError:
-                        continue
-                    error = measured([chain.points for chain in model.chains], drawn.truth, drawn.radius)
-                    if error.right:
-                        sd, square = calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
-                        found.append((math.sqrt(square), error.rms * 1e3, sd * 1e3))
-            low, middle, high = np.percentile([each[0] for each in found], [10, 50, 90])
-            rms, sd = np.median(found, axis=0)[1:]
-            numbers = (
-                f"{noise * 1e3:.1f}",
-                f"{correlation:g}",
-                views,
-                f"{middle:.2f}",
-                f"{low:.2f} to {high:.2f}",
-            )
-            count = f"{len(found)} of {len(SHAPES) * arguments.seeds}"
-            print(row(*numbers, f"{rms:.3f}", f"{sd:.3f}", count), flush=True)
+            cells = told((scene(shape, seed, noise, correlation, views) for shape, seed in chosen), None)
+            print(row(f"{noise * 1e3:.1f}", f"{correlation:g}", views, *cells), flush=True)
+    print()
+    print(head("camera", *titles))
+    for camera, views in product(synthetic.CAMERAS, CAMERA_VIEWS):
+        cells = told((seen_by(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
+        print(row(camera, views, *cells), flush=True)
     return 0
 
 

@@ -40,10 +40,11 @@ def drawn(only: str) -> Iterator[tuple[str, SyntheticScene]]:
             views = 3 if number % THREE == 0 else 1
             called = f"{name}_{camera}_{views}v"
             if only in called:
-                yield camera, _drawn(called, name, camera, views, number)
+                yield camera, seen_by(called, name, camera, views, number)
 
 
-def _drawn(called: str, name: str, camera: str, views: int, seed: int) -> SyntheticScene:
+def seen_by(called: str, name: str, camera: str, views: int, seed: int) -> SyntheticScene:
+    """A shape or random ropes as a camera would see them, its masks up to a pixel too wide or too narrow."""
     rng = np.random.default_rng(seed)
     radius = float(rng.uniform(3.4e-3, 6e-3))
     common: dict[str, Any] = {

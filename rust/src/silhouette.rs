@@ -60,6 +60,12 @@ const SMOOTH: f64 = 0.6;
 const RAGGED_SMOOTH: f64 = 0.3;
 /// Fewest pixels of a hole that a segmenter left.
 const LEAST_HOLE: usize = 4;
+/// How much masks are eaten and grown at most, pixels; what is off by more, downwards and upwards, is something else, as is
+/// what is this many times as wide.
+const EATEN: f64 = 0.7;
+const GROWN: f64 = 2.0;
+const OTHER: [f64; 2] = [1.5, 2.5];
+const SIDE_BY_SIDE: f64 = 1.6;
 /// A mask of which specks and holes are this share is ragged.
 const RAGGED: f64 = 0.04;
 
@@ -114,7 +120,8 @@ impl Silhouette {
 
     /// Prepares the mask of a rope whose radius in the image is known roughly; none if nothing is left of it.
     ///
-    /// The radius is corrected by what the mask shows, which is a little eaten or grown.
+    /// The radius is corrected by what the mask shows, which is a little eaten or up to two pixels too wide. What is wider than
+    /// that may be strands side by side.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
         let scale = if radius_px < 6.0 {
             3
@@ -125,8 +132,9 @@ impl Silhouette {
         };
         let mut made = Self::new(mask, width, radius_px, scale)?;
         let shown = shown_radius(&made.skeleton, &made.depth)?;
-        if (shown - radius_px).abs() < 1.5 {
-            made.radius_px = shown.clamp(radius_px - 0.7, radius_px + 1.0);
+        let (low, high) = (radius_px - OTHER[0], (radius_px + OTHER[1]).min(SIDE_BY_SIDE * radius_px));
+        if shown > low && shown < high {
+            made.radius_px = shown.clamp(radius_px - EATEN, radius_px + GROWN);
         }
         Some(made)
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -25,8 +24,7 @@ _CHANCE, _SHARES, _GOES_ON = 2.0, (0.2, 0.6), 1.2
 
 
 def ends_that_go_on(
-    images: Sequence[RopeImage],
-    poses: Sequence[Array],
+    views: Sequence[RopeImage],
     chains: Sequence[Array],
     noise: float,
     radius: float,
@@ -35,9 +33,8 @@ def ends_that_go_on(
 
     Parameters
     ----------
-    images : sequence of RopeImage
-    poses : sequence of (4, 4) ndarray
-        As corrected, camera to world.
+    views : sequence of RopeImage
+        With poses as corrected.
     chains : sequence of (M, 3) ndarray
         Nodes of the ropes, metres.
     noise : float
@@ -45,7 +42,6 @@ def ends_that_go_on(
     radius : float
         Metres.
     """
-    views = [replace(image, pose=pose) for image, pose in zip(images, poses, strict=True)]
     for number, nodes in enumerate(chains):
         for way in (nodes, nodes[::-1]):
             from_end = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])

@@ -7,11 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from strand._core import ImageFit
+import strand._core as _core
+from strand._core import ImageFit, RopeImages
 from strand.chain import Chain
 from strand.checks import Array
 from strand.evidence.confidence import SCALE
 from strand.images.comparison import Explanation
+from strand.images.seen import RopeImage
 from strand.model import Doubt
 from strand.polyline import runs
 from strand.tubes.hypotheses import Course, courses, same_courses
@@ -24,6 +26,8 @@ _ALWAYS, _ORDER, _ORDER_SCALE = 0.05, 0.5, 5.0
 _NEAR_END, _END, _END_SCALE = 3.2, 0.3, 1.2
 # doubt for each squared radius of mask that nothing covers beyond what is usual, and of tube outside masks
 _UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
+# doubt for each radius by which masks are wider than is usual
+_WIDE, _USUAL_WIDE = 1.0, 1.35
 # doubt for each radius of noise beyond what is narrow
 _NOISE, _NARROW = 3.0, 0.21
 # doubt for each radius of a stretch without depth beyond what a strand on top hides
@@ -65,8 +69,9 @@ def doubts(
     rivals: Sequence[Explanation],
     fit: ImageFit,
     chains: Sequence[Chain],
+    views: Sequence[RopeImage],
     radius: float,
-    going_on: Iterable[Doubt],
+    others: Iterable[Doubt],
 ) -> tuple[Doubt, ...]:
     """Say what speaks against the best explanation, and how much.
 
@@ -82,10 +87,12 @@ def doubts(
         The last fit of the best.
     chains : sequence of Chain
         Made of it.
+    views : sequence of RopeImage
+        With poses as corrected.
     radius : float
         Metres.
-    going_on : iterable of Doubt
-        What depth shows beyond the ends.
+    others : iterable of Doubt
+        Of what masks and depth show beside the ropes.
 
     Returns
     -------
@@ -95,25 +102,55 @@ def doubts(
     found = [Doubt("noise", _ALWAYS, "of all that depth decides", "errors of neighbouring pixels are alike")]
     if len(rivals) > 1:
         more = rivals[1].cost - rivals[0].cost
+        place, joined = _difference(fit.nodes, rivals[1].fit.nodes, radius)
         reason = f"another way to explain the images costs {more:.1f} more"
-        place = _difference(fit.nodes, rivals[1].fit.nodes, radius)
+        if joined:
+            reason += ": strands that touch there and part cross, or the other way round"
         found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason, place))
     for crossing, margin in fit.crossings:
         amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
         reason = f"depth hardly tells it (margin {margin:.1f})"
         found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += _of_ends(fit.nodes, radius)
-    found += going_on
+    found += others
     found += _of_stretches(chains)
     uncovered, outside = fit.misfit[:2]
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
     amount += _OUTSIDE * max(outside - _USUAL_OUTSIDE, 0.0)
     reason = "ropes and masks do not cover each other; is the radius right, and are the masks?"
-    found.append(Doubt("uncovered", amount, "of the ropes found", reason))
+    place = _farthest_uncovered(views, fit.nodes, radius) if amount > _LEAST else None
+    found.append(Doubt("uncovered", amount, "of the ropes found", reason, place))
     reason = f"noise is {fit.noise:.2f} radii wide"
     amount = _NOISE * max(fit.noise - _NARROW, 0.0)
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
     return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
+
+
+def _farthest_uncovered(views: Sequence[RopeImage], chains: Sequence[Array], radius: float) -> Array | None:
+    """Return what a mask's pixel with depth shows that is farthest from the ropes; None if they cover all."""
+    nodes = np.vstack(chains)
+    farthest: tuple[float, Array | None] = 1.5, None
+    for view in views:
+        rows, columns = np.nonzero(view.mask & (view.depth > 0))
+        seen = view.projected(nodes)
+        pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
+        away = _core.squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
+        k = int(away.argmax())
+        across = np.sqrt(away[k]) * view.distance / (radius * view.focal[0])
+        if across > farthest[0]:
+            farthest = float(across), view.world(rows[k], columns[k], view.depth[rows[k], columns[k]])
+    return farthest[1]
+
+
+def wide_masks(taken: Sequence[RopeImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
+    """Doubt a radius, metres, for which masks are too wide: it may be wrong, or they may."""
+    shown = [
+        pixels * image.distance / image.focal[0] / radius
+        for image, pixels in zip(taken, images.radii, strict=True)
+    ]
+    ratio = float(np.median(shown))
+    reason = f"masks are {ratio:.1f} times as wide as the radius says; is it right, and are they?"
+    yield Doubt("uncovered", _WIDE * max(ratio - _USUAL_WIDE, 0.0), "of the ropes found", reason)
 
 
 def _of_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
@@ -143,20 +180,21 @@ def _of_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
             )
 
 
-def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float) -> Array | None:
-    """Return where other chains run elsewhere, or are joined otherwise."""
+def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float) -> tuple[Array | None, bool]:
+    """Return where other chains run elsewhere, or are joined otherwise; and whether they are only that."""
     theirs = np.vstack(others)
     number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
-    farthest: tuple[float, Array] | None = None
+    farthest: tuple[float, Array | None] = 1.5 * radius, None
+    joined: Array | None = None
     for nodes in chains:
         nearest, away = _nearest(nodes, theirs)
         k = int(away.argmax())
-        if away[k] > 1.5 * radius and (farthest is None or away[k] > farthest[0]):
+        if away[k] > farthest[0]:
             farthest = float(away[k]), nodes[k]
         jumps = (np.abs(np.diff(nearest)) > _JUMP) | (np.diff(number[nearest]) != 0)
-        if farthest is None and jumps.any():
-            farthest = 0.0, nodes[int(jumps.argmax())]
-    return None if farthest is None else farthest[1]
+        if joined is None and jumps.any():
+            joined = nodes[int(jumps.argmax())]
+    return (farthest[1], False) if farthest[1] is not None else (joined, joined is not None)
 
 
 def _nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]:

@@ -58,11 +58,8 @@ class Errors:
 
 def neighbours_alike(taken: Sequence[RopeImage]) -> float:
     """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
-    images = [(image.depth, image.depth[image.mask]) for image in taken]
-    correlations, followed = plane_correlations(
-        [(depth, float(np.median(on_rope[on_rope > 0]))) for depth, on_rope in images if (on_rope > 0).any()],
-        1,
-    )
+    surroundings = [(image.depth, image.distance) for image in taken if np.isfinite(image.distance)]
+    correlations, followed = plane_correlations(surroundings, 1)
     return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
 
@@ -70,8 +67,7 @@ def expected_errors(sensor: Sensor, taken: Sequence[RopeImage], images: RopeImag
     """Return the errors of a known sensor's images of ropes of one radius, metres."""
     found = []
     for image, pixels in zip(taken, images.radii, strict=True):
-        on_rope = image.depth[image.mask]
-        error = sensor.at(float(np.median(on_rope[on_rope > 0])), image.focal[0])
+        error = sensor.at(image.distance, image.focal[0])
         share, length = _of_discs(error.correlation, float(pixels))
         found.append((error.sd * share / radius, length))
     noise, length = np.median(found, axis=0).tolist()

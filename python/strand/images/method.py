@@ -10,7 +10,7 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.beyond import ends_that_go_on
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
-from strand.images.doubts import distinct, doubts
+from strand.images.doubts import distinct, doubts, wide_masks
 from strand.images.ends import ends_moved
 from strand.images.errors import Errors, expected_errors, measured_errors, neighbours_alike, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
@@ -127,8 +127,11 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     poses = corrected_poses([view.pose for view in observed.views], fit.corrections)
     # where depths scatter, what is before its surroundings was made the mask
     given = what.scatter is None
-    going_on = ends_that_go_on(what.taken, poses, fit.nodes, fit.noise, radius) if given else ()
-    uncertain = doubts(rivals, fit, chains, radius, going_on)
+    views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
+    others = list(wide_masks(views, what.images, radius))
+    if given:
+        others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
+    uncertain = doubts(rivals, fit, chains, views, radius, others)
     chains = sorted(chains, key=lambda chain: -chain.length)
     run.warnings.extend(about_answer(chains, uncertain, None, observed.bounds, config.linking))
     return Found(

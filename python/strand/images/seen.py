@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.checks import Array, Bounds
+from strand.lazy import lazy
 from strand.pose import moved
 from strand.view import DepthImage, View
 
@@ -42,6 +43,13 @@ class RopeImage:
     focal: tuple[float, float]
     centre: tuple[float, float]
     pose: Array
+
+    @lazy
+    def distance(self) -> float:
+        """The median depth of the ropes' pixels, metres; NaN if none has depth."""
+        depths = self.depth[self.mask]
+        depths = depths[depths > 0]
+        return float(np.median(depths)) if len(depths) else float("nan")
 
     def projected(self, points: Array) -> Array:
         """(M, 2) Columns and rows of points of the world, pixels."""
