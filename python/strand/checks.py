@@ -169,7 +169,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
         masked = np.count_nonzero(np.ma.getmaskarray(value))
         raise ValueError(
             f"{name}: expected an array without masked elements, got {masked} of them; "
-            "fill them, as with .filled(0.0) for depths without a return, or leave them out"
+            "fill them, as with .filled(0) for depths without a return and for masks, or leave them out"
         )
     try:
         return np.asarray(value)

@@ -123,7 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     demo.add_argument(
         "--out",
-        type=Path,
+        type=_path,
         default=Path("strand-demo"),
         metavar="DIR",
         help="where model.json and the figures go (default: %(default)s)",
@@ -141,10 +141,10 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     reconstruct.add_argument(
-        "scene", type=Path, metavar="SCENE", help="a folder with a scene.toml, or an .npz file"
+        "scene", type=_path, metavar="SCENE", help="a folder with a scene.toml, or an .npz file"
     )
     reconstruct.add_argument(
-        "-o", "--out", type=Path, required=True, metavar="MODEL", help="the JSON file to write"
+        "-o", "--out", type=_path, required=True, metavar="MODEL", help="the JSON file to write"
     )
     reconstruct.add_argument(
         "--radius",
@@ -171,14 +171,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     reconstruct.add_argument(
         "--mask",
-        type=Path,
+        type=_path,
         nargs="+",
         metavar="PATH",
         help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
         "numbers are ropes or pieces of them (default: the scene's)",
     )
     reconstruct.add_argument(
-        "--config", type=Path, metavar="FILE", help="a TOML file with the method's numbers"
+        "--config", type=_path, metavar="FILE", help="a TOML file with the method's numbers"
     )
     reconstruct.add_argument(
         "--max-bytes",
@@ -198,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="leave out what an answer can do without after this time (default: never)",
     )
-    reconstruct.add_argument("--figures", type=Path, metavar="DIR", help="draw every stage into this folder")
+    reconstruct.add_argument("--figures", type=_path, metavar="DIR", help="draw every stage into this folder")
     # lengths such as -4mm are values, not options
     reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
     reconstruct.set_defaults(run=_reconstruct)
@@ -289,6 +289,12 @@ def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
         for path in paths:
             if os.path.realpath(path) in kept:
                 raise ValueError(f"{option}: {path} is part of the scene or the configuration")
+
+
+def _path(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("expected a path, got an empty text")
+    return Path(text)
 
 
 def _length(text: str) -> float:
