@@ -54,9 +54,12 @@ def ends_that_go_on(
             beyond = way[0] + radius * _AHEAD[:, None] * outward
             beyond = beyond[_core.squared_distances(beyond, np.concatenate(others)) > (_OTHERS * radius) ** 2]
             inside = np.column_stack([np.interp(_AHEAD * radius, from_end, axis) for axis in way.T])
+            both = np.vstack([beyond, inside])
+            heights = np.stack([_height(view, both, outward, radius) for view in views])
+            told = np.isfinite(heights) & (np.abs(heights) < _HIDES)
             ahead, along = (
-                np.concatenate([_height(view, places, outward, radius) for view in views])
-                for places in (beyond, inside)
+                heights[:, some][told[:, some]]
+                for some in (slice(len(beyond)), slice(len(beyond), len(both)))
             )
             if min(len(ahead), len(along)) < _FEWEST:
                 continue
@@ -75,12 +78,11 @@ def ends_that_go_on(
 
 
 def _height(view: RopeImage, places: Array, along: Array, radius: float) -> Array:
-    """(K,) How far depth at places is before that beside them, radii; of those where all is seen."""
+    """(K,) How far depth at places is before that beside them, radii; NaN where not all is seen."""
     aside = np.cross(along, places - view.pose[:3, 3])
-    aside /= np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
-    middle, left, right = (_depth(view, places + by * radius * aside) for by in (0.0, -_ASIDE, _ASIDE))
-    height = (0.5 * (left + right) - middle) / radius
-    return height[np.isfinite(height) & (np.abs(height) < _HIDES)]
+    aside *= _ASIDE * radius / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
+    middle, left, right = np.split(_depth(view, np.vstack([places, places - aside, places + aside])), 3)
+    return np.asarray((0.5 * (left + right) - middle) / radius)
 
 
 def _depth(view: RopeImage, places: Array) -> Array:

@@ -38,8 +38,8 @@ _OWN = 16
 _JUMP = 8
 # nodes that are compared with all others at a time
 _ROWS = 512
-# less is not worth mentioning
-_LEAST = 1e-3
+# less is not worth mentioning, and less not worth looking where
+_LEAST, _PLACED = 1e-3, 0.05
 
 
 def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explanation]:
@@ -118,7 +118,7 @@ def doubts(
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
     amount += _OUTSIDE * max(outside - _USUAL_OUTSIDE, 0.0)
     reason = "ropes and masks do not cover each other; is the radius right, and are the masks?"
-    place = _farthest_uncovered(views, fit.nodes, radius) if amount > _LEAST else None
+    place = _farthest_uncovered(views, fit.nodes, radius) if amount > _PLACED else None
     found.append(Doubt("uncovered", amount, "of the ropes found", reason, place))
     reason = f"noise is {fit.noise:.2f} radii wide"
     amount = _NOISE * max(fit.noise - _NARROW, 0.0)

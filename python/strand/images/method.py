@@ -128,7 +128,7 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     # where depths scatter, what is before its surroundings was made the mask
     given = what.scatter is None
     views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
-    others = list(wide_masks(views, what.images, radius))
+    others = list(wide_masks(what.taken, what.images, radius))
     if given:
         others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
     uncertain = doubts(rivals, fit, chains, views, radius, others)
