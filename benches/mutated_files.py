@@ -24,7 +24,8 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from mutations import CAMERA, COLOURS, DEPTH, LABELS, Kind, image, kinds, npy, numbered, ply
+from mutations import Kind, kinds, numbered
+from whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
 
 import strand
 from strand import config
