@@ -64,11 +64,11 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     strand.NotEnoughDataError
         If neither finds a rope.
     """
-    used = without_untold(observed)
+    used = without_untold(observed) if _images_are_read(observed, config) else observed
     for number in sorted({*observed.numbers} - {*used.numbers}):
         message = (
-            f"view {number} was not used: errors of neighbouring pixels are alike, which does not tell ropes "
-            "from what they lie on; give it a mask, as others have"
+            f"view {number} was not used: it has no mask, and errors of its neighbouring pixels are alike, "
+            "so that what ropes lie on looks like ropes; give it a mask, or its ropes' points alone"
         )
         run.warnings.append(ModelWarning("unused view", message, view=number))
     found = _found(used, config, run)
@@ -84,9 +84,13 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     return _with_all_poses(found, used, observed)
 
 
+def _images_are_read(observed: Observed, config: Config) -> bool:
+    """Tell whether ropes are open and of one radius, as images are read for."""
+    return len(observed.radii.values) == 1 and config.linking.rings != "always"
+
+
 def _found(observed: Observed, config: Config, run: Run) -> Found:
-    # images are read for open ropes of one radius
-    if len(observed.radii.values) > 1 or config.linking.rings == "always":
+    if not _images_are_read(observed, config):
         return _sought_tubes(observed, config, run)
     if any(view.mask is not None for view in observed.whole):
         return _images_first(all_masked(observed), config, run)

@@ -72,7 +72,8 @@ WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "unused view
 "mask": beside the doubt, a mask has labels for more ropes than there are;
 "radius": beside the doubt, the points contradict the radius that was given, or hardly fix one that was not;
 "branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
-the data leave a direction of a view's pose open; "unused view": a view saw nothing; "kept pose": a view could
+the data leave a direction of a view's pose open; "unused view": a view saw nothing, or noise does
+not tell its ropes from what they lie on and only other views have masks; "kept pose": a view could
 not be registered and stays at its reported pose.
 """
 

@@ -76,7 +76,8 @@ def reconstruct(
     Parameters
     ----------
     views : sequence of View
-        What the cameras saw. Registration keeps the middle one of those that see something where it is.
+        What the cameras saw. Registration keeps the middle one of those that see something where it is, or
+        the nearest to it that is used.
     radius : float or sequence of float, optional
         The ropes' radius, or the radii of ropes that differ, metres; estimated from the data if not given
         (the published method needs one).

@@ -79,6 +79,8 @@ class Observed:
         The extraction range that the views were cropped to, metres.
     radii : Radii
     prior : Prior
+    middle : int or None
+        The number of the view whose pose is held, or of one near it; None: the middle one.
     """
 
     views: Sequence[View]
@@ -87,6 +89,15 @@ class Observed:
     bounds: Bounds | None
     radii: Radii
     prior: Prior
+    middle: int | None = None
+
+    @property
+    def held(self) -> int:
+        """The place of the view whose pose is held."""
+        if self.middle is None:
+            return len(self.views) // 2
+        middle = self.middle
+        return min(range(len(self.views)), key=lambda place: abs(self.numbers[place] - middle))
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,12 +60,13 @@ const SMOOTH: f64 = 0.6;
 const RAGGED_SMOOTH: f64 = 0.3;
 /// Fewest pixels of a hole that a segmenter left.
 const LEAST_HOLE: usize = 4;
-/// How much masks are eaten and grown at most, pixels; what is off by more, downwards and upwards, is something else, as is
-/// what is this many times as wide.
+/// How much masks are eaten and grown at most, pixels, and where they are this many times as wide as the rope, which may be two
+/// side by side; what is narrower than this, or wider by so much more, is something else.
 const EATEN: f64 = 0.7;
 const GROWN: f64 = 2.0;
-const OTHER: [f64; 2] = [1.5, 2.5];
+const USUALLY_GROWN: f64 = 1.0;
 const SIDE_BY_SIDE: f64 = 1.6;
+const OTHER: [f64; 2] = [1.5, 0.5];
 /// A mask of which specks and holes are this share is ragged.
 const RAGGED: f64 = 0.04;
 
@@ -132,9 +133,10 @@ impl Silhouette {
         };
         let mut made = Self::new(mask, width, radius_px, scale)?;
         let shown = shown_radius(&made.skeleton, &made.depth)?;
-        let (low, high) = (radius_px - OTHER[0], (radius_px + OTHER[1]).min(SIDE_BY_SIDE * radius_px));
-        if shown > low && shown < high {
-            made.radius_px = shown.clamp(radius_px - EATEN, radius_px + GROWN);
+        let more = shown - radius_px;
+        let grown = if shown < SIDE_BY_SIDE * radius_px { GROWN } else { USUALLY_GROWN };
+        if more > -OTHER[0] && more < grown + OTHER[1] {
+            made.radius_px = shown.clamp(radius_px - EATEN, radius_px + grown);
         }
         Some(made)
     }

@@ -21,13 +21,13 @@ from strand.tubes.hypotheses import Course, courses, same_courses
 # doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
 # this much more for the other order is worth a factor of e in the odds
 _ALWAYS, _ORDER, _ORDER_SCALE = 0.05, 0.5, 5.0
-# an end this near to another strand may lie under it, radii; how much doubt that is, and over which
-# distance it grows
-_NEAR_END, _END, _END_SCALE = 3.2, 0.3, 1.2
+# an end this near to another strand may lie under it, radii, and by so much farther for what depths scatter;
+# how much doubt that is, and over which distance it grows
+_NEAR_END, _FARTHER, _END, _END_SCALE = 3.2, 3.5, 0.3, 1.2
 # doubt for each squared radius of mask that nothing covers beyond what is usual, and of tube outside masks
 _UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
-# doubt for each radius by which masks are wider than is usual
-_WIDE, _USUAL_WIDE = 1.0, 1.35
+# doubt for each pixel by which masks are wider on a side than is usual
+_WIDE, _USUAL_WIDE = 0.8, 1.25
 # doubt for each radius of noise beyond what is narrow
 _NOISE, _NARROW = 3.0, 0.21
 # doubt for each radius of a stretch without depth beyond what a strand on top hides
@@ -111,7 +111,6 @@ def doubts(
         amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
         reason = f"depth hardly tells it (margin {margin:.1f})"
         found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
-    found += _of_ends(fit.nodes, radius)
     found += others
     found += _of_stretches(chains)
     uncovered, outside = fit.misfit[:2]
@@ -144,24 +143,31 @@ def _farthest_uncovered(views: Sequence[RopeImage], chains: Sequence[Array], rad
 
 def wide_masks(taken: Sequence[RopeImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
     """Doubt a radius, metres, for which masks are too wide: it may be wrong, or they may."""
-    shown = [
-        pixels * image.distance / image.focal[0] / radius
+    wider = [
+        pixels - radius * image.focal[0] / image.distance
         for image, pixels in zip(taken, images.radii, strict=True)
     ]
-    ratio = float(np.median(shown))
-    reason = f"masks are {ratio:.1f} times as wide as the radius says; is it right, and are they?"
-    yield Doubt("uncovered", _WIDE * max(ratio - _USUAL_WIDE, 0.0), "of the ropes found", reason)
+    more = float(np.median(wider))
+    reason = (
+        f"masks are {more:.1f} pixels wider on each side than the radius says; is it right, and are they?"
+    )
+    yield Doubt("uncovered", _WIDE * max(more - _USUAL_WIDE, 0.0), "of the ropes found", reason)
 
 
-def _of_ends(chains: Sequence[Array], radius: float) -> Iterator[Doubt]:
-    """Doubts about ends next to other strands: they may lie under them, or be led on."""
+def ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:
+    """Doubt ends next to other strands: they may lie under them, or be led on.
+
+    Where single depths scatter, by so many metres, ends are seen less well, and what is farther away is next
+    to them.
+    """
+    near = _NEAR_END + _FARTHER * scatter / radius
     for number, nodes in enumerate(chains):
         for end, own in ((nodes[0], nodes[_OWN:]), (nodes[-1], nodes[:-_OWN])):
             others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
             if not len(others):
                 continue
             away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
-            amount = _END * min(max((_NEAR_END - away) / _END_SCALE, 0.0), 1.0)
+            amount = _END * min(max((near - away) / _END_SCALE, 0.0), 1.0)
             yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
 
 

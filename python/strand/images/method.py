@@ -10,7 +10,7 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.images.beyond import ends_that_go_on
 from strand.images.comparison import Explanation, Table, explained, likely_readings, refitted
-from strand.images.doubts import distinct, doubts, wide_masks
+from strand.images.doubts import distinct, doubts, ends_at_strands, wide_masks
 from strand.images.ends import ends_moved
 from strand.images.errors import Errors, expected_errors, measured_errors, neighbours_alike, sensor_of
 from strand.images.nodes import as_chains, corrected_poses
@@ -78,7 +78,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
         If the images show no rope with depth.
     """
     radius = float(observed.radii.values[0])
-    held = len(observed.views) // 2
+    held = observed.held
     with run.stage("images"):
         taken = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
         table = table_plane(taken, held, radius)
@@ -128,7 +128,10 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
     # where depths scatter, what is before its surroundings was made the mask
     given = what.scatter is None
     views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
-    others = list(wide_masks(what.taken, what.images, radius))
+    others = [
+        *ends_at_strands(fit.nodes, what.scatter or 0.0, radius),
+        *wide_masks(what.taken, what.images, radius),
+    ]
     if given:
         others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
     uncertain = doubts(rivals, fit, chains, views, radius, others)

@@ -29,8 +29,8 @@ _WIDEST = 0.25
 # a view without a mask of whose points this share lies on the table, lower than so many radii, shows more
 # than ropes; ropes are looked for so many radii around those that masks show
 _ON_TABLE, _LOW, _AROUND = 0.3, 0.5, 4.0
-# from this on errors of neighbouring pixels are alike beyond doubt
-_ALIKE = 0.2
+# from this on errors of neighbouring pixels are so much alike that they look like ropes
+_ALIKE = 0.5
 
 
 def without_untold(observed: Observed) -> Observed:
@@ -48,7 +48,8 @@ def without_untold(observed: Observed) -> Observed:
     Observed
         The same if all are kept.
     """
-    given = [view.mask is not None for view in observed.whole]
+    # a mask of everything says nothing
+    given = [view.mask is not None and not view.mask.all() for view in observed.whole]
     if all(given) or not any(given):
         return observed
     radius = float(observed.radii.values[0])
@@ -68,6 +69,7 @@ def without_untold(observed: Observed) -> Observed:
         views=[observed.views[k] for k in kept],
         whole=[observed.whole[k] for k in kept],
         numbers=[observed.numbers[k] for k in kept],
+        middle=observed.numbers[observed.held],
     )
 
 

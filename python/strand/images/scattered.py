@@ -121,7 +121,7 @@ def read_scattered(
         If the images show no table, or no rope with depth.
     """
     radius = float(observed.radii.values[0])
-    held = len(observed.views) // 2
+    held = observed.held
     with run.stage("images"):
         whole = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
         table = table_plane(whole, held, radius)

@@ -44,11 +44,11 @@ class Clouds:
     bounds: Bounds | None
 
     @classmethod
-    def of(cls, views: Sequence[View], bounds: Bounds | None) -> Clouds:
-        """Return the views' points; the middle view is the reference."""
+    def of(cls, views: Sequence[View], bounds: Bounds | None, reference: int | None = None) -> Clouds:
+        """Return the views' points; the middle view is the reference if none is given."""
         viewpoints = np.array([view.viewpoint for view in views])
         points = [_core.constant_copy(view.world_points) for view in views]
-        return cls(points, viewpoints, len(views) // 2, bounds)
+        return cls(points, viewpoints, len(views) // 2 if reference is None else reference, bounds)
 
     def every(self, step: int) -> Clouds:
         """Return every n-th point of each view."""

@@ -66,7 +66,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
 
 def _find(observed: Observed, config: Config, run: Run) -> Found:
     radii, prior = observed.radii, observed.prior
-    clouds = Clouds.of(observed.views, observed.bounds)
+    clouds = Clouds.of(observed.views, observed.bounds, observed.held)
     cameras = Cameras(observed.views, observed.whole)
     given = None
     if config.sensor is not None:

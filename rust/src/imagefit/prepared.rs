@@ -12,6 +12,9 @@ use crate::surroundings::Surroundings;
 /// Masks more ragged than this are mended by depth.
 const RAGGED: f64 = 0.25;
 
+/// Ropes of a smaller radius show no axis, pixels.
+const THINNEST: f64 = 0.2;
+
 /// What one camera saw of ropes, made ready for readings and fits.
 pub struct Prepared {
     pub silhouette: Silhouette,
@@ -46,6 +49,9 @@ impl Prepared {
         let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
         let radius_px = pinhole.focal[0] * radius / far;
         let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
+        if silhouette.radius_px < THINNEST {
+            return None;
+        }
         let (around, medians) = parallel::both(
             || Surroundings::new(depth, mask, size[0], &silhouette, radius),
             || Medians::new(depth, mask, size[0], &silhouette),

@@ -10,9 +10,14 @@ use super::arguments::{Array, FloatArray, Points, motions, number, require_same_
 use super::arrays::{array, list};
 use super::image_fit::ImageFit;
 use super::released::released;
-use crate::checks::check_positive;
+use crate::checks::{check_positive, check_unit};
 use crate::imagefit::{self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView, Sensor};
 use crate::{Pinhole, Point, parallel, readings};
+
+/// Longest polyline, pixels or radii, farthest coordinate, pixels or metres, and most steps of a fit.
+const LONGEST: f64 = 1e5;
+const FARTHEST: f64 = 1e6;
+const MOST_STEPS: usize = 100;
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
@@ -208,6 +213,7 @@ impl RopeImages {
                 Ok((*view, chains))
             })
             .collect::<PyResult<Vec<_>>>()?;
+        check_fit(plane, pose_sd, errors, iterations)?;
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
         let (sensor, of) = (sensor(errors), self.0.clone());
         released(py, move || {
@@ -249,6 +255,7 @@ impl RopeImages {
         errors: Errors,
         iterations: usize,
     ) -> PyResult<Option<ImageFit>> {
+        check_fit(plane, pose_sd, errors, iterations)?;
         let plane = plane.map(|(normal, offset)| Plane { normal, offset });
         let sensor = sensor(errors);
         let options = ImageFitOptions {
@@ -287,7 +294,7 @@ impl RopeImages {
     /// ImageFit
     fn through(&self, py: Python<'_>, before: &ImageFit, nodes: Vec<Bound<'_, PyAny>>) -> PyResult<ImageFit> {
         require_same_length("nodes", nodes.len(), before.fit.nodes.len())?;
-        let nodes = nodes_of("nodes", &nodes)?;
+        let nodes = nodes_of("nodes", &nodes, self.0.radius)?;
         if nodes.iter().any(|nodes| nodes.len() < 2) {
             return Err(PyValueError::new_err("nodes: expected two of each rope at least"));
         }
@@ -325,12 +332,15 @@ impl RopeImages {
         plane: (Point, f64),
         noise: f64,
     ) -> PyResult<Vec<f64>> {
+        check_plane(plane)?;
+        check_positive("noise", noise)?;
         let plane = Plane { normal: plane.0, offset: plane.1 };
         let mut ropes = Vec::new();
         let of = self.0.clone();
         for (chains, corrections) in hypotheses {
             require_same_length("hypotheses", corrections.len(), of.views.len())?;
-            ropes.push((nodes_of("hypotheses", &chains)?, corrections));
+            check_corrections("hypotheses", &corrections)?;
+            ropes.push((nodes_of("hypotheses", &chains, of.radius)?, corrections));
         }
         released(py, move || {
             let views = of.rope_views();
@@ -367,8 +377,11 @@ impl RopeImages {
     ) -> PyResult<Vec<f64>> {
         let of = self.0.clone();
         require_same_length("corrections", corrections.len(), of.views.len())?;
+        check_plane(plane)?;
+        check_positive("noise", noise)?;
+        check_corrections("corrections", &corrections)?;
         let plane = Plane { normal: plane.0, offset: plane.1 };
-        let (chains, ends) = (nodes_of("chains", &chains)?, nodes_of("ends", &ends)?);
+        let (chains, ends) = (nodes_of("chains", &chains, of.radius)?, nodes_of("ends", &ends, of.radius)?);
         released(py, move || {
             let views = of.rope_views();
             let scenes: Vec<_> = of.depth_scenes(&views, &corrections, plane, noise).collect();
@@ -440,20 +453,78 @@ fn sensor((noise, correlation, lateral, bias): Errors) -> Sensor {
 }
 
 /// Ropes' nodes, (M, 3) each.
-fn nodes_of(name: &str, chains: &[Bound<'_, PyAny>]) -> PyResult<Vec<Vec<Point>>> {
-    let nodes: Vec<Vec<Point>> = (chains.iter().enumerate())
-        .map(|(i, nodes)| Ok(Points::new(&format!("{name}[{i}]"), nodes, "(M, 3)")?.to_vec()))
-        .collect::<PyResult<_>>()?;
-    if nodes.iter().flatten().flatten().any(|x| !x.is_finite()) {
-        return Err(PyValueError::new_err(format!("{name}: expected finite numbers")));
-    }
-    Ok(nodes)
+fn nodes_of(name: &str, chains: &[Bound<'_, PyAny>], radius: f64) -> PyResult<Vec<Vec<Point>>> {
+    (chains.iter().enumerate())
+        .map(|(i, nodes)| {
+            let nodes = Points::new(&format!("{name}[{i}]"), nodes, "(M, 3)")?.to_vec();
+            check_course(name, &nodes, LONGEST * radius)?;
+            Ok(nodes)
+        })
+        .collect()
 }
 
 fn places(array: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     let places = FloatArray::new("hypotheses", array)?;
     match places.shape() {
-        [count, 2] if *count >= 2 => Ok(places.slice().as_chunks().0.to_vec()),
+        [count, 2] if *count >= 2 => {
+            let places = places.slice().as_chunks().0.to_vec();
+            check_course("hypotheses", &places, LONGEST)?;
+            Ok(places)
+        }
         other => Err(wrong_shape("hypotheses", "(M, 2), M >= 2", other)),
     }
+}
+
+/// Refuses polylines that are longer, or farther away, than any that an image shows.
+fn check_course<const D: usize>(name: &str, course: &[[f64; D]], longest: f64) -> PyResult<()> {
+    let length: f64 = course
+        .windows(2)
+        .map(|pair| pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt())
+        .sum();
+    // false for NaN too
+    if length < longest && course.iter().flatten().all(|x| x.abs() < FARTHEST) {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{name}: expected finite polylines up to {longest:.0e} long")))
+}
+
+/// Refuses what no fit can work with.
+fn check_fit(
+    plane: Option<(Point, f64)>,
+    pose_sd: [f64; 2],
+    errors: Errors,
+    iterations: usize,
+) -> PyResult<()> {
+    let (noise, correlation, lateral, bias) = errors;
+    for (name, value) in [
+        ("pose_sd", pose_sd[0]),
+        ("pose_sd", pose_sd[1]),
+        ("errors", noise.unwrap_or(1.0)),
+        ("errors", correlation),
+        ("errors", lateral),
+    ] {
+        check_positive(name, value)?;
+    }
+    if !bias.is_finite() {
+        return Err(PyValueError::new_err("errors: expected a finite bias"));
+    }
+    if iterations > MOST_STEPS {
+        return Err(PyValueError::new_err(format!("iterations: expected at most {MOST_STEPS}")));
+    }
+    plane.map_or(Ok(()), check_plane)
+}
+
+fn check_corrections(name: &str, corrections: &[[f64; 6]]) -> PyResult<()> {
+    if corrections.iter().flatten().all(|x| x.abs() < FARTHEST) {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{name}: expected finite corrections")))
+}
+
+fn check_plane((normal, offset): (Point, f64)) -> PyResult<()> {
+    check_unit("plane", normal)?;
+    if offset.abs() < FARTHEST {
+        return Ok(());
+    }
+    Err(PyValueError::new_err("plane: expected a finite distance"))
 }

@@ -2,6 +2,9 @@
 
 use super::planar::Place;
 
+/// Cells along a side, at most: where ropes are much thinner than a pixel.
+const MOST_CELLS: f64 = 4096.0;
+
 /// Places in cells of one size.
 pub struct Lookup {
     low: Place,
@@ -13,7 +16,7 @@ pub struct Lookup {
 }
 
 impl Lookup {
-    /// Of these places, in cells of this size.
+    /// Of these places, in cells of this size or larger.
     pub fn new(nodes: &[Place], cell: f64) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -23,6 +26,7 @@ impl Lookup {
                 high[c] = high[c].max(x[c]);
             }
         }
+        let cell = cell.max((high[0] - low[0]).max(high[1] - low[1]) / MOST_CELLS);
         // of no places nothing is found
         let width = ((high[0] - low[0]).max(0.0) / cell) as usize + 1;
         let height = ((high[1] - low[1]).max(0.0) / cell) as usize + 1;

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.images.doubts import _difference
+from strand.images.doubts import _difference, ends_at_strands
 from strand.synthetic import Segmentation, scene
 
 RADIUS = 0.004
@@ -60,4 +60,22 @@ def test_masks_two_pixels_too_wide_are_read_and_doubted(camera, name, measure):
     assert found.frechet < 2.0
     assert found.crossings.right == found.crossings.true
     assert model.confidence < 0.8
-    assert "times as wide as the radius says" in str([doubt.reason for doubt in model.doubts])
+    assert "wider on each side than the radius says" in str([doubt.reason for doubt in model.doubts])
+
+
+@pytest.mark.parametrize("larger", [1.4, 1.5])
+def test_a_pair_of_strands_that_a_radius_too_large_makes_one_is_doubted(larger):
+    along = np.linspace(-0.1, 0.1, 201)
+    pair = [np.column_stack([along, np.full(201, y), np.full(201, 0.0042)]) for y in (-0.0043, 0.0043)]
+    made = scene(chains=pair, camera="sgbm", views=1, mask=Segmentation(), size=(640, 480), seed=1)
+    model = strand.reconstruct(made.views, larger * made.radius, made.bounds)
+    assert len(model.chains) == 2 or model.confidence < 0.7
+
+
+def test_ends_are_doubted_farther_from_strands_where_depths_scatter():
+    along = np.arange(60)[:, None] * [0.5 * RADIUS, 0.0, 0.0]
+    # an end 4.5 radii above the other rope
+    across = np.array([10.0, 0.0, 0.0]) * RADIUS + np.arange(9, 60)[:, None] * [0.0, 0.5 * RADIUS, 0.0]
+    for scatter, doubted in ((0.0, 0), (0.6, 1)):
+        found = list(ends_at_strands([along, across], scatter * RADIUS, RADIUS))
+        assert sum(doubt.amount > 0.0 for doubt in found) == doubted

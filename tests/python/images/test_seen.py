@@ -156,6 +156,7 @@ def test_covariances_between_nodes_are_linear_and_at_nodes_their_own():
         ({"masks": [np.ones((5, 6), dtype=bool)]}, "masks"),
         ({"masks": [np.zeros((40, 50), dtype=bool)]}, "masks"),
         ({"depths": [np.zeros((40, 50))]}, "masks"),
+        ({"depths": [np.full((40, 50), 1e300)]}, "masks"),
         ({"depths": [np.ones(50)]}, "depths"),
         ({"poses": [np.ones((4, 4))]}, "poses"),
     ],
@@ -181,3 +182,27 @@ def test_views_and_polylines_that_are_none_are_refused():
     for wrong in (line[:1], np.ones((4, 3))):
         with pytest.raises(ValueError, match=r"\(M, 2\)"):
             image.fit([(0, [wrong])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({0: [(0, [np.array([[0.0, 0.0], [1e300, 0.0]])])]}, "hypotheses"),
+        ({0: [(0, [np.array([[0.0, 0.0], [np.nan, 0.0]])])]}, "hypotheses"),
+        ({0: [(0, [np.tile([[0.0, 0.0], [9e4, 0.0]], (2, 1))])]}, "hypotheses"),
+        ({1: ((0.0, 0.0, 9.0), 0.5)}, "plane"),
+        ({1: ((0.0, 0.0, 1.0), np.inf)}, "plane"),
+        ({3: (0.0, 0.01)}, "pose_sd"),
+        ({4: (None, 3.0, np.nan, 0.0)}, "errors"),
+        ({4: (None, 3.0, 0.3, np.inf)}, "errors"),
+        ({5: 10**9}, "iterations"),
+    ],
+)
+def test_fits_of_mad_numbers_are_refused(change, named):
+    images = prepared(rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
+    line = np.array([[100.0, 100.0], [150.0, 120.0]])
+    given = [[(0, [line])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False]
+    for place, value in change.items():
+        given[place] = value
+    with pytest.raises(ValueError, match=f"^{named}"):
+        images.fit(*given)

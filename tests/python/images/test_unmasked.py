@@ -14,7 +14,7 @@ def only_first_masked(made):
     return [made.views[0], *dataclasses.replace(made, mask=None).views[1:]]
 
 
-@pytest.mark.parametrize("camera", ["d435", "zed", "tof"])
+@pytest.mark.parametrize("camera", ["d435", "d405", "zed"])
 @pytest.mark.parametrize("bounded", [True, False])
 def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_and_named(camera, bounded):
     made = scene("s", seed=5, views=3, camera=camera, mask=Segmentation(), size=(640, 480), distance=0.6)
@@ -49,3 +49,23 @@ def test_points_without_an_image_are_used_unless_they_show_the_table():
     for view, unused in ((rope, []), (table, [1])):
         model = strand.reconstruct([first, view], made.radius, ropes=1)
         assert [warning.view for warning in of_kind(model, "unused view")] == unused
+
+
+@pytest.mark.parametrize("masked", [(1, 2), (0, 2), (0, 1)])
+def test_the_middle_view_keeps_its_pose_or_the_one_next_to_it(masked):
+    made = scene("s", seed=7, views=3, camera="d435", mask=Segmentation(), size=(640, 480), distance=0.6)
+    bare = dataclasses.replace(made, mask=None).views
+    views = [made.views[i] if i in masked else bare[i] for i in range(3)]
+    model = strand.reconstruct(views, made.radius, made.bounds, ropes=1)
+    held = 1 if 1 in masked else 0
+    np.testing.assert_array_equal(model.poses[held], views[held].pose)
+    moved = next(i for i in masked if i != held)
+    assert not np.array_equal(model.poses[moved], views[moved].pose)
+
+
+def test_a_mask_of_everything_is_none():
+    made = scene("s", seed=3, views=3, camera="zed", mask=Segmentation(), size=(640, 480), distance=0.6)
+    bare = dataclasses.replace(made, mask=None).views
+    whole = dataclasses.replace(made, mask=np.ones_like(made.mask)).views
+    model = strand.reconstruct([whole[0], *bare[1:]], made.radius, made.bounds, ropes=1)
+    assert of_kind(model, "unused view") == []
