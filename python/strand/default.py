@@ -92,7 +92,7 @@ def _images_are_read(observed: Observed, config: Config) -> bool:
 def _found(observed: Observed, config: Config, run: Run) -> Found:
     if not _images_are_read(observed, config):
         return _sought_tubes(observed, config, run)
-    if any(view.mask is not None for view in observed.whole):
+    if any(observed.masked):
         return _images_first(all_masked(observed), config, run)
     return _tubes_first(observed, config, run)
 

@@ -13,6 +13,7 @@ from strand._core import EndObservation
 from strand.chain import Chain
 from strand.checks import Array, Bounds
 from strand.evidence.prior import Prior
+from strand.lazy import lazy
 from strand.model import Alternative, Doubt, Join, ModelWarning
 from strand.radius import Radii
 from strand.sensor import Sensor
@@ -90,6 +91,11 @@ class Observed:
     radii: Radii
     prior: Prior
     middle: int | None = None
+
+    @lazy
+    def masked(self) -> list[bool]:
+        """Which views have a mask; one of everything is none."""
+        return [view.mask is not None and not view.mask.all() for view in self.whole]
 
     @property
     def held(self) -> int:

@@ -82,7 +82,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
     with run.stage("images"):
         taken = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
         table = table_plane(taken, held, radius)
-        if not any(view.mask is not None for view in observed.whole):
+        if not any(observed.masked):
             taken = raised(taken, table, observed.bounds, radius)
         try:
             images = prepared(taken, radius)

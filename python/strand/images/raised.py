@@ -48,12 +48,10 @@ def without_untold(observed: Observed) -> Observed:
     Observed
         The same if all are kept.
     """
-    # a mask of everything says nothing
-    given = [view.mask is not None and not view.mask.all() for view in observed.whole]
+    given = observed.masked
     if all(given) or not any(given):
         return observed
-    radius = float(observed.radii.values[0])
-    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+    radius, images = _shown(observed)
     if neighbours_alike(images) < _ALIKE:
         return observed
     table = table_plane(images, _middle(given), radius)
@@ -86,11 +84,10 @@ def all_masked(observed: Observed) -> Observed:
     -------
     Observed
     """
-    given = [view.mask is not None for view in observed.whole]
+    given = observed.masked
     if all(given) or not any(given):
         return observed
-    radius = float(observed.radii.values[0])
-    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+    radius, images = _shown(observed)
     table = table_plane(images, _middle(given), radius)
     if table is None:
         return observed
@@ -108,6 +105,12 @@ def all_masked(observed: Observed) -> Observed:
         if len(inside.points):
             views[number], whole[number] = inside, cut
     return replace(observed, views=tuple(views), whole=tuple(whole))
+
+
+def _shown(observed: Observed) -> tuple[float, list[RopeImage]]:
+    """Return the ropes' radius, metres, and what each view's image shows."""
+    radius = float(observed.radii.values[0])
+    return radius, rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
 
 
 def _middle(given: Sequence[bool]) -> int:

@@ -63,9 +63,14 @@ def test_the_middle_view_keeps_its_pose_or_the_one_next_to_it(masked):
     assert not np.array_equal(model.poses[moved], views[moved].pose)
 
 
-def test_a_mask_of_everything_is_none():
+def test_a_mask_of_everything_is_none(measure):
     made = scene("s", seed=3, views=3, camera="zed", mask=Segmentation(), size=(640, 480), distance=0.6)
     bare = dataclasses.replace(made, mask=None).views
     whole = dataclasses.replace(made, mask=np.ones_like(made.mask)).views
-    model = strand.reconstruct([whole[0], *bare[1:]], made.radius, made.bounds, ropes=1)
-    assert of_kind(model, "unused view") == []
+    for views in ([whole[0], *bare[1:]], bare):
+        with pytest.raises(strand.NotEnoughDataError, match="smooth surface"):
+            strand.reconstruct(views, made.radius, made.bounds, ropes=1)
+    # beside a mask of the ropes it is none either
+    some = strand.reconstruct([made.views[0], whole[1], bare[2]], made.radius, made.bounds, ropes=1)
+    assert [warning.view for warning in of_kind(some, "unused view")] == [1, 2]
+    assert measure(some, made.truth, made.radius).right
