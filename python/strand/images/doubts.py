@@ -75,8 +75,8 @@ def doubts(
 ) -> tuple[Doubt, ...]:
     """Say what speaks against the best explanation, and how much.
 
-    Rivals that cost hardly more, orders at crossings that depth hardly tells, ends next to other
-    strands, mask that no rope covers, ropes outside of masks, and noise that is wide against the ropes.
+    Rivals that cost hardly more, orders at crossings that depth hardly tells, stretches without depth, mask
+    that no rope covers, ropes outside of masks, noise that is wide against the ropes, and others.
     The weights were set on random ropes before imitated cameras.
 
     Parameters
@@ -92,7 +92,7 @@ def doubts(
     radius : float
         Metres.
     others : iterable of Doubt
-        Of what masks and depth show beside the ropes.
+        Of ends, and of the masks' width.
 
     Returns
     -------

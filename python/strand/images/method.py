@@ -125,14 +125,13 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         chains = as_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
     poses = corrected_poses([view.pose for view in observed.views], fit.corrections)
-    # where depths scatter, what is before its surroundings was made the mask
-    given = what.scatter is None
     views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
     others = [
         *ends_at_strands(fit.nodes, what.scatter or 0.0, radius),
         *wide_masks(what.taken, what.images, radius),
     ]
-    if given:
+    if what.scatter is None:
+        # where depths scatter, what is before its surroundings was made the mask
         others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
     uncertain = doubts(rivals, fit, chains, views, radius, others)
     chains = sorted(chains, key=lambda chain: -chain.length)

@@ -42,11 +42,10 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
     """
     middle = len(images) // 2
     image = images[middle]
-    depths = image.depth[image.mask & (image.depth > 0)]
     across = _core.shown_radius(image.mask)
-    if not len(depths) or across is None:
+    if across is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
-    scale = float(np.median(depths)) / image.focal[0]
+    scale = image.distance / image.focal[0]
     radius = across * scale
     chains: list[Array] = []
     for _ in range(_ROUNDS):

@@ -48,13 +48,12 @@ def without_untold(observed: Observed) -> Observed:
     Observed
         The same if all are kept.
     """
-    given = observed.masked
-    if all(given) or not any(given):
+    shown = _shown_beside_masks(observed)
+    if shown is None:
         return observed
-    radius, images = _shown(observed)
+    given, radius, images, table = shown
     if neighbours_alike(images) < _ALIKE:
         return observed
-    table = table_plane(images, _middle(given), radius)
     kept = [
         k
         for k, view in enumerate(observed.whole)
@@ -84,11 +83,10 @@ def all_masked(observed: Observed) -> Observed:
     -------
     Observed
     """
-    given = observed.masked
-    if all(given) or not any(given):
+    shown = _shown_beside_masks(observed)
+    if shown is None:
         return observed
-    radius, images = _shown(observed)
-    table = table_plane(images, _middle(given), radius)
+    given, radius, images, table = shown
     if table is None:
         return observed
     ropes = np.vstack([view.world_points for view, own in zip(observed.views, given, strict=True) if own])
@@ -107,16 +105,20 @@ def all_masked(observed: Observed) -> Observed:
     return replace(observed, views=tuple(views), whole=tuple(whole))
 
 
-def _shown(observed: Observed) -> tuple[float, list[RopeImage]]:
-    """Return the ropes' radius, metres, and what each view's image shows."""
+def _shown_beside_masks(
+    observed: Observed,
+) -> tuple[list[bool], float, list[RopeImage], tuple[Array, float] | None] | None:
+    """Return which views have a mask, the ropes' radius, what all images show, and the table.
+
+    None if all views have a mask, or none. The table is that of the middle one of those that have.
+    """
+    given = observed.masked
+    if all(given) or not any(given):
+        return None
     radius = float(observed.radii.values[0])
-    return radius, rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
-
-
-def _middle(given: Sequence[bool]) -> int:
-    """Return the middle one of the views that have a mask."""
-    masked_views = np.flatnonzero(given)
-    return int(masked_views[len(masked_views) // 2])
+    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+    with_masks = np.flatnonzero(given)
+    return given, radius, images, table_plane(images, int(with_masks[len(with_masks) // 2]), radius)
 
 
 def _on_table(view: View, table: tuple[Array, float], radius: float) -> bool:

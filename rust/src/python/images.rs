@@ -213,8 +213,8 @@ impl RopeImages {
                 Ok((*view, chains))
             })
             .collect::<PyResult<Vec<_>>>()?;
-        check_fit(plane, pose_sd, errors, iterations)?;
-        let plane = plane.map(|(normal, offset)| Plane { normal, offset });
+        check_fit(pose_sd, errors, iterations)?;
+        let plane = plane.map(plane_of).transpose()?;
         let (sensor, of) = (sensor(errors), self.0.clone());
         released(py, move || {
             let views = of.rope_views();
@@ -255,8 +255,8 @@ impl RopeImages {
         errors: Errors,
         iterations: usize,
     ) -> PyResult<Option<ImageFit>> {
-        check_fit(plane, pose_sd, errors, iterations)?;
-        let plane = plane.map(|(normal, offset)| Plane { normal, offset });
+        check_fit(pose_sd, errors, iterations)?;
+        let plane = plane.map(plane_of).transpose()?;
         let sensor = sensor(errors);
         let options = ImageFitOptions {
             iterations,
@@ -332,9 +332,8 @@ impl RopeImages {
         plane: (Point, f64),
         noise: f64,
     ) -> PyResult<Vec<f64>> {
-        check_plane(plane)?;
         check_positive("noise", noise)?;
-        let plane = Plane { normal: plane.0, offset: plane.1 };
+        let plane = plane_of(plane)?;
         let mut ropes = Vec::new();
         let of = self.0.clone();
         for (chains, corrections) in hypotheses {
@@ -377,10 +376,9 @@ impl RopeImages {
     ) -> PyResult<Vec<f64>> {
         let of = self.0.clone();
         require_same_length("corrections", corrections.len(), of.views.len())?;
-        check_plane(plane)?;
         check_positive("noise", noise)?;
         check_corrections("corrections", &corrections)?;
-        let plane = Plane { normal: plane.0, offset: plane.1 };
+        let plane = plane_of(plane)?;
         let (chains, ends) = (nodes_of("chains", &chains, of.radius)?, nodes_of("ends", &ends, of.radius)?);
         released(py, move || {
             let views = of.rope_views();
@@ -489,12 +487,7 @@ fn check_course<const D: usize>(name: &str, course: &[[f64; D]], longest: f64) -
 }
 
 /// Refuses what no fit can work with.
-fn check_fit(
-    plane: Option<(Point, f64)>,
-    pose_sd: [f64; 2],
-    errors: Errors,
-    iterations: usize,
-) -> PyResult<()> {
+fn check_fit(pose_sd: [f64; 2], errors: Errors, iterations: usize) -> PyResult<()> {
     let (noise, correlation, lateral, bias) = errors;
     for (name, value) in [
         ("pose_sd", pose_sd[0]),
@@ -511,7 +504,7 @@ fn check_fit(
     if iterations > MOST_STEPS {
         return Err(PyValueError::new_err(format!("iterations: expected at most {MOST_STEPS}")));
     }
-    plane.map_or(Ok(()), check_plane)
+    Ok(())
 }
 
 fn check_corrections(name: &str, corrections: &[[f64; 6]]) -> PyResult<()> {
@@ -521,10 +514,10 @@ fn check_corrections(name: &str, corrections: &[[f64; 6]]) -> PyResult<()> {
     Err(PyValueError::new_err(format!("{name}: expected finite corrections")))
 }
 
-fn check_plane((normal, offset): (Point, f64)) -> PyResult<()> {
+fn plane_of((normal, offset): (Point, f64)) -> PyResult<Plane> {
     check_unit("plane", normal)?;
     if offset.abs() < FARTHEST {
-        return Ok(());
+        return Ok(Plane { normal, offset });
     }
     Err(PyValueError::new_err("plane: expected a finite distance"))
 }
