@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
+use crate::median::median;
 use crate::{Point, RigidMotion};
 
 /// A pinhole camera, pixels.
@@ -116,17 +117,7 @@ pub(crate) fn bends(
         let [u, v] = camera.pixel(p).map(f64::round_ties_even);
         bend(rows.get(v as usize).filter(|_| u >= 0.0 && v >= 0.0)?, u as usize)
     });
-    [middle(some.collect()), middle(own.collect())]
-}
-
-/// The median; of two middle values their mean, of none 0.
-fn middle(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let (half, odd) = (values.len() / 2, values.len() % 2 == 1);
-    let (below, &mut upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
-    if odd { upper } else { 0.5 * (below.iter().copied().fold(0.0, f64::max) + upper) }
+    [some.collect(), own.collect()].map(|bends| median(bends).unwrap_or(0.0))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use crate::arclength::{ByLength, tangent};
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 use crate::geometry::{advance, dot, sub};
+use crate::median::median;
 use crate::{Point, Tube};
 
 /// Width of the bins in which points are counted, in radii.
@@ -117,14 +118,14 @@ pub(crate) fn rope_extents(
 fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     let width = BIN * radius;
     let bins = (length / width) as usize + 1;
-    let mut counts = vec![0usize; bins];
+    let mut counts = vec![0.0; bins];
     for s in s {
-        counts[((s / width) as usize).min(bins - 1)] += 1;
+        counts[((s / width) as usize).min(bins - 1)] += 1.0;
     }
-    let typical = median(counts.iter().copied().filter(|&count| count > 0).collect());
+    let typical = median(counts.iter().copied().filter(|&count| count > 0.0).collect()).unwrap_or(0.0);
     let full = |&i: &usize| {
-        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).max(0.3 * typical);
-        counts[i] as f64 >= 0.4 * density && (counts[i] + counts[i + 1]) as f64 >= 0.8 * density
+        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).unwrap_or(0.0).max(0.3 * typical);
+        counts[i] >= 0.4 * density && counts[i] + counts[i + 1] >= 0.8 * density
     };
     let first = (0..bins - 1).find(full).unwrap_or(0);
     let about = (first as f64 + 0.5) * width;
@@ -147,15 +148,6 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
         );
     let end = (near - beyond as f64 / density).max(second - 1.0 / density);
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
-}
-
-fn median(mut counts: Vec<usize>) -> f64 {
-    counts.sort_unstable();
-    let middle = counts.len() / 2;
-    match counts.len() % 2 {
-        1 => counts[middle] as f64,
-        _ => 0.5 * (counts[middle - 1] + counts[middle]) as f64,
-    }
 }
 
 /// A place of a strand's axis.

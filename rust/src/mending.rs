@@ -1,7 +1,7 @@
 //! Ragged masks mended by depth: bits that a segmenter lost and bits of the background that it took.
 
 use crate::image::{Blobs, Image, blobs, distances};
-use crate::relief::median;
+use crate::median::upper_median;
 use crate::silhouette::Silhouette;
 use crate::surroundings::Surroundings;
 
@@ -47,7 +47,10 @@ pub fn mended(
                 ahead[run.blob].extend(surroundings.ahead(at(k), depth[pixel(k)]));
             }
         }
-        ahead.into_iter().map(|a| (!a.is_empty()).then(|| surroundings.is_behind(median(a)))).collect()
+        ahead
+            .into_iter()
+            .map(|mut a| (!a.is_empty()).then(|| surroundings.is_behind(upper_median(&mut a))))
+            .collect()
     };
     let turn = |cut: &mut Image<bool>, found: &Blobs, judged: &[Option<bool>], when: bool, value: bool| {
         for run in found.runs.iter().filter(|run| judged[run.blob] == Some(when)) {

@@ -1,6 +1,7 @@
 //! How deep ropes lie across one view's image: smooth, so that what is known on their masks is known beside them too.
 
 use crate::depth::has_return;
+use crate::median::upper_median;
 
 /// Pixels that the plane is fitted to at most, and rounds of its fit.
 const MOST: usize = 4000;
@@ -66,9 +67,11 @@ impl Relief {
             }
         }
         let fewest = FEWEST * rr * rr / step as f64;
-        let rest: Vec<Option<f64>> =
-            rests.into_iter().map(|rest| (rest.len() as f64 >= fewest).then(|| median(rest))).collect();
-        let least = 0.1 * median(some.iter().map(|s| s[2]).collect());
+        let rest: Vec<Option<f64>> = rests
+            .into_iter()
+            .map(|mut rest| (rest.len() as f64 >= fewest).then(|| upper_median(&mut rest)))
+            .collect();
+        let least = 0.1 * upper_median(&mut some.iter().map(|s| s[2]).collect::<Vec<_>>());
         Some(Self { plane, middle, low: corner, cell, size, rest: filled(rest, size), least })
     }
 
@@ -112,7 +115,7 @@ fn plane(seen: &[[f64; 3]], middle: [f64; 2], rr: f64) -> Option<[f64; 3]> {
             .iter()
             .map(|s| (s[2] - found[0] * (s[0] - middle[0]) - found[1] * (s[1] - middle[1]) - found[2]).abs())
             .collect();
-        let scale = median(rest.clone()).max(1e-9);
+        let scale = upper_median(&mut rest.clone()).max(1e-9);
         for (weight, rest) in weights.iter_mut().zip(rest) {
             *weight = 1.0 / rest.max(0.3 * scale);
         }
@@ -146,10 +149,4 @@ fn filled(mut cells: Vec<Option<f64>>, size: [usize; 2]) -> Vec<f64> {
         cells = next;
     }
     cells.into_iter().map(|cell| cell.unwrap_or(0.0)).collect()
-}
-
-/// The middle value.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    let half = values.len() / 2;
-    *values.select_nth_unstable_by(half, f64::total_cmp).1
 }

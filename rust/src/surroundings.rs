@@ -4,7 +4,8 @@
 
 use crate::depth::has_return;
 use crate::image::{Image, blobs, distances};
-use crate::relief::{Relief, median};
+use crate::median::upper_median;
+use crate::relief::Relief;
 use crate::silhouette::Silhouette;
 
 /// What is seen of a place, against the ropes that are around it.
@@ -102,9 +103,10 @@ impl Limits {
 }
 
 /// The middle, and the standard deviation that the middle of the distances from it shows.
-fn spread(values: Vec<f64>) -> (f64, f64) {
-    let middle = median(values.clone());
-    (middle, 1.4826 * median(values.into_iter().map(|v| (v - middle).abs()).collect()))
+fn spread(mut values: Vec<f64>) -> (f64, f64) {
+    let middle = upper_median(&mut values);
+    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    (middle, 1.4826 * upper_median(&mut values))
 }
 
 /// Makes blobs of chosen places hide what is there if they are large and near the mask, the others unknown; and tells whether

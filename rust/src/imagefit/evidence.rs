@@ -7,6 +7,7 @@ use super::grid::Grid;
 use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
 use crate::Point;
 use crate::geometry::{cross, dot};
+use crate::median::upper_median;
 use crate::polyline::directions;
 
 /// How many pixels of edge err alike, and by how much ropes are not round, radii.
@@ -77,8 +78,7 @@ impl Seen {
         }
         // the radius is known at the mask's median depth
         let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
-        let half = depths.len() / 2;
-        let middle = *depths.select_nth_unstable_by(half, f64::total_cmp).1;
+        let middle = upper_median(&mut depths);
         let rr = view.silhouette.radius_px;
         self.radii.clear();
         self.radii.extend(self.places.iter().map(|y| rr * middle / y[2]));

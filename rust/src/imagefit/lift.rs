@@ -8,6 +8,7 @@ use super::smoothing::Profile;
 use super::{HIDES, MIXED, MIXES, OnChain, Place2, Plane, RopeView, STEP, Sensor};
 use crate::Point;
 use crate::geometry::advance;
+use crate::median::median;
 use crate::polyline::{arc_length, resampled};
 
 /// Fewest depths on their own, away from other strands, that noise is judged by.
@@ -160,15 +161,4 @@ fn ceiling(view: &RopeView, uv: Place2, radius: f64, plane: Option<Plane>, senso
         return f64::INFINITY;
     }
     (plane.height(camera) - radius) / fall / radius - sensor.surface
-}
-
-/// The middle value, or the mean of the middle two.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let half = values.len() / 2;
-    let odd = values.len() % 2 == 1;
-    let (low, &mut middle, _) = values.select_nth_unstable_by(half, f64::total_cmp);
-    Some(if odd { middle } else { 0.5 * (middle + low.iter().copied().fold(f64::NEG_INFINITY, f64::max)) })
 }

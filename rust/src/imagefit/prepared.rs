@@ -4,6 +4,7 @@ use super::{Medians, RopeView};
 use crate::Pinhole;
 use crate::geometry::RigidMotion;
 use crate::image::Image;
+use crate::median::upper_median;
 use crate::mending::mended;
 use crate::parallel;
 use crate::silhouette::Silhouette;
@@ -45,9 +46,7 @@ impl Prepared {
         }
         let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
         let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
-        let middle = seen.len() / 2;
-        let (_, &mut far, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
-        let radius_px = pinhole.focal[0] * radius / far;
+        let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
         let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
         if silhouette.radius_px < THINNEST {
             return None;

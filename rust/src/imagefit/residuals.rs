@@ -2,6 +2,7 @@
 
 use super::STEP;
 use super::curves::Curves;
+use crate::median::upper_median;
 
 /// Residuals are compared up to so many samples apart; less alike than this, they count as independent.
 const LAGS: usize = 16;
@@ -30,7 +31,7 @@ pub fn depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves
     if sizes.len() < FEWEST {
         return None;
     }
-    let limit = OUTLIER * NORMAL * median(&mut sizes);
+    let limit = OUTLIER * NORMAL * upper_median(&mut sizes);
     let mut sums = [(0.0, 0usize); LAGS + 1];
     for view in views.iter().filter(|view| !view.is_empty()) {
         for chain in &curves.chains {
@@ -59,17 +60,11 @@ pub fn edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option<f64> {
     if errors.len() < FEWEST {
         return None;
     }
-    let middle = median(&mut errors);
+    let middle = upper_median(&mut errors);
     for e in &mut errors {
         *e = (*e - middle).abs();
     }
-    Some(NORMAL * median(&mut errors))
-}
-
-/// The upper of the middle values.
-fn median(values: &mut [f64]) -> f64 {
-    let half = values.len() / 2;
-    *values.select_nth_unstable_by(half, f64::total_cmp).1
+    Some(NORMAL * upper_median(&mut errors))
 }
 
 #[cfg(test)]

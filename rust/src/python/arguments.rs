@@ -7,7 +7,7 @@ use std::ops::Deref;
 use numpy::ndarray::Dimension;
 use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::Borrowed;
-use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use super::arrays::Constant;
@@ -260,7 +260,12 @@ pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
 
 /// A real number.
 pub(super) fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().map_err(|_| PyTypeError::new_err(format!("{name}: expected a number, got {value}")))
+    value.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(value.py()) {
+        true => {
+            PyValueError::new_err(format!("{name}: expected a number of double precision, got a larger one"))
+        }
+        false => PyTypeError::new_err(format!("{name}: expected a number, got {value}")),
+    })
 }
 
 /// A whole number that is not negative.

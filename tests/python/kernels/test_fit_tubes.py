@@ -130,6 +130,14 @@ def test_a_fit_can_be_pickled_and_changed():
         fit.radius(1)
 
 
+def test_a_fits_noise_is_a_number_of_double_precision():
+    fit = straight_fit()
+    with pytest.raises(ValueError, match="sigma: expected a number of double precision"):
+        fit.replace(sigma=10**400)
+    with pytest.raises(TypeError, match="sigma: expected a number"):
+        fit.replace(sigma="1e-3")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::OnCurve;
-use crate::python::arguments::{Array, FloatArray, require_same_length, wrong_shape};
+use crate::python::arguments::{Array, FloatArray, number, require_same_length, wrong_shape};
 use crate::python::arrays::{Constant, array, constant};
 use crate::tubefit::deviations;
 
@@ -71,7 +71,7 @@ impl TubeFit {
         radius_classes: Py<PyArray1<i64>>,
         radii: Py<PyArray1<f64>>,
         radii_sd: Py<PyArray1<f64>>,
-        sigma: f64,
+        sigma: &Bound<'_, PyAny>,
         bands: Py<PyArray1<f64>>,
         points: Py<PyArray2<f64>>,
         to_camera: Py<PyArray2<f64>>,
@@ -95,7 +95,7 @@ impl TubeFit {
             radius_classes: own(py, "radius_classes", radius_classes)?,
             radii: own(py, "radii", radii)?,
             radii_sd: own(py, "radii_sd", radii_sd)?,
-            sigma,
+            sigma: number("sigma", sigma)?,
             bands: own(py, "bands", bands)?,
             points: own(py, "points", points)?,
             to_camera: own(py, "to_camera", to_camera)?,
