@@ -84,8 +84,11 @@ pub fn centerline(
             }
         });
         drop((cells, axis));
-        let carried = |i: usize| Mean { count: 1, mean: inward(i) };
-        let mean = |found: Mean| enough(found.count, found.mean);
+        let carried = |i: usize| {
+            let i = index(i);
+            Mean { count: 1, base: points[i], mean: normals[i].map(|n| -radius * n) }
+        };
+        let mean = |found: Mean| enough(found.count, advance(found.base, 1.0, found.mean));
         // SAFETY: every point has one answer
         let put = |i: usize, &mean: &Point| unsafe { slots.put(i, mean) };
         crowded.answer(&surface, reach, carried, mean, put);
@@ -146,10 +149,12 @@ kernel! {
     }
 }
 
-/// The mean of some axis points.
+/// The mean of some axis points, from one of the surface points on: far from the origin coordinates are too coarse to add a
+/// small share to.
 #[derive(Clone, Copy)]
 struct Mean {
     count: usize,
+    base: Point,
     mean: Point,
 }
 
@@ -157,7 +162,8 @@ impl Sum for Mean {
     fn and(self, other: Self) -> Self {
         let count = self.count + other.count;
         let share = other.count as f64 / count as f64;
-        Self { count, mean: advance(self.mean, share, sub(other.mean, self.mean)) }
+        let apart = advance(sub(other.base, self.base), 1.0, sub(other.mean, self.mean));
+        Self { count, base: self.base, mean: advance(self.mean, share, apart) }
     }
 }
 
