@@ -155,6 +155,8 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
     "crop_images": (_core.crop_images, ([DEPTH], [CAMERA], [EYE], (-1.0,) * 3, (1.0,) * 3), {}),
     "convolved": (_core.convolved, (DEPTH.astype(np.float32), [0.5, 0.25]), {}),
     "largest_blob": (_core.largest_blob, (MASK,), {}),
+    "blob_numbers": (_core.blob_numbers, (MASK,), {}),
+    "edge_distances": (_core.edge_distances, (MASK, 40), {}),
     "short_outlines": (_core.short_outlines, (DEPTH.astype(np.float32) - 0.5, [1.0], 3), {}),
     "shown_radius": (_core.shown_radius, (MASK,), {}),
     "RopeImages": (_core.RopeImages, ([DEPTH], [MASK], [CAMERA], [EYE], 0.005), {}),

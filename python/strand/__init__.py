@@ -21,10 +21,13 @@ from strand._core import (
 )
 from strand.chain import Chain
 from strand.config import Config
+from strand.doubt import Doubt
 from strand.files import FileFormatError
+from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
+from strand.finding.strips import LeftOut
 from strand.io.models import load
 from strand.io.scenes import load_scene
-from strand.model import Alternative, Doubt, Join, Model, ModelWarning
+from strand.model import Alternative, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
 from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
 from strand.radius import estimate_radius
@@ -39,10 +42,13 @@ __all__ = [
     "Doubt",
     "EndObservation",
     "FileFormatError",
+    "FoundRopes",
     "IcpResult",
     "Join",
+    "LeftOut",
     "Model",
     "ModelWarning",
+    "NoRopeError",
     "NotEnoughDataError",
     "Sensor",
     "StrandError",
@@ -54,6 +60,7 @@ __all__ = [
     "count_neighbors",
     "estimate_normals",
     "estimate_radius",
+    "find_ropes",
     "fit_tubes",
     "icp",
     "load",

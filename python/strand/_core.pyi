@@ -20,6 +20,7 @@ __all__ = [
     "apparent_radii",
     "arc_lengths",
     "bending",
+    "blob_numbers",
     "bridge",
     "centerline",
     "constant_copy",
@@ -30,6 +31,7 @@ __all__ = [
     "crop",
     "crop_images",
     "depth_bends",
+    "edge_distances",
     "end_direction",
     "estimate_normals",
     "estimate_normals_each",
@@ -364,6 +366,8 @@ def trace_chains(
 ) -> list[NDArray[np.int64]]: ...
 def convolved(image: NDArray[np.float32], kernel: Sequence[float]) -> NDArray[np.float32]: ...
 def largest_blob(mask: NDArray[np.bool_]) -> int: ...
+def blob_numbers(mask: NDArray[np.bool_]) -> NDArray[np.int64]: ...
+def edge_distances(mask: NDArray[np.bool_], most: SupportsIndex) -> NDArray[np.float32]: ...
 def short_outlines(
     evidence: NDArray[np.float32], weights: Sequence[float], steps: SupportsIndex
 ) -> list[NDArray[np.bool_]]: ...

@@ -8,8 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, as_array, checked_radius, finite_array, flag, not_negative, own, small_array
+from strand.checks import (
+    Array,
+    as_array,
+    checked_radius,
+    finite_array,
+    flag,
+    instances,
+    not_negative,
+    own,
+    share_or_nan,
+    small_array,
+)
 from strand.curve import Curve
+from strand.doubt import Doubt
 from strand.lazy import lazy
 from strand.polyline import runs
 
@@ -38,6 +50,10 @@ class Chain:
         How many points support each node, from how many views; 0 where the curve only bridges a gap.
     radius_sd : float
         The radius's standard deviation, metres; 0 if none is known.
+    confidence : float
+        How likely it is that this rope runs as the chain says, from 0 to 1; NaN if the method does not say.
+    doubts : tuple of Doubt
+        Those of the model's doubts that are about this chain, the greatest first.
 
     Raises
     ------
@@ -45,7 +61,8 @@ class Chain:
         If an argument is of the wrong kind.
     ValueError
         If an array has a wrong shape or is not finite, `points` has fewer than two nodes or equal
-        neighbours or coordinates above 1e75 m, `radius` is not positive, or `radius_sd` is negative.
+        neighbours or coordinates above 1e75 m, `radius` is not positive, `radius_sd` is negative, or
+        `confidence` is not from 0 to 1.
     """
 
     points: Array
@@ -56,6 +73,8 @@ class Chain:
     points_seen: NDArray[np.int64] | None = None
     views_seen: NDArray[np.int64] | None = None
     radius_sd: float = 0.0
+    confidence: float = float("nan")
+    doubts: tuple[Doubt, ...] = ()
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, ("N", 3))
@@ -67,6 +86,8 @@ class Chain:
         object.__setattr__(self, "radius", checked_radius(self.radius))
         object.__setattr__(self, "closed", flag("closed", self.closed))
         object.__setattr__(self, "radius_sd", not_negative("radius_sd", self.radius_sd))
+        object.__setattr__(self, "confidence", share_or_nan("confidence", self.confidence))
+        object.__setattr__(self, "doubts", instances("doubts", self.doubts, Doubt))
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
         count = len(points)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -139,6 +139,25 @@ def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:
     if value not in accepted:
         raise ValueError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
     return value
+
+
+def share_or_nan(name: str, value: float) -> float:
+    """Return a number from 0 to 1, or NaN where it is not known."""
+    if isinstance(value, (float, np.floating)) and np.isnan(value):
+        return float("nan")
+    share = number(name, value)
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"{name}: expected a number from 0 to 1, or NaN, got {value}")
+    return share
+
+
+def instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[Any, ...]:
+    """Return values, each of which must be of a type, as a tuple."""
+    held = several(name, values, kind.__name__)
+    for i, one in enumerate(held):
+        if not isinstance(one, kind):
+            raise TypeError(f"{name}[{i}]: expected type {kind.__name__}, got {type(one).__name__}")
+    return held
 
 
 def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.checks import Array, Bounds
+from strand.doubt import Doubt
 from strand.images.seen import RopeImage
 from strand.images.table import table_plane
-from strand.model import Doubt, ModelWarning
+from strand.model import ModelWarning
 from strand.pose import moved
 from strand.view import DepthImage, View
 

@@ -13,17 +13,18 @@ from strand.checks import (
     Array,
     finite_array,
     float_array,
-    not_negative,
+    instances,
     number,
     one_of,
     own,
     several,
+    share_or_nan,
     small_array,
     text,
-    to_millimetres,
     whole,
 )
 from strand.config import METHODS
+from strand.doubt import DOUBTS, Doubt
 from strand.files import plain, write_json
 from strand.next_view import best_camera
 from strand.sensor import Sensor
@@ -31,48 +32,14 @@ from strand.sensor import Sensor
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
 
-DOUBTS = (
-    "join",
-    "rival",
-    "end",
-    "left out",
-    "noise",
-    "prior",
-    "points",
-    "mask",
-    "pose",
-    "radius",
-    "range",
-    "residuals",
-    "view",
-    "order",
-    "uncovered",
-    "count",
-    "length",
-    "ring",
-    "deadline",
-)
-"""Kinds of doubt.
-
-"join": the segments there may belong together otherwise; "rival": another way to join all of them costs
-hardly more; "end": the rope may end elsewhere; "left out": a segment became part of no rope; "noise": it is
-wide against the rope; "prior": the answer explains the points worse than one without what was known
-beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
-from what is around it; "pose": poses moved farther than they are said to be wrong; "radius": ropes look
-thicker or thinner than the radius that was given; "range": ropes leave the extraction range; "residuals":
-they are alike along stretches of rope; "view": one saw through the ropes; "order": depth hardly tells which
-strand is on top at a crossing; "uncovered": ropes and masks do not cover each other; "count", "length",
-"ring": the ropes are not as they are known to be; "deadline": something was left out because the deadline had
-passed.
-"""
-
-WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "unused view")
+WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "thing", "unused view")
 """Kinds of warning: those of doubts, and
 
 "mask": beside the doubt, a mask has labels for more ropes than there are;
 "radius": beside the doubt, the points contradict the radius that was given, or hardly fix one that was not;
 "branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
-the data leave a direction of a view's pose open; "unused view": a view saw nothing, or noise does
+the data leave a direction of a view's pose open; "thing": what stands on the table and is no rope was left
+out; "unused view": a view saw nothing, or noise does
 not tell its ropes from what they lie on and only other views have masks; "kept pose": a view could
 not be registered and stays at its reported pose.
 """
@@ -110,43 +77,6 @@ class Join:
         object.__setattr__(self, "margin", number("margin", self.margin))
         if self.alternative is not None:
             object.__setattr__(self, "alternative", own(small_array("alternative", self.alternative, (3,))))
-
-
-@dataclass(frozen=True, eq=False)
-class Doubt:
-    """What speaks against an answer.
-
-    Attributes
-    ----------
-    kind : str
-        One of `DOUBTS`.
-    amount : float
-        The confidence is exp(-0.01 - d), where d adds up all doubts' amounts; 0 or above.
-    about : str
-        What is uncertain, in words.
-    reason : str
-        Why, in words.
-    place : (3,) ndarray or None
-        Where, world frame, metres; None if it is about the ropes as a whole.
-    """
-
-    kind: str
-    amount: float
-    about: str
-    reason: str
-    place: Array | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", one_of("kind", self.kind, DOUBTS))
-        object.__setattr__(self, "amount", not_negative("amount", self.amount))
-        object.__setattr__(self, "about", text("about", self.about))
-        object.__setattr__(self, "reason", text("reason", self.reason))
-        if self.place is not None:
-            object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
-
-    def __str__(self) -> str:
-        where = "" if self.place is None else f" at {to_millimetres(self.place)}"
-        return f"unsure {self.about}{where}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,11 +205,7 @@ class Model:
             ("doubts", Doubt),
             ("alternatives", Alternative),
         ):
-            held = several(name, getattr(self, name), kind.__name__)
-            for i, one in enumerate(held):
-                if not isinstance(one, kind):
-                    raise TypeError(f"{name}[{i}]: expected type {kind.__name__}, got {type(one).__name__}")
-            object.__setattr__(self, name, held)
+            object.__setattr__(self, name, instances(name, getattr(self, name), kind))
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
@@ -289,11 +215,7 @@ class Model:
             object.__setattr__(self, "method", one_of("method", self.method, METHODS))
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a Sensor or None, got {type(self.sensor).__name__}")
-        unknown = isinstance(self.confidence, (float, np.floating)) and np.isnan(self.confidence)
-        sure = float("nan") if unknown else number("confidence", self.confidence)
-        if not unknown and not 0.0 <= sure <= 1.0:
-            raise ValueError(f"confidence: expected a number from 0 to 1, or NaN, got {self.confidence}")
-        object.__setattr__(self, "confidence", sure)
+        object.__setattr__(self, "confidence", share_or_nan("confidence", self.confidence))
 
     def __repr__(self) -> str:
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"

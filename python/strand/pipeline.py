@@ -10,25 +10,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import NotEnoughDataError
-from strand.checks import extraction_range, flag, positive
+from strand.checks import extraction_range, flag, positive, to_millimetres
 from strand.config import Config
 from strand.default import find_chains as find_by_default
+from strand.doubt import Doubt
 from strand.emptiness import mask_without_points, why_empty
-from strand.evidence.confidence import confidence, contradictions
+from strand.evidence.confidence import confidence, contradictions, of_chains
 from strand.evidence.prior import Prior
+from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.images.radius import shown_radius
 from strand.images.seen import rope_images
 from strand.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
-from strand.model import Doubt, Model, ModelWarning
+from strand.model import Model, ModelWarning
 from strand.orientation import oriented
 from strand.outliers import without_outliers
 from strand.published.method import find_chains as find_published
 from strand.radius import Radii, estimate_radius
+from strand.sheets import no_ropes
 from strand.stages import Found, Observed, Run
 from strand.view import View, checked_views, cropped
 
 # doubt of an answer for which something was left out
 _HURRIED = 0.3
+# standard deviation of a radius that was found by how wide strips are, as a part of it
+_WIDTHS = 0.1
 # a mask of which less than this share has depth has little
 _LITTLE = 0.2
 
@@ -82,8 +87,9 @@ def reconstruct(
         The ropes' radius, or the radii of ropes that differ, metres; estimated from the data if not given
         (the published method needs one).
     bounds : pair of (3,) array_like, optional
-        The extraction range: low and high corner of an axis-aligned box in the world frame, metres;
-        everything if not given.
+        The extraction range: low and high corner of an axis-aligned box in the world frame, metres. If it is
+        not given, and no view has a mask, the default method finds the ropes among other things on a table
+        (see `strand.find_ropes`); where there is no table, everything is taken for ropes.
     ropes : int, optional
         How many ropes there are; as many as the data show if not given. The default method then bridges gaps
         of any length until no more chains are left than that (see `Chain.bridged`).
@@ -125,6 +131,9 @@ def reconstruct(
         published method is given no radius.
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
+    strand.NoRopeError
+        If there are no bounds and no masks, and what stands on the table is no rope; it is a
+        `NotEnoughDataError`.
     """
     begun = time.monotonic()
     config = Config() if config is None else config
@@ -137,11 +146,22 @@ def reconstruct(
     run = Run(progress)
     if deadline is not None:
         run.deadline = begun + positive("deadline", deadline)
-    with run.stage("extract"):
-        raw = list(views) if box is None else cropped(views, box)
+    raw, found_radius = list(views), None
+    if box is not None:
+        with run.stage("extract"):
+            raw = cropped(views, box)
+    elif method.any_radius and not any(view.mask is not None for view in views):
+        with run.stage("find"):
+            shown = _ropes_among_things(views, radii)
+        raw, found_radius = list(shown.views), shown.radius
+        # what else points show says which space is free; of images the mask says it
+        views = tuple(view if view.image is None else own for view, own in zip(views, raw, strict=True))
+        run.warnings.extend(_left_out(shown))
     if not any(len(view.points) for view in raw):
         raise NotEnoughDataError(f"views: {why_empty(views, box)}")
-    if radii is None:
+    if radii is None and found_radius is not None:
+        radii = Radii(np.array([found_radius]), np.array([_WIDTHS * found_radius]), free=True)
+    elif radii is None:
         with run.stage("radius"):
             masked = [i for i, view in enumerate(views) if view.mask is not None and len(raw[i].points)]
             if masked and method.any_radius:
@@ -183,6 +203,12 @@ def reconstruct(
         ],
         key=lambda doubt: -doubt.amount,
     )
+    if found.doubts is not None:
+        own = of_chains(chains, doubts, against)
+        chains = tuple(
+            replace(chain, confidence=sure, doubts=about)
+            for chain, (sure, about) in zip(chains, own, strict=True)
+        )
     poses = np.array([view.pose for view in views])
     pose_sd = np.full((len(views), 6), np.nan)
     poses[used], pose_sd[used] = found.poses, found.pose_sd
@@ -233,6 +259,28 @@ def _checked(
             "(--radius on the command line)"
         )
     return views, radii, method
+
+
+def _ropes_among_things(views: tuple[View, ...], radii: Radii | None) -> FoundRopes:
+    """Find ropes on a table; strands side by side look like one, and are told from it by their radius."""
+    try:
+        return find_ropes(views, None if radii is None else radii.values.tolist())
+    except NoRopeError:
+        if radii is None or no_ropes(views, float(radii.values.max())) is not None:
+            raise
+        return FoundRopes(views, None, (None,) * len(views), ())
+
+
+def _left_out(found: FoundRopes) -> list[ModelWarning]:
+    """Return a warning that names what stands on the table and was left out, if anything was."""
+    if not found.left_out:
+        return []
+    first = found.left_out[0]
+    message = (
+        f"left out what is no rope on the table, {len(found.left_out)} pieces as the views show them; "
+        f"the first at {to_millimetres(first.place)}: {first.reason}"
+    )
+    return [ModelWarning("thing", message, first.place, view=first.view)]
 
 
 def _used(

@@ -12,9 +12,10 @@ from typing import Any
 from strand._core import EndObservation
 from strand.chain import Chain
 from strand.checks import Array, Bounds
+from strand.doubt import Doubt
 from strand.evidence.prior import Prior
 from strand.lazy import lazy
-from strand.model import Alternative, Doubt, Join, ModelWarning
+from strand.model import Alternative, Join, ModelWarning
 from strand.radius import Radii
 from strand.sensor import Sensor
 from strand.view import View

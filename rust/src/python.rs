@@ -122,6 +122,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
     module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
     module.add_function(wrap_pyfunction!(masks::largest_blob, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::blob_numbers, module)?)?;
+    module.add_function(wrap_pyfunction!(masks::edge_distances, module)?)?;
     module.add_function(wrap_pyfunction!(masks::short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(masks::shown_radius, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;

@@ -34,24 +34,30 @@ def filled(rng, count):
 
 @pytest.mark.parametrize(
     ("shape", "said"),
-    [(plane, "a smooth surface"), (ball, "a smooth surface"), (filled, "a cloud that fills space")],
+    [
+        (plane, "no rope on the table|points look like a smooth surface"),
+        (ball, "points look like a smooth surface"),
+        (filled, "points look like a cloud that fills space"),
+    ],
 )
 @pytest.mark.parametrize("known", [{}, {"ropes": 1}, {"config": strand.Config.published()}])
 def test_what_is_no_rope_is_refused_before_it_is_searched(shape, said, known):
     points = shape(np.random.default_rng(0), 40_000)
     views = [strand.View.from_world(points, CAMERA)]
     start = time.process_time()
-    with pytest.raises(strand.NotEnoughDataError, match=f"points look like {said}.*bounds"):
+    with pytest.raises(strand.NotEnoughDataError, match=f"({said}).*bounds"):
         strand.reconstruct(views, R, **known)
     # a search takes a minute
     assert time.process_time() - start < 5.0
 
 
-def test_a_table_that_was_left_in_is_told_from_the_rope_by_its_image_or_refused():
+@pytest.mark.parametrize("images", [True, False])
+def test_a_table_that_was_left_in_is_told_from_the_rope(images, measure):
     scene = strand.synthetic.scene("arc", seed=1, views=3)
-    points = [strand.View.from_world(view.world_points, view.viewpoint) for view in scene.views]
-    with pytest.raises(strand.NotEnoughDataError, match="a smooth surface"):
-        strand.reconstruct(points, scene.radius)
+    views = scene.views
+    if not images:
+        views = [strand.View.from_world(view.world_points, view.viewpoint) for view in views]
+    assert measure(strand.reconstruct(views, scene.radius), scene.truth, scene.radius).right
 
 
 def rug(turns, noise):
@@ -61,6 +67,12 @@ def rug(turns, noise):
     axis = np.stack([out * np.cos(angle), out * np.sin(angle), np.full(len(angle), R)], axis=1)
     axis = axis[np.append(True, np.linalg.norm(np.diff(axis, axis=0), axis=1) > 1e-6)]
     return tube_seen(axis, CAMERA, noise)
+
+
+def test_strands_side_by_side_are_no_table():
+    # a spiral of strands that touch: too close for the run of each to be certain, but a rope
+    view = strand.View.from_world(rug(4, 3e-4), CAMERA)
+    assert strand.reconstruct([view], R).chains
 
 
 @pytest.mark.parametrize("turns", [4, 8, 14])

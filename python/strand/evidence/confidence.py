@@ -9,12 +9,14 @@ import numpy as np
 
 from strand.chain import Chain
 from strand.checks import Array, to_millimetres
+from strand.doubt import Doubt
 from strand.evidence.prior import Prior, contradiction
-from strand.model import Doubt
 
 SCALE = 2.5
 """A difference of costs, in the unit of `Config.linking`, that is worth a factor of e in the odds."""
 
+# a doubt is about the chains within so many radii of its place
+_REACH = 15.0
 # doubt that is always there, and that of a join without any margin
 _ALWAYS, _JOIN = 0.01, 0.5
 # doubt for each radius that a length is wrong by more than it may be, for each open rope that is a ring
@@ -24,6 +26,39 @@ _LENGTH, _OPEN = 0.4, math.log(2.0)
 def confidence(doubts: Sequence[Doubt]) -> float:
     """How likely the answer is right: exp(-0.01 - d), where d adds up all doubts."""
     return float(np.exp(-_ALWAYS - sum(doubt.amount for doubt in doubts)))
+
+
+def of_chains(
+    chains: Sequence[Chain], doubts: Sequence[Doubt], about: Sequence[tuple[Doubt, tuple[int, ...]]]
+) -> list[tuple[float, tuple[Doubt, ...]]]:
+    """Return each chain's own confidence and doubts.
+
+    A doubt with a place is about the chains that run there, and about none if it is far from all. One without
+    is about all of them, unless it says which.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+    doubts : sequence of Doubt
+        Of the model.
+    about : sequence of (Doubt, tuple of int)
+        Those that say which chains they are about.
+    """
+    named = {id(doubt): numbers for doubt, numbers in about if numbers}
+    found: list[list[Doubt]] = [[] for _ in chains]
+    for doubt in doubts:
+        numbers = named.get(id(doubt))
+        if numbers is None:
+            numbers = tuple(range(len(chains))) if doubt.place is None else _near(chains, doubt.place)
+        for number in numbers:
+            found[number].append(doubt)
+    return [(confidence(own), tuple(own)) for own in found]
+
+
+def _near(chains: Sequence[Chain], place: Array) -> tuple[int, ...]:
+    """Return the chains within reach of a place."""
+    away = [float(np.linalg.norm(chain.points - place, axis=1).min()) / chain.radius for chain in chains]
+    return tuple(number for number, distance in enumerate(away) if distance <= _REACH)
 
 
 def doubt_of_margin(margin: float) -> float:

@@ -16,7 +16,7 @@ import strand._core as _core
 from strand.chain import Chain
 from strand.checks import Array, Bounds
 from strand.config import Config, Poses
-from strand.model import Doubt
+from strand.doubt import Doubt
 from strand.pose import rotation_vector
 from strand.stages import Found, Observed
 from strand.view import View

@@ -8,8 +8,8 @@ import numpy as np
 
 import strand._core as _core
 from strand.checks import Array
+from strand.doubt import Doubt
 from strand.images.seen import RopeImage
-from strand.model import Doubt
 
 # places beyond an end and inside of it, and how far beside the axis the surroundings are, in radii
 _AHEAD, _ASIDE = np.arange(1.5, 4.1, 0.5), 3.0

@@ -11,10 +11,10 @@ import strand._core as _core
 from strand._core import ImageFit, RopeImages
 from strand.chain import Chain
 from strand.checks import Array
+from strand.doubt import Doubt
 from strand.evidence.confidence import SCALE
 from strand.images.comparison import Explanation
 from strand.images.seen import RopeImage
-from strand.model import Doubt
 from strand.polyline import runs
 from strand.tubes.hypotheses import Course, courses, same_courses
 

@@ -98,7 +98,7 @@ def all_masked(observed: Observed) -> Observed:
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
         if view.image is None or given[number] or not _on_table(own, table, radius):
             continue
-        cut = masked(view, _standing_out(images[number], table, near, radius))
+        cut = masked(view, standing_out(images[number], table, near, radius))
         (inside,) = cropped([cut], near)
         if len(inside.points):
             views[number], whole[number] = inside, cut
@@ -151,14 +151,15 @@ def raised(
         return list(images)
     found = []
     for image in images:
-        mask = _standing_out(image, table, bounds, radius)
+        mask = standing_out(image, table, bounds, radius)
         found.append(replace(image, mask=mask) if mask.any() else image)
     return found
 
 
-def _standing_out(
+def standing_out(
     image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
 ) -> np.ndarray:
+    """Return the pixels (H, W) where a smoothed height above a table is a rope's of this radius, metres."""
     above, seen, across = heights(image, table, bounds, radius)
     if not seen.any() or across > _WIDEST * max(image.mask.shape):
         return np.zeros_like(image.mask)

@@ -147,8 +147,9 @@ def _focal(slopes: Array, extent: float) -> float:
     for _ in range(12):
         middle = float(np.sqrt(low * high))
         columns, rows = np.rint(slopes * middle).astype(np.int64).T
-        pixels = len(np.unique(columns + rows * (2 * _LARGEST)))
-        if pixels < _APART * len(slopes):
+        taken = np.zeros((rows.max() + 1, columns.max() + 1), dtype=bool)
+        taken[rows, columns] = True
+        if np.count_nonzero(taken) < _APART * len(slopes):
             low = middle
         else:
             high = middle

@@ -10,8 +10,9 @@ import numpy as np
 from strand.chain import Chain
 from strand.checks import number, whole
 from strand.curve import Curve
+from strand.doubt import Doubt
 from strand.files import JSON_BYTES, FileFormatError, read_json, shown
-from strand.model import FORMAT, VERSION, Alternative, Doubt, Join, Model, ModelWarning
+from strand.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
 from strand.sensor import Sensor
 
 
@@ -52,7 +53,7 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
             timings={stage: number("timings", spent) for stage, spent in data["timings"].items()},
             warnings=tuple(ModelWarning(**warning) for warning in data["warnings"]),
             pose_sd=np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6),
-            confidence=float("nan") if data["confidence"] is None else float(data["confidence"]),
+            confidence=_confidence(data["confidence"]),
             joins=tuple(Join(**join) for join in data["joins"]),
             doubts=tuple(Doubt(**doubt) for doubt in data["doubts"]),
             alternatives=tuple(_alternative(other) for other in data["alternatives"]),
@@ -71,7 +72,13 @@ def _chain(data: dict[str, Any]) -> Chain:
     }
     if curve is not None:
         curve = Curve(np.asarray(curve["control"], dtype=np.float64), curve["start"], curve["stop"])
-    return Chain(**{**data, **arrays, "curve": curve})
+    doubts = tuple(Doubt(**doubt) for doubt in data["doubts"])
+    sure = _confidence(data["confidence"])
+    return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure})
+
+
+def _confidence(value: Any) -> float:
+    return float("nan") if value is None else float(value)
 
 
 def _alternative(data: dict[str, Any]) -> Alternative:

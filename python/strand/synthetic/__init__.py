@@ -4,6 +4,7 @@ For users without a camera, and for demonstrations, tests and benches.
 """
 
 from strand.synthetic.camera import camera_pose, render_depth, sense
+from strand.synthetic.cluttered_scenes import cluttered
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.random_ropes import random_ropes
 from strand.synthetic.rough_scenes import ROUGH, rough
@@ -19,6 +20,7 @@ __all__ = [
     "Segmentation",
     "SyntheticScene",
     "camera_pose",
+    "cluttered",
     "random_ropes",
     "render_depth",
     "rough",

@@ -301,7 +301,7 @@ def scene(
         depth=np.stack(images),
         depth_scale=float(depth_scale),
         intrinsics=intrinsics,
-        poses=np.stack([_moved(pose, *error) for pose, error in zip(poses_true, errors, strict=True)]),
+        poses=np.stack([misplaced(pose, *error) for pose, error in zip(poses_true, errors, strict=True)]),
         poses_true=poses_true,
         bounds=(low, high),
         radius=radius,
@@ -345,7 +345,7 @@ def turned(angle: float) -> Array:
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
-def _moved(pose: Array, angle: float, dx: float, dy: float) -> Array:
+def misplaced(pose: Array, angle: float, dx: float, dy: float) -> Array:
     """(4, 4) The pose turned about the world's z axis, then shifted in the table plane."""
     motion = np.eye(4)
     motion[:2, :2] = turned(angle)

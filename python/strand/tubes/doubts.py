@@ -9,9 +9,10 @@ import numpy as np
 from strand._core import TubeFit
 from strand.checks import Array, to_millimetres
 from strand.curve import Curve
+from strand.doubt import Doubt
 from strand.evidence.confidence import SCALE, doubt_of_margin
 from strand.evidence.visibility import Visibility
-from strand.model import Doubt, Join
+from strand.model import Join
 from strand.polyline import path_length
 from strand.tubes.ends import extents, unseen_beyond
 from strand.tubes.hypotheses import ScoredHypothesis, without_prior

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import EndObservation, TubeFit
+from strand.doubt import Doubt
 from strand.evidence.systematic import deviate
-from strand.model import Doubt
 from strand.pose import moved
 from strand.radius import Radii
 from strand.stages import Found, Observed

@@ -10,10 +10,11 @@ from strand._core import TubeFit
 from strand.chain import Chain
 from strand.checks import Bounds, to_millimetres
 from strand.config import Config, Linking, Poses
+from strand.doubt import Doubt
 from strand.evidence.branches import branches
 from strand.evidence.confidence import doubt_of_margin
 from strand.evidence.visibility import Visibility
-from strand.model import Doubt, ModelWarning
+from strand.model import ModelWarning
 from strand.radius import Radii, fitted_deviation
 from strand.tubes.noise import Noise
 

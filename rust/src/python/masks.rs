@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use super::arguments::Array;
 use super::arrays::array;
 use super::released::released;
-use crate::image::{Image, blobs};
+use crate::image::{Image, blobs, distances};
 use crate::silhouette::Silhouette;
 use crate::{outline, parallel};
 
@@ -50,6 +50,41 @@ pub(super) fn largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
     released(py, move || blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0))
+}
+
+/// The number of each pixel's blob (H, W), from 1 on, diagonal neighbours connected; 0 outside of the mask.
+#[pyfunction]
+pub(super) fn blob_numbers<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let mask = Array::mask("mask", mask)?;
+    let [height, width] = mask.image_shape("mask")?;
+    let image = Image { width, height, values: mask.into_values() };
+    let found = released(py, move || {
+        let mut numbers = vec![0i64; width * height];
+        for run in blobs(&image, true, true).runs {
+            numbers[run.row * width..][run.begin..run.end].fill(run.blob as i64 + 1);
+        }
+        numbers
+    })?;
+    array(py, found, [height, width])
+}
+
+/// The distance (H, W) of each pixel of a mask from the nearest one outside of it, pixels; 0 outside. What is beyond the border
+/// counts as the mask, and distances above `most` may be found wrong, but not below it.
+#[pyfunction]
+pub(super) fn edge_distances<'py>(
+    py: Python<'py>,
+    mask: &Bound<'py, PyAny>,
+    most: usize,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let mask = Array::mask("mask", mask)?;
+    let [height, width] = mask.image_shape("mask")?;
+    let image = Image { width, height, values: mask.into_values() };
+    let most = most.min(width + height);
+    let found = released(py, move || distances(&image, true, most).values)?;
+    array(py, found, [height, width])
 }
 
 /// For each weight, the pixels (H, W) with the least sum of evidence against them and of the weight times the length of

@@ -60,6 +60,8 @@ calls = {{
     "straighten": lambda: _core.straighten(points[:40], 0.1, 0.2),
     "visibility": lambda: _core.Visibility([points], [points], [eye]).states(points, 0.05),
     "visibility, image": lambda: _core.Visibility([(depth, *camera)], [points], [eye]).free(points, 0.1),
+    "blob_numbers": lambda: _core.blob_numbers(mask),
+    "edge_distances": lambda: _core.edge_distances(mask, 40),
     "largest_blob": lambda: _core.largest_blob(mask),
     "shown_radius": lambda: _core.shown_radius(mask),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),

@@ -6,7 +6,7 @@ import numpy as np
 from drawn import R, of_kind
 
 import strand
-from strand.model import DOUBTS
+from strand.doubt import DOUBTS
 
 
 def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):

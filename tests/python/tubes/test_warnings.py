@@ -8,9 +8,9 @@ from drawn import R, line, of_kind
 
 import strand
 from strand.config import Linking
+from strand.doubt import DOUBTS, Doubt
 from strand.evidence.confidence import doubt_of_margin
 from strand.evidence.visibility import visibility_from
-from strand.model import DOUBTS, Doubt
 from strand.tubes.warnings import about_answer
 
 

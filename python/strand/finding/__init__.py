@@ -1,0 +1,1 @@
+"""Ropes found among other things on a table."""

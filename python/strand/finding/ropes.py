@@ -1,0 +1,124 @@
+"""find_ropes(): views of a table with ropes and other things in, views of the ropes alone out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strand._core import NotEnoughDataError
+from strand.checks import Array
+from strand.finding.standing import tabletop
+from strand.finding.strips import LeftOut, rope_strips
+from strand.finding.widths import strip_lengths, strip_radius
+from strand.images.seen import RopeImage, rope_images
+from strand.radius import Radii
+from strand.view import View, checked_views, masked
+
+# ropes show at least so many radii of length in some view
+_SHORTEST = 14.0
+
+
+class NoRopeError(NotEnoughDataError):
+    """What stands on the table is no rope."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundRopes:
+    """Ropes among other things.
+
+    Attributes
+    ----------
+    views : tuple of View
+        The same views, of the ropes alone: depth images with a mask, and points without those of other
+        things. Views that show no table, and those that have a mask, are as they were.
+    radius : float or None
+        The half width of most strips, metres; None if there is no table.
+    tables : tuple of ((3,) ndarray, float) or None
+        For each view the table's unit normal n towards the camera, world frame, and n.x, metres; None where
+        it shows none.
+    left_out : tuple of LeftOut
+        What stands on the table and is no rope.
+    """
+
+    views: tuple[View, ...]
+    radius: float | None
+    tables: tuple[tuple[Array, float] | None, ...]
+    left_out: tuple[LeftOut, ...]
+
+
+def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = None) -> FoundRopes:
+    """Tell ropes on a table from the table and from other things on it.
+
+    In each view the plane that most points lie on is the table, however it is tilted. What stands above it is
+    a rope where it is a strip of one width, and thin or low; the width is the one that the longest strips
+    have, for their width. Everything else is left out.
+
+    Parameters
+    ----------
+    views : sequence of View
+    radius : float or sequence of float, optional
+        The ropes' radius, or the radii of ropes that differ, metres; found by how wide strips are if not
+        given.
+
+    Returns
+    -------
+    FoundRopes
+
+    Raises
+    ------
+    TypeError
+        If an argument is of the wrong kind.
+    ValueError
+        If there are no views or the radius is not positive.
+    strand.NoRopeError
+        If there is a table, and no rope on it.
+    """
+    views = checked_views(views)
+    given = None if radius is None else Radii.given(radius).values
+    asked = [k for k, view in enumerate(views) if view.mask is None and len(view.points)]
+    images = rope_images([views[k] for k in asked], [views[k] for k in asked], None)
+    tops = {k: top for k, image in zip(asked, images, strict=True) if (top := tabletop(image)) is not None}
+    found = list(views)
+    tables: list[tuple[Array, float] | None] = [None] * len(views)
+    if not tops:
+        return FoundRopes(tuple(views), None, tuple(tables), ())
+    widths = strip_radius([top.image for top in tops.values()])
+    thin, thick = (widths, widths) if given is None else (float(given.min()), float(given.max()))
+    left_out: list[LeftOut] = []
+    shown = []
+    for k, top in tops.items():
+        mask, others = rope_strips(top, thin, thick, k)
+        left_out += others
+        shown.append(replace(top.image, mask=mask))
+        tables[k] = (top.normal, top.offset)
+        found[k] = _only(views[k], shown[-1])
+    own = strip_radius(shown)
+    longest = max(float(strip_lengths(image, own).max(initial=0.0)) for image in shown)
+    if longest < _SHORTEST * own or not any(len(found[k].points) for k in tops):
+        raise NoRopeError(f"views: {_why_none(left_out, longest, own)}")
+    return FoundRopes(tuple(found), widths, tuple(tables), tuple(left_out))
+
+
+def _only(view: View, image: RopeImage) -> View:
+    """Return a view with what a mask shows alone."""
+    if view.image is not None:
+        return masked(view, image.mask)
+    columns, rows = np.rint(image.projected(view.world_points)).astype(np.int64).T
+    height, width = image.mask.shape
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    inside[inside] = image.mask[rows[inside], columns[inside]]
+    colors = None if view.colors is None else view.colors[inside]
+    return View(view.points[inside], view.pose, colors=colors)
+
+
+def _why_none(left_out: list[LeftOut], longest: float, radius: float) -> str:
+    """Say what there is instead of a rope."""
+    strips = (
+        f"the longest strip of one width is {1e3 * longest:.0f} mm long and {2e3 * radius:.0f} mm wide"
+        if longest > 0.0
+        else "nothing that stands on it is a strip of one width"
+    )
+    things = f", and {len(left_out)} things were left out" if left_out else ""
+    return f"no rope on the table: {strips}{things}; if there is one, give bounds around it, or masks"

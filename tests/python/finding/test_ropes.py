@@ -1,0 +1,101 @@
+"""Ropes found among other things on a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measure import measured
+
+import strand
+from strand.synthetic import SyntheticScene, cluttered
+
+
+@pytest.fixture(scope="module")
+def one() -> SyntheticScene:
+    """One view."""
+    return cluttered(4)
+
+
+@pytest.fixture(scope="module")
+def three() -> SyntheticScene:
+    """Three views of a tilted table."""
+    return cluttered(1)
+
+
+def rope_pixels(scene, number):
+    """Columns and rows of the rope's axis in an image, and its depth there."""
+    pose = scene.poses_true[number]
+    x, y, z = ((scene.truth[0] - pose[:3, 3]) @ pose[:3, :3]).T
+    focal, centre = scene.intrinsics[0, 0], scene.intrinsics[:2, 2]
+    return np.rint(focal * x / z + centre[0]).astype(int), np.rint(focal * y / z + centre[1]).astype(int), z
+
+
+def right(scene, model):
+    return measured([model.chains[0].points], scene.truth, scene.radius).right
+
+
+@pytest.mark.parametrize("scene", ["one", "three"])
+def test_masks_hold_the_rope_and_nothing_else(scene, request):
+    made = request.getfixturevalue(scene)
+    found = strand.find_ropes(made.views)
+    assert found.radius == pytest.approx(made.radius, rel=0.15)
+    for number, view in enumerate(found.views):
+        columns, rows, z = rope_pixels(made, number)
+        seen = np.abs(view.image.depth[rows, columns] - z) < 3.0 * made.radius
+        assert view.mask[rows[seen], columns[seen]].mean() > 0.95
+        # every pixel of the mask is near the rope
+        v, u = np.nonzero(view.mask)
+        near = np.min((v[:, None] - rows[::5]) ** 2 + (u[:, None] - columns[::5]) ** 2, axis=1)
+        width = made.intrinsics[0, 0] * made.radius / np.median(z)
+        assert np.mean(near < (2.0 * width + 3.0) ** 2) > 0.97
+    normal, offset = found.tables[0]
+    on_table = made.truth[0] @ normal - offset
+    assert np.quantile(on_table, 0.1) == pytest.approx(made.radius, abs=0.4 * made.radius)
+    assert len(found.left_out) >= 3
+
+
+@pytest.mark.parametrize("scene", ["one", "three"])
+def test_a_rope_among_things_is_reconstructed_with_nothing_told(scene, request):
+    made = request.getfixturevalue(scene)
+    model = strand.reconstruct(made.views)
+    assert right(made, model)
+    assert model.chains[0].confidence >= 0.5
+    assert "thing" in {warning.kind for warning in model.warnings}
+    assert "find" in model.timings
+
+
+def test_points_without_an_image_do_as_well(one):
+    model = strand.reconstruct([strand.View(view.points, view.pose) for view in one.views])
+    assert right(one, model)
+
+
+def test_a_table_without_a_rope_is_refused_and_says_what_there_is():
+    for views in (1, 3):
+        with pytest.raises(strand.NoRopeError, match=r"no rope on the table: .*strip of one width"):
+            strand.reconstruct(cluttered(2, views=views, rope=False).views)
+
+
+def test_a_given_radius_is_used(one):
+    found = strand.find_ropes(one.views, one.radius)
+    assert any(f"radius {1e3 * one.radius:.1f} mm" in thing.reason for thing in found.left_out)
+    with pytest.raises(ValueError, match="radius: expected"):
+        strand.find_ropes(one.views, -1.0)
+    with pytest.raises(TypeError, match="views: expected"):
+        strand.find_ropes(one.views[0])
+
+
+def test_views_with_masks_and_views_of_ropes_alone_stay_as_they_are(one, paper):
+    (view,) = strand.find_ropes(one.views).views
+    assert strand.find_ropes([view]).views == (view,)
+    alone = [view.crop(paper.bounds) for view in paper.views]
+    found = strand.find_ropes(alone)
+    assert found.views == tuple(alone)
+    assert found.radius is None
+    assert found.tables == (None,) * len(alone)
+    assert found.left_out == ()
+
+
+def test_each_chain_has_doubts_of_its_own(paper_model):
+    (chain,) = paper_model.chains
+    assert chain.confidence == pytest.approx(paper_model.confidence)
+    assert chain.doubts == paper_model.doubts
