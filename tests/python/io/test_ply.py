@@ -87,7 +87,7 @@ def test_elements_before_the_vertices_and_columns_between(tmp_path, encoding):
     if encoding == "ascii":
         body = b"7 7\n\n7 7\n7 0 1 4\n  8 0 2 5 \n\n9 0 3 6"
     (tmp_path / "a.ply").write_bytes(header.encode("latin-1") + body)
-    points = read_ply(tmp_path / "a.ply", Budget(10_000))
+    points = read_ply(tmp_path / "a.ply", Budget(10_000)).points
     np.testing.assert_array_equal(points, [[1, 4, 7], [2, 5, 8], [3, 6, 9]])
     assert points.dtype == np.float64
 
