@@ -39,10 +39,12 @@ def read_intrinsics(path: str | os.PathLike[str]) -> Array:
     content: Any = read_json(path, MOST_BYTES) if json else read_bytes(path, MOST_BYTES).split()
     try:
         if json:
-            numbers = np.array(content["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
-        else:
-            numbers = np.array([float(word) for word in content]).reshape(3, 3)
-        return pinhole("intrinsics", numbers)
+            content = content["intrinsic_matrix"]
+        numbers = [float(one) for one in content]
+        if len(numbers) != 9:
+            raise ValueError(f"got {len(numbers)}")
+        matrix = np.reshape(numbers, (3, 3))
+        return pinhole("intrinsics", matrix.T if json else matrix)
     except (KeyError, OverflowError, TypeError, ValueError) as error:
         reason = f"expected the nine numbers of a pinhole matrix ({error})"
         raise FileFormatError(path, reason) from error

@@ -58,7 +58,8 @@ class Camera:
     def refuse(self, reason: str, *names: str) -> None:
         """Raise a ValueError with a reason if one of some fields is given; of any if none is named."""
         for name in names or [field.name for field in fields(self)]:
-            if getattr(self, name) not in (None, False):
+            value = getattr(self, name)
+            if value is not None and value is not False:
                 raise ValueError(f"{name}: {reason}")
 
 
