@@ -205,11 +205,17 @@ def _ascii_columns(
 def _binary_columns(
     path: Path, budget: Budget, body: memoryview, header: Header, wanted: list[str]
 ) -> dict[str, NDArray[Any]]:
-    starts, step = [0, *accumulate(header.sizes)], (sum(header.sizes),)
-    return {
-        name: np.ndarray(header.points, header.kinds[name], body, starts[at], step)
-        for name, at in header.positions(wanted).items()
-    }
+    starts, positions = [0, *accumulate(header.sizes)], header.positions(wanted)
+    row = np.dtype(
+        {
+            "names": wanted,
+            "formats": [header.kinds[name] for name in wanted],
+            "offsets": [starts[positions[name]] for name in wanted],
+            "itemsize": starts[-1],
+        }
+    )
+    table = np.frombuffer(body, row, header.points) if header.points else np.empty(0, row)
+    return {name: table[name] for name in wanted}
 
 
 def _compressed_columns(

@@ -59,7 +59,8 @@ def read_xyz(path: Path, budget: Budget) -> Cloud:
     rows = _rows(path, body)
     for _ in range(columns.heading):
         next(rows)
-    read_rows(path, rows, numbers, columns.wanted, columns.width, "point", columns.separator)
+    if not read_rows(path, rows, numbers, columns.wanted, columns.width, "point", columns.separator):
+        raise FileFormatError(path, f"truncated: expected {columns.width} numbers", f"point {count - 1}")
     if len(columns.wanted) == 3:
         return Cloud(numbers)
     try:
