@@ -163,6 +163,13 @@ def image(array: np.ndarray, kind: str = "PNG") -> bytes:
     return out.getvalue()
 
 
+def deflated_tiff(array: np.ndarray) -> bytes:
+    """A TIFF file with compressed strips."""
+    out = io.BytesIO()
+    Image.fromarray(array).save(out, "TIFF", compression="tiff_adobe_deflate")
+    return out.getvalue()
+
+
 def archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
     """A scene's archive."""
     out = io.BytesIO()

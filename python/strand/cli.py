@@ -297,8 +297,8 @@ def _reconstruct(options: argparse.Namespace) -> None:
         if path is not None:
             require_writable(path)
     format_of(options.out)
-    if options.tube is not None and format_of(options.tube) != "ply":
-        raise ValueError(f"--tube: expected a name that ends with .ply, got {options.tube}")
+    if options.tube is not None:
+        format_of(options.tube, ("ply",))
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])

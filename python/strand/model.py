@@ -388,6 +388,5 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        if format_of(path) != "ply":
-            raise ValueError(f"{path}: expected a name that ends with .ply")
+        format_of(path, ("ply",))
         write_bytes(path, mesh_of([chain.tube(sides) for chain in self.chains]))

@@ -20,8 +20,8 @@ COLUMNS = ("chain", "node", "s", "x", "y", "z", "radius", "closed", "points_seen
 _PLACE = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
 
 
-def format_of(path: str | os.PathLike[str]) -> str:
-    """Return how a model is written to a file, one of `FORMATS`, by the end of its name.
+def format_of(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS) -> str:
+    """Return how a file is written, by the end of its name.
 
     Raises
     ------
@@ -29,8 +29,9 @@ def format_of(path: str | os.PathLike[str]) -> str:
         If it ends otherwise.
     """
     suffix = Path(path).suffix.lower()[1:]
-    if suffix not in FORMATS:
-        raise ValueError(f"{os.fspath(path)}: expected a name that ends with .json, .csv or .ply")
+    if suffix not in accepted:
+        ends = " or ".join(f".{one}" for one in accepted)
+        raise ValueError(f"{os.fspath(path)}: expected a name that ends with {ends}")
     return suffix
 
 
