@@ -360,7 +360,7 @@ def other_tags(draw: random.Random, data: bytes) -> bytes:
 
 
 def repacked(draw: random.Random, data: bytes) -> bytes:
-    """A compressed PCD file with other sizes, or other compressed bytes; of others the bytes of the points."""
+    """A PCD file with other bytes after its header: sizes and compressed bytes, or points."""
     start = data.index(b"\n", data.index(b"DATA ")) + 1
     change = draw.choice((*GENERAL, lambda draw, body: body[:8] + flipped(draw, body[8:])))
     return data[:start] + change(draw, data[start:])

@@ -21,6 +21,8 @@ COLOUR_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
 BITS, PHOTOMETRIC, SAMPLES, NUMBERS = 258, 262, 277, 339
 TILE_WIDTH, TILE_HEIGHT = 322, 323
 BLACK_IS_ZERO = 1
+# none, LZW, deflate by two numbers, PackBits: the others lose something, or are for black and white
+COMPRESSION, LOSSLESS = 259, (1, 5, 8, 32946, 32773)
 TIFF_DEPTHS = {(16, 1): np.uint16, (32, 3): np.float32}
 
 
@@ -51,6 +53,11 @@ def _depth_of_tiff(path: Path, image: Any) -> NDArray[Any]:
         reason = (
             "expected a TIFF of one channel of 16-bit whole numbers or 32-bit floats where 0 is black, "
             f"got {samples} of {bits} bits of kind {numbers}, photometric {tags.get(PHOTOMETRIC)}"
+        )
+        raise FileFormatError(path, reason)
+    if tags.get(COMPRESSION, 1) not in LOSSLESS:
+        reason = (
+            f"expected a TIFF without compression, or LZW, deflate or PackBits, got {tags.get(COMPRESSION)}"
         )
         raise FileFormatError(path, reason)
     pixels = np.asarray(image)

@@ -78,6 +78,7 @@ def read_ply(path: Path, budget: Budget) -> Cloud:
         table = _ascii_columns(path, budget, body, before, element, wanted)
     else:
         table = _binary_rows(path, body, ORDERS[encoding], before, element)
+        _refuse_more(path, body, elements)
     kind = np.result_type(*(kinds[axis] for axis in "xyz"))
     budget.take(path, (3 * kind.itemsize + (24 if _COLORS[0] in wanted else 0)) * element.rows)
     with np.errstate(over="ignore"):  # what a float does not hold is infinite
@@ -136,6 +137,16 @@ def _binary_rows(
     if not element.rows:
         return np.empty(0, dtype=row)
     return np.frombuffer(body, dtype=row, count=element.rows, offset=sum(sizes[:-1]))
+
+
+def _refuse_more(path: Path, body: memoryview, elements: list[Element]) -> None:
+    """Refuse a file that holds more than its header says: some writers have rows of another width."""
+    kinds = [(one.rows, kind) for one in elements for _, kind in one.columns]
+    if any(kind == "list" for _, kind in kinds):  # how long they are is not known
+        return
+    size = sum(rows * np.dtype(kind).itemsize for rows, kind in kinds)
+    if bytes(body[size : size + 64]).strip():
+        raise FileFormatError(path, f"expected {size} bytes after the header, got {len(body)}")
 
 
 def _ascii_columns(

@@ -70,6 +70,15 @@ def test_images_of_another_kind(tmp_path, array, ways, reason):
         read(tmp_path / "a.tiff")
 
 
+def test_compressions_that_pillow_writes(tmp_path):
+    for name in ("tiff_lzw", "tiff_deflate", "tiff_adobe_deflate", "packbits"):
+        Image.fromarray(DEPTH).save(tmp_path / "a.tiff", compression=name)
+        np.testing.assert_array_equal(read(tmp_path / "a.tiff"), DEPTH)
+    Image.fromarray(DEPTH).save(tmp_path / "a.tiff", compression="lzma")
+    with pytest.raises(FileFormatError, match=r"a\.tiff: expected a TIFF without compression, .* got 34925"):
+        read(tmp_path / "a.tiff")
+
+
 @pytest.mark.parametrize("ways", WAYS[:4], ids=str)
 def test_truncated_anywhere(tmp_path, ways):
     tifffile.imwrite(tmp_path / "whole.tiff", DEPTH, metadata=None, software=None, **ways)
