@@ -15,7 +15,7 @@ from strand.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.lzf import MOST_GROWTH, decompress
-from strand.io.rows import lines, read_rows
+from strand.io.rows import holds, lines, read_rows
 
 HEADER_BYTES = 1 << 16
 KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
@@ -89,14 +89,20 @@ def read_pcd(path: Path, budget: Budget) -> Cloud:
     wanted = ["x", "y", "z", *([] if color is None else [color])]
     body = memoryview(data)[end.end() :]
     kind = np.result_type(*(kinds[axis] for axis in "xyz"))
-    budget.take(path, (3 * kind.itemsize + (0 if color is None else 8)) * _held(path, header, len(body)))
+    _require_room(path, header, body)
+    budget.take(path, (3 * kind.itemsize + (0 if color is None else 8)) * header.points)
     columns = _READERS[header.encoding](path, budget, body, header, wanted)
     points = np.empty((header.points, 3), dtype=kind)
     with np.errstate(over="ignore"):  # what a float does not hold is infinite
         for i, axis in enumerate("xyz"):
             points[:, i] = columns[axis].astype(kinds[axis])
     try:
-        colors = None if color is None else _unpacked(columns[color], kinds[color])
+        colors = None
+        if color is not None:
+            numbers = columns[color]
+            if header.encoding == "ascii":  # of no returns, colours may be NaN
+                numbers = np.where(np.isnan(numbers) & ~np.isfinite(points).all(axis=1), 0, numbers)
+            colors = _unpacked(numbers, kinds[color])
     except ValueError as error:
         raise FileFormatError(path, str(error), color) from error
     return Cloud(points, colors, np.array(header.viewpoint) if any(header.viewpoint) else None)
@@ -168,22 +174,15 @@ def _viewpoint(path: Path, entries: dict[str, list[str]]) -> tuple[float, ...]:
     return numbers[:3]
 
 
-def _held(path: Path, header: Header, size: int) -> int:
-    """Return how many points there are, if so many bytes can hold them.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If they cannot.
-    """
-    least = {
-        "ascii": header.points * sum(count for _, _, count in header.fields) * 2 - 1,
-        "binary": header.points * sum(header.sizes),
-        "binary_compressed": header.points * sum(header.sizes) // MOST_GROWTH,
-    }
-    if least[header.encoding] > size:
+def _require_room(path: Path, header: Header, body: memoryview) -> None:
+    """Refuse more points than the bytes after the header can hold."""
+    if header.encoding == "ascii":
+        enough = holds(body, header.points * sum(count for _, _, count in header.fields))
+    else:
+        growth = MOST_GROWTH if header.encoding == "binary_compressed" else 1
+        enough = header.points * sum(header.sizes) <= len(body) * growth
+    if not enough:
         raise _too_few(path, header)
-    return header.points
 
 
 def _too_few(path: Path, header: Header) -> FileFormatError:

@@ -165,6 +165,17 @@ def test_compressed_data_that_are_damaged(tmp_path):
             read(written(tmp_path / "a.pcd", damaged))
 
 
+def test_no_returns_may_have_no_colour(tmp_path):
+    data = pcd("ascii", POINTS[:2], COLORS[:2], "F")
+    lost = b"nan nan nan nan\n" + data.rstrip().rsplit(b"\n", 1)[1]
+    cloud = read(written(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + lost))
+    np.testing.assert_array_equal(cloud.points[1], POINTS[1])
+    np.testing.assert_array_equal(cloud.colors[1], COLORS[1])
+    seen = b"1 2 3 nan\n" + data.rstrip().rsplit(b"\n", 1)[1]
+    with pytest.raises(FileFormatError, match="rgb: expected numbers"):
+        read(written(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + seen))
+
+
 def test_packed_colours_of_text_that_are_too_large(tmp_path):
     data = pcd("ascii", POINTS[:1], COLORS[:1], "U")
     first, _ = data.rstrip().rsplit(b" ", 1)
