@@ -27,9 +27,11 @@ from whole_files import (
     POSE,
     SETTINGS,
     archive,
+    deflated_tiff,
     image,
     model,
     npy,
+    pcd,
     ply,
 )
 
@@ -345,6 +347,25 @@ def other_chunks(draw: random.Random, data: bytes) -> bytes:
     return joined(parts)
 
 
+def other_tags(draw: random.Random, data: bytes) -> bytes:
+    """A TIFF with another tag, or another type, count or value of one."""
+    (start,) = struct.unpack("<I", data[4:8])
+    (count,) = struct.unpack("<H", data[start : start + 2])
+    at = start + 2 + 12 * draw.randrange(count + 1)
+    width, offset = draw.choice(((2, 0), (2, 2), (4, 4), (4, 8), (4, 8), (4, 8), (2, 8)))
+    tags = (256, 257, 258, 259, 262, 273, 274, 277, 278, 279, 284, 317, 322, 323, 324, 325, 330, 339, 34665)
+    numbers = tags if offset == 0 else (*NUMBERS, *range(14), 32946, start, len(data), len(data) - 8)
+    number = draw.choice(numbers) % (1 << 8 * width)
+    return data[: at + offset] + number.to_bytes(width, "little") + data[at + offset + width :]
+
+
+def repacked(draw: random.Random, data: bytes) -> bytes:
+    """A PCD file with other bytes after its header: sizes and compressed bytes, or points."""
+    start = data.index(b"\n", data.index(b"DATA ")) + 1
+    change = draw.choice((*GENERAL, lambda draw, body: body[:8] + flipped(draw, body[8:])))
+    return data[:start] + change(draw, data[start:])
+
+
 @cache
 def _members(data: bytes) -> dict[str, np.ndarray]:
     with np.load(io.BytesIO(data)) as archive:
@@ -449,6 +470,21 @@ def kinds() -> tuple[Kind, ...]:
         ply("binary_big_endian", "double"),
         with_faces,
     )
+    shades = np.arange(POINTS.size, dtype=np.uint8).reshape(POINTS.shape)
+    pcds = (
+        pcd("ascii", POINTS, shades, "F"),
+        pcd("binary", POINTS.astype(np.float32), shades, padded=True),
+        pcd("binary_compressed", np.repeat(POINTS, 3, axis=0), np.repeat(shades, 3, axis=0)),
+    )
+    texts = tuple(
+        head + b"\n".join(separator.join(str(x).encode() for x in row) for row in rows)
+        for head, separator, rows in (
+            (b"", b" ", POINTS.tolist()),
+            (b"x,y,z,r,g,b\n", b",", np.hstack([POINTS, shades]).tolist()),
+            (b"# made\n", b";", np.hstack([POINTS, shades / 255]).tolist()),
+        )
+    )
+    tiffs = (image(DEPTH, "TIFF"), image((DEPTH * 0.001).astype(np.float32), "TIFF"), deflated_tiff(DEPTH))
     depth = f'file = "depth.png"\n{POSE}'
     text = (nested, reencoded)
     masks = (image(LABELS), image(LABELS.astype(np.uint16)), image(LABELS > 0))
@@ -484,6 +520,9 @@ def kinds() -> tuple[Kind, ...]:
             (other_header,) * 4,
         ),
         Kind("a.ply", plys, "scene", f'file = "a.ply"\n{POSE}', (rewritten, reworded, reencoded)),
+        Kind("a.pcd", pcds, "scene", f'file = "a.pcd"\n{POSE}', (rewritten, reworded, reencoded, repacked)),
+        Kind("a.xyz", texts, "scene", f'file = "a.xyz"\n{POSE}', (rewritten, reworded, reencoded)),
+        Kind("a.tiff", tiffs, "scene", f'file = "a.tiff"\n{POSE}', (other_tags,) * 4),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 from collections.abc import Callable
 
 import numpy as np
@@ -76,10 +77,96 @@ def ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> bytes:
     return header.encode() + body + tail
 
 
+def compressed(data: bytes) -> bytes:
+    """Bytes compressed by LZF: the longest copies of what three bytes in a row last stood before."""
+    out, last, at, start = bytearray(), {}, 0, 0
+
+    def literally(end: int) -> None:
+        for first in range(start, end, 32):
+            run = data[first : min(first + 32, end)]
+            out.extend((len(run) - 1, *run))
+
+    while at < len(data):
+        key = data[at : at + 3]
+        before = last.get(key)
+        last[key] = at
+        if len(key) < 3 or before is None or at - before > 8192:
+            at += 1
+            continue
+        length = 3
+        while length < 264 and at + length < len(data) and data[at + length] == data[before + length]:
+            length += 1
+        literally(at)
+        high, low = divmod(at - before - 1, 256)
+        out.extend(((length - 2) << 5 | high, low) if length < 9 else (7 << 5 | high, length - 9, low))
+        at += length
+        start = at
+    literally(len(data))
+    return bytes(out)
+
+
+def pcd(
+    encoding: str,
+    points: np.ndarray,
+    colors: np.ndarray | None = None,
+    color_type: str = "U",
+    padded: bool = False,
+) -> bytes:
+    """A PCD file of points (N, 3), with colours (N, 3) of uint8; padded: other fields between, z first."""
+    size = points.dtype.itemsize
+    fields = [(axis, f"F {size} 1", f"<f{size}", points[:, i]) for i, axis in enumerate("xyz")]
+    if colors is not None:
+        red, green, blue = colors.astype(np.uint32).T
+        packed = (red << 16 | green << 8 | blue).view({"F": "<f4", "U": "<u4", "I": "<i4"}[color_type])
+        fields.append(("rgb", f"{color_type} 4 1", packed.dtype.str, packed))
+    if padded:
+        other = np.arange(3 * len(points), dtype=np.uint8).reshape(-1, 3)
+        fields.insert(1, ("_", "U 1 3", "u1", other))
+        fields.insert(3, ("intensity", "I 2 1", "<i2", other[:, 0].astype("<i2")))
+        fields.insert(4, ("_", "U 1 3", "u1", other))
+        fields = [*fields[:1:-1], *fields[1::-1]]
+    kinds, sizes, counts = zip(*(kind.split() for _, kind, _, _ in fields), strict=True)
+    header = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        "FIELDS " + " ".join(name for name, _, _, _ in fields),
+        *(f"{key} {' '.join(words)}" for key, words in (("SIZE", sizes), ("TYPE", kinds), ("COUNT", counts))),
+        f"WIDTH {len(points)}",
+        "HEIGHT 1",
+        "VIEWPOINT 0 0 0 1 0 0 0",
+        f"POINTS {len(points)}",
+        f"DATA {encoding}\n",
+    ]
+    columns = [
+        np.ascontiguousarray(array, dtype=kind).reshape(len(points), array[:1].size or 1)
+        for _, _, kind, array in fields
+    ]
+    if encoding == "ascii":
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        body = "".join(
+            " ".join(repr(number) for part in row for number in part) + "\n" for row in rows
+        ).encode()
+    elif encoding == "binary":
+        parts = [column.view(np.uint8) for column in columns]
+        body = np.concatenate(parts, axis=1).tobytes()
+    else:
+        whole = b"".join(column.tobytes() for column in columns)
+        small = compressed(whole)
+        body = struct.pack("<II", len(small), len(whole)) + small
+    return "\n".join(header).encode() + body
+
+
 def image(array: np.ndarray, kind: str = "PNG") -> bytes:
     """An image file."""
     out = io.BytesIO()
     Image.fromarray(array).save(out, kind)
+    return out.getvalue()
+
+
+def deflated_tiff(array: np.ndarray) -> bytes:
+    """A TIFF file with compressed strips."""
+    out = io.BytesIO()
+    Image.fromarray(array).save(out, "TIFF", compression="tiff_adobe_deflate")
     return out.getvalue()
 
 

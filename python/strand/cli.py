@@ -16,9 +16,12 @@ import numpy as np
 
 import strand
 from strand import config
+from strand.checks import Array
 from strand.files import extra, require_writable
 from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
+from strand.io.export import format_of
+from strand.io.intrinsics import read_intrinsics
 from strand.io.scenes import load_scene
 from strand.report import figures, tables
 
@@ -141,10 +144,46 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     reconstruct.add_argument(
-        "scene", type=_path, metavar="SCENE", help="a folder with a scene.toml, or an .npz file"
+        "scene",
+        type=_path,
+        nargs="+",
+        metavar="SCENE",
+        help="a folder with a scene.toml, an .npz file, or a single file of one view: points "
+        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy)",
     )
     reconstruct.add_argument(
-        "-o", "--out", type=_path, required=True, metavar="MODEL", help="the JSON file to write"
+        "-o",
+        "--out",
+        type=_path,
+        required=True,
+        metavar="MODEL",
+        help="the file to write: .json, .csv (a row for each node) or .ply (a polyline for each rope)",
+    )
+    reconstruct.add_argument(
+        "--tube", type=_path, metavar="MESH", help="also write the ropes' surface to this .ply file"
+    )
+    reconstruct.add_argument(
+        "--viewpoint",
+        type=_place,
+        metavar="X,Y,Z",
+        help="where the camera was: a single file's points are in the world frame, metres",
+    )
+    reconstruct.add_argument(
+        "--camera-frame",
+        action="store_true",
+        help="a single file's points are in the camera frame: x right, y down, z forward",
+    )
+    reconstruct.add_argument(
+        "--intrinsics",
+        type=_intrinsics,
+        metavar="FX,FY,CX,CY",
+        help="the camera of a single depth image, pixels; or a file with its 3 x 3 matrix",
+    )
+    reconstruct.add_argument(
+        "--depth-scale",
+        type=float,
+        metavar="METRES",
+        help="what a unit of a single depth image is, such as 0.001 (default: floats are metres)",
     )
     reconstruct.add_argument(
         "--radius",
@@ -236,10 +275,30 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    recorded = load_scene(options.scene, options.mask, max_bytes=options.max_bytes, outside=options.outside)
-    read = recorded.files if options.config is None else (*recorded.files, options.config)
-    _keep_input(read, options.out, options.figures)
-    require_writable(options.out)
+    if len(options.scene) > 1:
+        raise ValueError(
+            f"SCENE: expected one, got {len(options.scene)}; files of several views need a pose each, which "
+            "the scene.toml of a folder says"
+        )
+    recorded = load_scene(
+        options.scene[0],
+        options.mask,
+        viewpoint=options.viewpoint,
+        camera_frame=options.camera_frame,
+        intrinsics=_matrix_of(options.intrinsics),
+        depth_scale=options.depth_scale,
+        max_bytes=options.max_bytes,
+        outside=options.outside,
+    )
+    given = (options.config, options.intrinsics if isinstance(options.intrinsics, Path) else None)
+    read = (*recorded.files, *(path for path in given if path is not None))
+    _keep_input(read, options)
+    for path in (options.out, options.tube):
+        if path is not None:
+            require_writable(path)
+    format_of(options.out)
+    if options.tube is not None:
+        format_of(options.tube, ("ply",))
     bounds = recorded.bounds
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
@@ -268,13 +327,16 @@ def _reconstruct(options: argparse.Namespace) -> None:
     print(tables.describe_timings(model), end="\n\n")
     model.save(options.out)
     print(options.out)
+    if options.tube is not None:
+        model.save_tube(options.tube)
+        print(options.tube)
     if options.figures is not None:
         for path in figures.write_figures(model, options.figures, recorded.truth):
             print(path)
 
 
-def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
-    """Refuse to write the model, or a figure, over a file that was read.
+def _keep_input(read: Sequence[Path], options: argparse.Namespace) -> None:
+    """Refuse to write the model, its surface, or a figure, over a file that was read, or two in one place.
 
     Raises
     ------
@@ -282,7 +344,11 @@ def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
         If it would.
     """
     kept = {os.path.realpath(path) for path in read}
-    written = {"--out": [out]}
+    written, drawn = {"--out": [options.out]}, options.figures
+    if options.tube is not None:
+        written["--tube"] = [options.tube]
+        if os.path.realpath(options.tube) == os.path.realpath(options.out):
+            raise ValueError(f"--tube: {options.tube} is what --out writes")
     if drawn is not None and drawn.is_dir():
         written["--figures"] = list(drawn.glob("[0-9]-*.png"))
     for option, paths in written.items():
@@ -302,6 +368,33 @@ def _length(text: str) -> float:
         return parse_length(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _place(text: str) -> tuple[float, ...]:
+    words = text.split(",")
+    if len(words) != 3:
+        raise argparse.ArgumentTypeError(f"expected x,y,z, got {text!r}")
+    return tuple(_length(word) for word in words)
+
+
+def _intrinsics(text: str) -> tuple[float, ...] | Path:
+    """Four numbers, or the file that holds a matrix."""
+    words = text.split(",")
+    try:
+        numbers = tuple(float(word) for word in words)
+    except ValueError:
+        return _path(text)
+    if len(numbers) != 4:
+        raise argparse.ArgumentTypeError(f"expected fx,fy,cx,cy or a file, got {text!r}")
+    return numbers
+
+
+def _matrix_of(given: tuple[float, ...] | Path | None) -> Array | None:
+    """(3, 3) The pinhole matrix of four numbers, or of a file."""
+    if given is None or isinstance(given, Path):
+        return None if given is None else read_intrinsics(given)
+    fx, fy, cx, cy = given
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 @contextmanager

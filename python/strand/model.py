@@ -25,7 +25,8 @@ from strand.checks import (
 )
 from strand.config import METHODS
 from strand.doubt import DOUBTS, Doubt
-from strand.files import plain, write_json
+from strand.files import plain, write_bytes, write_json
+from strand.io.export import csv_of, format_of, mesh_of, polylines_of
 from strand.next_view import best_camera
 from strand.sensor import Sensor
 
@@ -263,21 +264,51 @@ class Model:
         return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all but the arrays between the stages to a JSON file, whole or not at all.
+        """Write the model to a file, whole or not at all.
 
         Parameters
         ----------
         path : str or path-like
-            The file; one that exists is replaced.
+            The file; one that exists is replaced. A `.json` holds all but the arrays between the stages, and
+            `strand.load` reads it back. A `.csv` has a row for each node; a `.ply` has the nodes as vertices
+            and a polyline for each rope. Lengths are metres.
 
         Raises
         ------
+        ValueError
+            If its name ends with none of the three.
         OSError
             If the file cannot be written.
         """
+        kind = format_of(path)
+        if kind != "json":
+            write_bytes(path, csv_of(self.chains) if kind == "csv" else polylines_of(self.chains))
+            return
         # the arrays between the stages are large and stay out
         content = plain(replace(self, stages={}))
         del content["stages"]
         write_json(
             path, {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}
         )
+
+    def save_tube(self, path: str | os.PathLike[str], sides: int = 16) -> None:
+        """Write the ropes' surfaces as one triangle mesh to a PLY file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, whose name ends with `.ply`; one that exists is replaced.
+        sides : int
+            How many sides each tube has, see `Chain.tube`.
+
+        Raises
+        ------
+        TypeError
+            If `sides` is not a whole number.
+        ValueError
+            If the name ends otherwise, or there are fewer than three sides.
+        OSError
+            If the file cannot be written.
+        """
+        format_of(path, ("ply",))
+        write_bytes(path, mesh_of([chain.tube(sides) for chain in self.chains]))

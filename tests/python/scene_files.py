@@ -51,3 +51,18 @@ def ply(encoding="ascii", points=POINTS, kind="double", more="", tail=b""):
     else:
         body = points.astype(("<" if "little" in encoding else ">") + number).tobytes()
     return header.encode() + body + tail
+
+
+def grid_cloud():
+    """The organised cloud of 12 x 10 points in tests/data/clouds, row by row, and its colours."""
+    v, u = np.mgrid[:10, :12]
+    points = np.stack([(u - 6) / 64, (v - 5) / 64, grid_depth()], axis=-1)
+    points[points[..., 2] == 0] = np.nan
+    colors = np.stack([20 * u, 25 * v, np.full_like(u, 128)], axis=-1)
+    return points.reshape(-1, 3), colors.reshape(-1, 3)
+
+
+def grid_depth():
+    """Its depths (10, 12), metres; 0 where there is no return."""
+    v, u = np.mgrid[:10, :12]
+    return np.where((u + v) % 5 == 0, 0.0, 0.5 + ((7 * u + 3 * v) % 16) / 1024)

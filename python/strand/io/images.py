@@ -1,8 +1,9 @@
-"""Images: depth and masks from PNG, colours from PNG, JPEG, BMP and PPM."""
+"""Images: depth from PNG and TIFF, masks from PNG, colours from PNG, JPEG, BMP and PPM."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,55 @@ from strand.io.budget import Budget
 PNG_COLOURS = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGB and alpha"}
 # of the many that Pillow knows, those that cameras write; some others start programs
 COLOUR_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
+# tags of a TIFF: bits of each sample, what 0 means, samples of each pixel, kind of number; size of a tile
+BITS, PHOTOMETRIC, SAMPLES, NUMBERS = 258, 262, 277, 339
+TILE_WIDTH, TILE_HEIGHT = 322, 323
+BLACK_IS_ZERO = 1
+# none, LZW, deflate by two numbers, PackBits: the others lose something, or are for black and white
+COMPRESSION, LOSSLESS = 259, (1, 5, 8, 32946, 32773)
+TIFF_DEPTHS = {(16, 1): np.uint16, (32, 3): np.float32}
 
 
 def read_depth_png(path: Path, budget: Budget) -> NDArray[Any]:
     """(H, W) uint16 of a single-channel 16-bit PNG."""
     return _single_channel(path, budget, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
+
+
+def read_depth_tiff(path: Path, budget: Budget) -> NDArray[Any]:
+    """(H, W) uint16 or float32 of a TIFF with one image of one channel."""
+    data = budget.read(path)
+
+    def depth(image: Any) -> NDArray[Any]:
+        # a tile is decoded as a whole, however little of the image it holds
+        tile = image.tag_v2.get(TILE_WIDTH, 1) * image.tag_v2.get(TILE_HEIGHT, 1)
+        budget.take(path, 8 * tile)
+        return _depth_of_tiff(path, image)
+
+    return _decoded(path, budget, data, ("TIFF",), "TIFF file", 8, depth)
+
+
+def _depth_of_tiff(path: Path, image: Any) -> NDArray[Any]:
+    """Pixels of an opened TIFF, which must be a depth image and the only one."""
+    tags = image.tag_v2
+    bits, samples, numbers = tags.get(BITS, (1,))[0], tags.get(SAMPLES, 1), tags.get(NUMBERS, (1,))[0]
+    kind = TIFF_DEPTHS.get((bits, numbers))
+    if samples != 1 or kind is None or tags.get(PHOTOMETRIC) != BLACK_IS_ZERO:
+        reason = (
+            "expected a TIFF of one channel of 16-bit whole numbers or 32-bit floats where 0 is black, "
+            f"got {samples} of {bits} bits of kind {numbers}, photometric {tags.get(PHOTOMETRIC)}"
+        )
+        raise FileFormatError(path, reason)
+    if tags.get(COMPRESSION, 1) not in LOSSLESS:
+        reason = (
+            f"expected a TIFF without compression, or LZW, deflate or PackBits, got {tags.get(COMPRESSION)}"
+        )
+        raise FileFormatError(path, reason)
+    pixels = np.asarray(image)
+    try:
+        image.seek(1)
+    except EOFError:
+        return pixels.astype(kind)
+    raise FileFormatError(path, "expected a TIFF of one image, got several")
 
 
 def read_mask_png(path: Path, budget: Budget) -> NDArray[Any]:
@@ -31,10 +76,8 @@ def read_mask_png(path: Path, budget: Budget) -> NDArray[Any]:
 def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 of a colour image."""
     data = budget.read(path)
-    colours = _decoded(
-        path, budget, data, COLOUR_FORMATS, f"colour image ({', '.join(COLOUR_FORMATS)})", "RGB"
-    )
-    return np.asarray(colours, dtype=np.uint8)
+    expected = f"colour image ({', '.join(COLOUR_FORMATS)})"
+    return _decoded(path, budget, data, COLOUR_FORMATS, expected, 3, lambda image: image.convert("RGB"))
 
 
 def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expected: str) -> NDArray[Any]:
@@ -47,7 +90,7 @@ def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expecte
     if bits not in depths or colour != 0:
         kind = PNG_COLOURS.get(colour, "unknown")
         raise FileFormatError(path, f"expected a {expected}, got {bits}-bit {kind}")
-    image = _decoded(path, budget, data, ("PNG",), "PNG", None)
+    image = _decoded(path, budget, data, ("PNG",), "PNG", 8, np.asarray)
     if image.shape != (height, width):
         raise FileFormatError(
             path, f"truncated or damaged PNG: expected {(height, width)} pixels, got {image.shape}"
@@ -56,22 +99,28 @@ def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expecte
 
 
 def _decoded(
-    path: Path, budget: Budget, data: bytes, formats: tuple[str, ...], expected: str, mode: str | None
+    path: Path,
+    budget: Budget,
+    data: bytes,
+    formats: tuple[str, ...],
+    expected: str,
+    pixel_bytes: int,
+    pixels: Callable[[Any], Any],
 ) -> NDArray[Any]:
-    """Pixels of an image, in a mode of Pillow's or as they are; its size is asked before they are decoded."""
+    """Return what `pixels` makes of an opened image, whose size is asked before it is decoded."""
     pillow = extra("PIL.Image")
     # Pillow's limit on the pixels of an image holds; what it warns of from there on is refused
     most = pillow.MAX_IMAGE_PIXELS
     try:
         with pillow.open(BytesIO(data), formats=formats) as image:
             width, height = image.size
-            budget.take(path, width * height * (3 if mode else 8))
+            budget.take(path, width * height * pixel_bytes)
             if most is not None and width * height > most:
                 raise FileFormatError(path, f"{width} x {height} pixels, more than Pillow's limit of {most}")
             if image.format == "PNG":
                 with pillow.open(BytesIO(data), formats=formats) as other:
                     other.verify()
-            return np.asarray(image.convert(mode) if mode else image)
+            return np.asarray(pixels(image))
     except (FileFormatError, MemoryError):
         raise
     except Exception as error:  # Pillow has an error of its own kind for every way to be damaged

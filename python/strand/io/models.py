@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from strand.chain import Chain
-from strand.checks import number, whole
+from strand.checks import number, several, whole
 from strand.curve import Curve
 from strand.doubt import Doubt
 from strand.files import JSON_BYTES, FileFormatError, read_json, shown
 from strand.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
 from strand.sensor import Sensor
+
+REQUIRED = (
+    *("chains", "poses", "timings", "warnings", "pose_sd", "confidence", "joins", "doubts", "alternatives"),
+    "method",
+)
 
 
 def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
@@ -37,7 +44,8 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
     FileNotFoundError
         If there is no such file.
     strand.FileFormatError
-        If the file is truncated, is not a model, or is larger than `max_bytes`.
+        If the file is truncated, is not a model, or is larger than `max_bytes`. `place` says which key, such
+        as `chains[0]`, and `reason` what was wrong there.
     """
     data = read_json(path, whole("max_bytes", max_bytes, 1))
     if not isinstance(data, dict) or data.get("format") != FORMAT:
@@ -46,22 +54,53 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
         raise FileFormatError(
             path, f"model version {shown(data.get('version'))}, this reads version {VERSION}"
         )
+    missing = [key for key in REQUIRED if key not in data]
+    if missing:
+        raise FileFormatError(path, f"not a {FORMAT}: missing {', '.join(missing)}")
+    makers: dict[str, Callable[[Any], Any]] = {
+        "chains": _chain,
+        "warnings": lambda warning: ModelWarning(**warning),
+        "joins": lambda join: Join(**join),
+        "doubts": lambda doubt: Doubt(**doubt),
+        "alternatives": _alternative,
+    }
+    values: dict[str, Any] = {key: _several(path, key, data[key], make) for key, make in makers.items()}
+    with _place(path, "poses"):
+        values["poses"] = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
+    with _place(path, "pose_sd"):
+        values["pose_sd"] = np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6)
+    with _place(path, "timings"):
+        values["timings"] = {stage: number(stage, spent) for stage, spent in data["timings"].items()}
+    with _place(path, "confidence"):
+        values["confidence"] = _confidence(data["confidence"])
+    with _place(path, "sensor"):
+        values["sensor"] = None if data.get("sensor") is None else Sensor(**data["sensor"])
+    with _place(path, None):
+        return Model(method=data["method"], **values)
+
+
+@contextmanager
+def _place(path: str | os.PathLike[str], place: str | None) -> Iterator[None]:
+    """Say where in the file something is wrong."""
     try:
-        return Model(
-            chains=tuple(_chain(chain) for chain in data["chains"]),
-            poses=np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4),
-            timings={stage: number("timings", spent) for stage, spent in data["timings"].items()},
-            warnings=tuple(ModelWarning(**warning) for warning in data["warnings"]),
-            pose_sd=np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6),
-            confidence=_confidence(data["confidence"]),
-            joins=tuple(Join(**join) for join in data["joins"]),
-            doubts=tuple(Doubt(**doubt) for doubt in data["doubts"]),
-            alternatives=tuple(_alternative(other) for other in data["alternatives"]),
-            method=data["method"],
-            sensor=None if data.get("sensor") is None else Sensor(**data["sensor"]),
-        )
-    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-        raise FileFormatError(path, f"not a {FORMAT} ({error})") from error
+        yield
+    except KeyError as error:
+        raise FileFormatError(path, f"not a {FORMAT}: missing {error.args[0]}", place) from error
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
+        raise FileFormatError(path, f"not a {FORMAT} ({error})", place) from error
+
+
+def _several(
+    path: str | os.PathLike[str], key: str, entries: Any, make: Callable[[Any], Any]
+) -> tuple[Any, ...]:
+    """Make values of the entries of a list."""
+    made = []
+    with _place(path, key):
+        listed = several(key, entries, "values")
+    for i, entry in enumerate(listed):
+        with _place(path, f"{key}[{i}]"):
+            made.append(make(entry))
+    return tuple(made)
 
 
 def _chain(data: dict[str, Any]) -> Chain:

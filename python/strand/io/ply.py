@@ -1,9 +1,8 @@
-"""Points of PLY files, ASCII and binary."""
+"""Points and colours of PLY files, ASCII and binary."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -14,6 +13,8 @@ from numpy.typing import NDArray
 
 from strand.files import FileFormatError
 from strand.io.budget import Budget
+from strand.io.cloud import Cloud, colors_of
+from strand.io.rows import holds, lines, read_rows
 
 HEADER_BYTES = 1 << 16
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -23,7 +24,7 @@ TYPES = {
     **{"uint32": "u4", "float32": "f4", "float64": "f8"},
 }
 
-_BLOCK = 1 << 16  # bytes of an ASCII file taken apart at once
+_COLORS = ("red", "green", "blue")
 _COUNT = re.compile(r"\d{1,18}")
 
 
@@ -44,14 +45,14 @@ class Element:
     columns: tuple[tuple[str, str], ...]
 
 
-def read_ply(path: Path, budget: Budget) -> NDArray[Any]:
-    """(N, 3) float32 or float64, the vertices of a PLY file.
+def read_ply(path: Path, budget: Budget) -> Cloud:
+    """Return the vertices of a PLY file, with their colours if there are red, green and blue.
 
     Raises
     ------
     strand.FileFormatError
         If it is truncated or is something else, has vertices without float or double x, y and z, lists before
-        or in them, or takes more than the budget.
+        or in them, colours that are none, or takes more than the budget.
     """
     data = budget.read(path)
     start = re.match(rb"ply\r?\n", data)
@@ -71,10 +72,24 @@ def read_ply(path: Path, budget: Budget) -> NDArray[Any]:
     if any(kind == "list" for each in (*before, element) for _, kind in each.columns):
         raise FileFormatError(path, "expected no lists in the vertices or before them", "header")
     body = memoryview(data)[end.end() :]
+    wanted = ["x", "y", "z", *(_COLORS if set(_COLORS) <= set(kinds) else ())]
+    table: Any  # columns by their names
+    if encoding == "ascii":
+        table = _ascii_columns(path, budget, body, before, element, wanted)
+    else:
+        table = _binary_rows(path, body, ORDERS[encoding], before, element)
+        _refuse_more(path, body, elements)
+    kind = np.result_type(*(kinds[axis] for axis in "xyz"))
+    budget.take(path, (3 * kind.itemsize + (24 if _COLORS[0] in wanted else 0)) * element.rows)
     with np.errstate(over="ignore"):  # what a float does not hold is infinite
-        if encoding == "ascii":
-            return _ascii_points(path, budget, body, before, element)
-        return _binary_points(path, budget, body, ORDERS[encoding], before, element)
+        points = np.stack([table[axis].astype(kinds[axis]) for axis in "xyz"], axis=1).astype(kind)
+    if len(wanted) == 3:
+        return Cloud(points)
+    whole = all(kinds[name][0] in "iu" for name in _COLORS)
+    try:
+        return Cloud(points, colors_of(np.stack([table[name] for name in _COLORS], axis=1), whole))
+    except ValueError as error:
+        raise FileFormatError.of(path, error) from error
 
 
 def _parse_header(path: Path, header: bytes) -> tuple[str, list[Element]]:
@@ -111,64 +126,42 @@ def _too_few(path: Path, element: Element) -> FileFormatError:
     return FileFormatError(path, f"truncated, fewer than {element.rows} whole vertices")
 
 
-def _empty(path: Path, budget: Budget, element: Element) -> NDArray[Any]:
-    """(N, 3) Room for an element's points, in the wider type of the three columns."""
-    columns = dict(element.columns)
-    kind = np.result_type(*(columns[axis] for axis in "xyz"))
-    budget.take(path, 3 * kind.itemsize * element.rows)
-    return np.empty((element.rows, 3), dtype=kind)
-
-
-def _binary_points(
-    path: Path, budget: Budget, body: memoryview, order: str, before: list[Element], element: Element
+def _binary_rows(
+    path: Path, body: memoryview, order: str, before: list[Element], element: Element
 ) -> NDArray[Any]:
+    """(N,) The vertices, with the file's own fields."""
     sizes = [one.rows * sum(np.dtype(kind).itemsize for _, kind in one.columns) for one in (*before, element)]
     if sum(sizes) > len(body):
         raise _too_few(path, element)
-    points = _empty(path, budget, element)
     row = np.dtype([(name, order + kind) for name, kind in element.columns])
-    if element.rows:
-        table = np.frombuffer(body, dtype=row, count=element.rows, offset=sum(sizes[:-1]))
-        for i, axis in enumerate("xyz"):
-            points[:, i] = table[axis]
-    return points
+    if not element.rows:
+        return np.empty(0, dtype=row)
+    return np.frombuffer(body, dtype=row, count=element.rows, offset=sum(sizes[:-1]))
 
 
-def _ascii_points(
-    path: Path, budget: Budget, body: memoryview, before: list[Element], element: Element
-) -> NDArray[Any]:
+def _refuse_more(path: Path, body: memoryview, elements: list[Element]) -> None:
+    """Refuse a file that holds more than its header says: some writers have rows of another width."""
+    kinds = [(one.rows, kind) for one in elements for _, kind in one.columns]
+    if any(kind == "list" for _, kind in kinds):  # how long they are is not known
+        return
+    size = sum(rows * np.dtype(kind).itemsize for rows, kind in kinds)
+    if bytes(body[size : size + 64]).strip():
+        raise FileFormatError(path, f"expected {size} bytes after the header, got {len(body)}")
+
+
+def _ascii_columns(
+    path: Path, budget: Budget, body: memoryview, before: list[Element], element: Element, wanted: list[str]
+) -> dict[str, NDArray[Any]]:
+    """(N,) Those columns of the vertices that are wanted, by their names."""
     width, skipped = len(element.columns), sum(one.rows for one in before)
-    # a row has a line, and a number a digit and a space or the line's end
-    if 2 * (skipped + element.rows * width) > len(body) + 1:
+    if not holds(body, skipped + element.rows * width):
         raise _too_few(path, element)
-    points = _empty(path, budget, element)
+    budget.take(path, 8 * len(wanted) * element.rows)
+    numbers = np.empty((element.rows, len(wanted)))
     names = [name for name, _ in element.columns]
-    wanted = [names.index(axis) for axis in "xyz"]
-    lines = _lines(path, body)
-    if sum(1 for _ in islice(lines, skipped)) < skipped:
+    each = lines(path, body)
+    if sum(1 for _ in islice(each, skipped)) < skipped:
         raise _too_few(path, element)
-    for i in range(element.rows):
-        words = next(lines, b"").split()
-        if len(words) < width and next(lines, None) is None:
-            raise _too_few(path, element)
-        if len(words) != width:
-            raise FileFormatError(path, f"expected {width} numbers, got {len(words)}", f"vertex {i}")
-        try:
-            points[i] = [float(words[column]) for column in wanted]
-        except ValueError:
-            row = b" ".join(words)[:80].decode("latin-1")
-            raise FileFormatError(path, f"expected numbers, got {row!r}", f"vertex {i}") from None
-    return points
-
-
-def _lines(path: Path, body: memoryview) -> Iterator[bytes]:
-    """Lines that are not blank, taken apart a block at a time."""
-    at, rest = 0, b""
-    while at < len(body):
-        *whole, rest = (rest + bytes(body[at : at + _BLOCK])).split(b"\n")
-        at += _BLOCK
-        if len(rest) > _BLOCK:
-            raise FileFormatError(path, f"a line of more than {_BLOCK} bytes")
-        yield from (line for line in whole if not line.isspace() and line)
-    if rest.strip():
-        yield rest
+    if not read_rows(path, each, numbers, [names.index(name) for name in wanted], width, "vertex"):
+        raise _too_few(path, element)
+    return dict(zip(wanted, numbers.T, strict=True))

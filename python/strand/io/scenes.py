@@ -1,4 +1,4 @@
-"""Recorded scenes: `.npz` archives and folders with a `scene.toml`."""
+"""Recorded scenes: `.npz` archives, folders with a `scene.toml`, and single files of one view."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, Bounds, extraction_range, finite_array, mask_array, several, whole
+from strand.checks import Array, Bounds, extraction_range, finite_array, several, whole
 from strand.files import TOML_BYTES, FileFormatError, read_toml
-from strand.io.arrays import Archive, read_npy
+from strand.io.arrays import Archive
 from strand.io.budget import MAX_BYTES, Budget
+from strand.io.cloud import Cloud
 from strand.io.description import Description, parse_description
-from strand.io.images import read_color, read_depth_png, read_mask_png
-from strand.io.ply import read_ply
+from strand.io.images import read_color
+from strand.io.single import Camera, read_view
+from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
 from strand.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
@@ -58,10 +60,14 @@ def load_scene(
     path: str | os.PathLike[str],
     masks: Sequence[str | os.PathLike[str]] | None = None,
     *,
+    viewpoint: ArrayLike | None = None,
+    camera_frame: bool = False,
+    intrinsics: ArrayLike | None = None,
+    depth_scale: float | None = None,
     max_bytes: int = MAX_BYTES,
     outside: bool = False,
 ) -> Scene:
-    """Read a scene: an `.npz` file, or a folder with a `scene.toml`.
+    """Read a scene: an `.npz` file, a folder with a `scene.toml`, or a single file of one view.
 
     The `.npz` holds `depth` (V, H, W) uint16 in units of `depth_scale` metres, 0 where there is no
     return, the pinhole matrix `K` (3, 3) and the camera-to-world `poses` (V, 4, 4); optionally the
@@ -108,19 +114,32 @@ def load_scene(
         file = "view2.npy"
         turntable_deg = 30             # the plate's angle, see `strand.view.turntable_pose`
 
-    A view's file is a single-channel 16-bit depth PNG; a PLY file, ASCII or binary, with points in
-    the camera frame; or an NPY file with either a depth image, (H, W) of floats in metres or uint16
-    in units of `depth_scale`, or points (N, 3) of floats in the camera frame. An array of floats
-    three columns wide is points. Pixels and points that are not finite are dropped and counted in
+    A view's file is a depth image: a single-channel 16-bit PNG, or a TIFF of 16-bit whole numbers or 32-bit
+    floats; or points in the camera frame: PLY, PCD, or text with x, y, z and perhaps red, green, blue
+    (`.xyz`, `.xyzrgb`, `.csv`, `.txt`); or an NPY file with either. Whole numbers of depth are in units of
+    `depth_scale`, floats are metres. Floats of an NPY file three columns wide are points, and six columns
+    wide points with their colours. Pixels and points that are not finite are dropped and counted in
     `View.dropped`. A mask is a single-channel PNG of 1, 8 or 16 bits or an NPY file: 0 is no rope, every
     other number a rope or a piece of one.
+
+    One such file alone is a scene of one view. Points need to be told where they were seen from: `viewpoint`
+    or `camera_frame`, unless a PCD file's header has a VIEWPOINT that is not the origin. Depth images need
+    `intrinsics`, and `depth_scale` if they hold whole numbers; the world frame is the camera's then.
 
     Parameters
     ----------
     path : str or path-like
-        The `.npz` file, the folder, or its `scene.toml`.
+        The `.npz` file, the folder, its `scene.toml`, or the single file.
     masks : sequence of str or path-like, optional
         Mask files, one for each view, in place of the scene's own. These may be anywhere.
+    viewpoint : (3,) array_like, optional
+        Of a single file of points in the world frame: where the camera was, metres.
+    camera_frame : bool
+        That a single file's points are in the camera frame: x right, y down, z forward.
+    intrinsics : (3, 3) array_like, optional
+        Of a single depth image: the pinhole matrix, pixels.
+    depth_scale : float, optional
+        Of a single depth image: metres for each unit. Floats without it are metres.
     max_bytes : int
         How many bytes the arrays of the files, and the views that are made of them, may take together. It is
         asked before anything is decoded.
@@ -141,37 +160,31 @@ def load_scene(
         If a file is empty, truncated or not what it should be; takes more than `max_bytes`; is no regular
         file, or is outside of the scene's folder. `file`, `place` and `reason` say which, where, and why.
     TypeError
-        If `masks` is not a sequence of paths, or `max_bytes` not a whole number.
+        If an argument is of the wrong kind.
     ValueError
-        If `masks` does not hold one for each view, or `max_bytes` is not positive.
+        If `masks` does not hold one for each view, `max_bytes` is not positive, what a single file needs is
+        not given, or something is given that the scene says itself.
     ImportError
-        If reading a PNG or PLY file (or, on Python 3.10, TOML) needs a package that is not installed.
+        If reading an image (or, on Python 3.10, TOML) needs a package that is not installed.
     """
     path = Path(path)
     given = None if masks is None else [Path(one) for one in several("masks", masks, "paths")]
     budget = Budget(whole("max_bytes", max_bytes, 1))
+    camera = Camera(viewpoint, camera_frame, intrinsics, depth_scale)
+    suffix = path.suffix.lower()
+    if suffix in SUFFIXES and not path.is_dir():
+        view = read_view(path, camera, given, budget)
+        return Scene(path.stem, (view,), None, None, files=(path, *(given or ())))
+    camera.refuse(f"only of a single file of points or depth; {path} says it itself")
     if path.is_dir():
         return _load_description(path / "scene.toml", given, budget, outside)
-    if path.suffix.lower() == ".toml":
+    if suffix == ".toml":
         return _load_description(path, given, budget, outside)
-    if path.suffix.lower() == ".npz" or not path.exists():
+    if suffix == ".npz" or not path.exists():
         return _load_archive(path, given, budget)
-    raise FileFormatError(path, "expected a folder with a scene.toml, a .toml or an .npz file")
-
-
-def _require_one_each(masks: Sequence[Path], views: int) -> None:
-    if len(masks) != views:
-        raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
-
-
-def _read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.int32]:
-    """Return the mask of an image of a shape."""
-    labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
-    budget.take(path, _MASK * labels.size)
-    try:
-        return mask_array("mask", labels, shape)
-    except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+    raise FileFormatError(
+        path, f"expected a folder with a scene.toml, or a .toml, .npz, {', '.join(SUFFIXES)} file"
+    )
 
 
 def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> Scene:
@@ -186,8 +199,8 @@ def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> S
         colour = _COLOUR if "color" in arrays else 0
         budget.take(path, len(depth) * _VIEW + depth.size * (_DEPTH + _MASK + colour), "depth")
     if masks is not None and depth.ndim == 3:
-        _require_one_each(masks, len(depth))
-        labels = [_read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
+        require_one_each(masks, len(depth))
+        labels = [read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
         arrays["mask"] = np.array(labels, dtype=np.int32).reshape(depth.shape)
     try:
         return replace(_archived_scene(path.stem, arrays), files=(path, *(masks or ())))
@@ -261,7 +274,7 @@ def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, 
         raise FileFormatError.of(path, error) from error
     recorded = description.views
     if masks is not None:
-        _require_one_each(masks, len(recorded))
+        require_one_each(masks, len(recorded))
         recorded = tuple(replace(view, mask=None) for view in recorded)
     # where a link to a description points to is no matter: files are beside the link
     folder = None if outside else Path(os.path.realpath(path.parent))
@@ -293,43 +306,26 @@ def _own_file(description: Path, place: str, name: str, folder: Path | None) -> 
 
 def _load_view(files: Mapping[str, Path], pose: Array, description: Description, budget: Budget) -> View:
     path = files["file"]
-    readers = {".png": read_depth_png, ".npy": _read_depth_or_points, ".ply": read_ply}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise FileFormatError(path, "expected a .png, .ply or .npy file")
-    array = reader(path, budget)
+    seen = read_view_file(path, budget)
     colors = read_color(files["color"], budget) if "color" in files else None
-    budget.take(path, _VIEW + array.size * (_DEPTH if colors is None else _DEPTH + _COLOUR))
-    scale = None
     try:
-        if array.dtype == np.uint16:
+        if isinstance(seen, Cloud):
+            budget.take(path, _VIEW + seen.numbers * _DEPTH)
+            for key, what in (("color", "colour images"), ("mask", "masks")):
+                if key in files:
+                    raise ValueError(f"{key}: only depth images have {what}")
+            return seen.view(pose)
+        budget.take(path, _VIEW + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOUR))
+        scale = None
+        if seen.dtype == np.uint16:
             if description.depth_scale is None:
                 raise ValueError("a 16-bit depth image needs depth_scale in the [camera] table")
             scale = description.depth_scale
-        elif array.shape[1] == 3:
-            if colors is not None:
-                raise ValueError("color: only depth images have colour images")
-            if "mask" in files:
-                raise ValueError("mask: only depth images have masks")
-            finite = np.isfinite(array).all(axis=1)
-            return View(array[finite], pose, int((~finite).sum()))
         if description.intrinsics is None:
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
-        mask = _read_mask(files["mask"], array.shape, budget) if "mask" in files else None
-        return View.from_depth(array, description.intrinsics, pose, colors, depth_scale=scale, mask=mask)
+        mask = read_mask(files["mask"], seen.shape, budget) if "mask" in files else None
+        return View.from_depth(seen, description.intrinsics, pose, colors, depth_scale=scale, mask=mask)
     except FileFormatError:  # the mask's, which names it
         raise
     except (TypeError, ValueError) as error:
         raise FileFormatError.of(path, error) from error
-
-
-def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any]:
-    """(H, W) uint16, or (H, W) or (N, 3) of floats, of an NPY file."""
-    array = read_npy(path, budget)
-    if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
-        raise FileFormatError(
-            path,
-            "expected a depth image (H, W) of floats or uint16, or points (N, 3) of floats, "
-            f"got {array.shape} {array.dtype}",
-        )
-    return array

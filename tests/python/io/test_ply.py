@@ -3,12 +3,44 @@
 from __future__ import annotations
 
 import numpy as np
+import open3d as o3d
 import pytest
-from scene_files import POINTS, ply, scene_of
+from scene_files import POINTS, grid_cloud, ply, scene_of
 
 from strand import FileFormatError, load_scene
 from strand.io.budget import Budget
 from strand.io.ply import read_ply
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_clouds_that_pcl_wrote(data, encoding):
+    cloud = read_ply(data / "clouds" / f"pcl_{encoding}.ply", Budget(10**6))
+    points, colors = grid_cloud()
+    np.testing.assert_allclose(cloud.points, points, rtol=1e-5)
+    np.testing.assert_array_equal(cloud.colors, colors)
+
+
+def test_rows_that_are_wider_than_the_header_says(tmp_path):
+    """PCL 1.13 does so where colours are whole numbers: three in the header, one in the rows."""
+    data = ply("binary_little_endian")
+    for tail in (b"", b"\n", b"  \r\n"):
+        (tmp_path / "a.ply").write_bytes(data + tail)
+        assert len(read_ply(tmp_path / "a.ply", Budget(10**6)).points) == 40
+    (tmp_path / "a.ply").write_bytes(data + bytes(40))
+    with pytest.raises(FileFormatError, match=r"a\.ply: expected 960 bytes after the header, got 1000"):
+        read_ply(tmp_path / "a.ply", Budget(10**6))
+
+
+@pytest.mark.parametrize("ascii", [True, False])
+def test_clouds_with_normals_and_colours_that_open3d_wrote(tmp_path, ascii):
+    shades = np.random.default_rng(1).integers(0, 256, POINTS.shape)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
+    cloud.normals = o3d.utility.Vector3dVector(np.tile([0.0, 0.6, 0.8], (len(POINTS), 1)))
+    cloud.colors = o3d.utility.Vector3dVector(shades / 255)
+    assert o3d.io.write_point_cloud(str(tmp_path / "a.ply"), cloud, write_ascii=ascii)
+    found = read_ply(tmp_path / "a.ply", Budget(10**6))
+    np.testing.assert_allclose(found.points, POINTS, rtol=1e-5 if ascii else 0)
+    np.testing.assert_array_equal(found.colors, shades)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
@@ -87,7 +119,7 @@ def test_elements_before_the_vertices_and_columns_between(tmp_path, encoding):
     if encoding == "ascii":
         body = b"7 7\n\n7 7\n7 0 1 4\n  8 0 2 5 \n\n9 0 3 6"
     (tmp_path / "a.ply").write_bytes(header.encode("latin-1") + body)
-    points = read_ply(tmp_path / "a.ply", Budget(10_000))
+    points = read_ply(tmp_path / "a.ply", Budget(10_000)).points
     np.testing.assert_array_equal(points, [[1, 4, 7], [2, 5, 8], [3, 6, 9]])
     assert points.dtype == np.float64
 

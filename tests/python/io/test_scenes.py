@@ -99,9 +99,9 @@ def test_folder_without_a_description(tmp_path):
 
 
 def test_other_kind_of_file(tmp_path):
-    (tmp_path / "a.pcd").write_bytes(b"VERSION .7")
-    with pytest.raises(FileFormatError, match=r"a\.pcd: expected a folder"):
-        load_scene(tmp_path / "a.pcd")
+    (tmp_path / "a.obj").write_bytes(b"v 1 2 3")
+    with pytest.raises(FileFormatError, match=r"a\.obj: expected a folder .* \.ply, \.pcd"):
+        load_scene(tmp_path / "a.obj")
 
 
 @pytest.mark.parametrize("suffix", ["png", "npy", "ply"])
@@ -116,9 +116,9 @@ def test_views_file_missing_or_empty(tmp_path, suffix):
 
 
 def test_views_file_of_another_kind(tmp_path):
-    (tmp_path / "a.pcd").write_bytes(b"VERSION .7")
-    with pytest.raises(FileFormatError, match=r"a\.pcd: expected a \.png, \.ply or \.npy file"):
-        load_scene(scene_of(tmp_path, "a.pcd"))
+    (tmp_path / "a.obj").write_bytes(b"v 1 2 3")
+    with pytest.raises(FileFormatError, match=r"a\.obj: expected a \.png, .* or \.txt file"):
+        load_scene(scene_of(tmp_path, "a.obj"))
 
 
 @pytest.mark.parametrize("suffix", ["png", "npy"])

@@ -1,0 +1,88 @@
+"""What one view's file holds: a depth image or a point cloud, by its suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.checks import mask_array
+from strand.files import FileFormatError
+from strand.io.arrays import read_npy
+from strand.io.budget import Budget
+from strand.io.cloud import Cloud, colors_of
+from strand.io.images import read_depth_png, read_depth_tiff, read_mask_png
+from strand.io.pcd import read_pcd
+from strand.io.ply import read_ply
+from strand.io.xyz import read_xyz
+
+_MASK = 4  # bytes of each pixel of a view's mask
+
+
+def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | Cloud:
+    """Return a depth image, (H, W) of uint16 in units or of floats in metres, or a point cloud.
+
+    Raises
+    ------
+    strand.FileFormatError
+        If the file's suffix is of no reader, it is not what it should be, or it takes more than the budget.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileFormatError(path, f"expected a {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]} file")
+    return reader(path, budget)
+
+
+def require_one_each(masks: Sequence[Path], views: int) -> None:
+    """Refuse masks that are not one for each view.
+
+    Raises
+    ------
+    ValueError
+        If they are more or fewer.
+    """
+    if len(masks) != views:
+        raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
+
+
+def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.int32]:
+    """Return the mask of an image of a shape."""
+    labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
+    budget.take(path, _MASK * labels.size)
+    try:
+        return mask_array("mask", labels, shape)
+    except (TypeError, ValueError) as error:
+        raise FileFormatError.of(path, error) from error
+
+
+def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any] | Cloud:
+    """Return what an NPY file holds: floats three columns wide are points, six with their colours."""
+    array = read_npy(path, budget)
+    if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
+        raise FileFormatError(
+            path,
+            "expected a depth image (H, W) of floats or uint16, or points (N, 3) of floats, or (N, 6) with "
+            f"colours, got {array.shape} {array.dtype}",
+        )
+    if array.dtype == np.uint16 or array.shape[1] not in (3, 6):
+        return array
+    try:
+        return Cloud(array[:, :3], colors_of(array[:, 3:], False) if array.shape[1] == 6 else None)
+    except ValueError as error:
+        raise FileFormatError.of(path, error) from error
+
+
+_READERS = {
+    ".png": read_depth_png,
+    ".tif": read_depth_tiff,
+    ".tiff": read_depth_tiff,
+    ".npy": _read_depth_or_points,
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    **dict.fromkeys((".xyz", ".xyzrgb", ".csv", ".txt"), read_xyz),
+}
+SUFFIXES = tuple(_READERS)
+"""Of files that hold one view."""

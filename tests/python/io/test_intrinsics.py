@@ -1,0 +1,42 @@
+"""Pinhole matrices from files."""
+
+from __future__ import annotations
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from strand import FileFormatError
+from strand.io.intrinsics import read_intrinsics
+
+K = [[600.5, 0, 320], [0, 601.25, 240], [0, 0, 1]]
+
+
+def test_matrices_that_numpy_and_open3d_wrote(tmp_path):
+    np.savetxt(tmp_path / "k.txt", K)
+    camera = o3d.camera.PinholeCameraIntrinsic(640, 480, 600.5, 601.25, 320, 240)
+    assert o3d.io.write_pinhole_camera_intrinsic(str(tmp_path / "k.json"), camera)
+    for name in ("k.txt", "k.json"):
+        np.testing.assert_array_equal(read_intrinsics(tmp_path / name), K)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("k.txt", "1 2 3 4", r"nine numbers of a pinhole matrix \(got 4\)"),
+        ("k.txt", "1 0 0 0 1 0 0 0 a", "nine numbers"),
+        ("k.txt", "1 0 0 0 -1 0 0 0 1", "fx, fy > 0"),
+        ("k.txt", "", "got 0"),
+        ("k.json", "[1, 2]", "nine numbers"),
+        ("k.json", "{}", "nine numbers"),
+        ("k.json", '{"intrinsic_matrix": 5}', "nine numbers"),
+        ("k.json", '{"intrinsic_matrix": [[1], 0, 0, 0, 1, 0, 0, 0, 1]}', "nine numbers"),
+        ("k.json", '{"intrinsic_matrix": [1', "truncated, or not JSON"),
+        ("k.txt", "1 " * 50_000, "larger than"),
+    ],
+)
+def test_what_is_no_matrix_is_refused(tmp_path, name, text, reason):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FileFormatError, match=reason) as caught:
+        read_intrinsics(tmp_path / name)
+    assert caught.value.file == str(tmp_path / name)
