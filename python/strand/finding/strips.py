@@ -22,6 +22,8 @@ _WIDE, _PILE, _BESIDE = 1.6, 5.5, 3.0
 # thin pieces beside such a thing belong to it if they are shorter than this and lie this high, or shorter
 # than that at any height; shorter pieces anywhere are specks; radii
 _SHORT, _HIGH, _SCRAP, _SPECK = 30.0, 3.5, 8.0, 3.0
+# cells of a plan, at most, along each side
+_FINEST = 2000
 # pixels that things are grown by, and the share of heights below a thing's top
 _EDGE, _TOP = 2.0, 0.9
 
@@ -123,7 +125,10 @@ def _around(image: RopeImage, things: NDArray[np.bool_], normal: Array, radius: 
     rows, columns = np.nonzero(image.mask & (image.depth > 0))
     plan = image.world(rows, columns, image.depth[rows, columns]) @ in_plane(normal)
     margin = int(_BESIDE) + 1
-    cells = np.floor((plan - plan.min(axis=0)) / radius).astype(np.int64) + margin
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    # a wrong unit may spread a view over kilometres
+    side = max(radius, float((high - low).max()) / _FINEST)
+    cells = np.floor((plan - low) / side).astype(np.int64) + margin
     grid = np.zeros(cells.max(axis=0) + margin + 1, dtype=bool)
     grid[tuple(cells[things[rows, columns]].T)] = True
     covered = grid | (_core.edge_distances(~grid, 8) <= _BESIDE)
