@@ -12,6 +12,7 @@ from strand.checks import Array, as_array, checked_radius, finite_array, flag, n
 from strand.curve import Curve
 from strand.lazy import lazy
 from strand.polyline import runs
+from strand.report.notebook import chain_html
 
 # products of lengths stay finite
 _FARTHEST = 1e75
@@ -96,6 +97,10 @@ class Chain:
             f"Chain({self.length * 1e3:.1f} mm, radius {self.radius * 1e3:.2f} mm, "
             f"{'closed' if self.closed else 'open'}, {len(self.points)} nodes)"
         )
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the chain in a small plot, and its numbers."""
+        return chain_html(self)
 
     @lazy
     def _path(self) -> Array:
