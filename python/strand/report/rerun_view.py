@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strand._core import StrandError
 from strand.checks import finite_array
 from strand.files import extra, write_bytes
 from strand.model import Model
@@ -69,14 +70,20 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
     ------
     TypeError, ValueError
         As `write_recording` does.
+    strand.StrandError
+        If the viewer cannot be started or reached: without a display, for example.
     ImportError
         If rerun-sdk is not installed.
     """
     rerun = extra("rerun")
     recording = rerun.RecordingStream("strand")
-    recording.spawn()
-    _log(rerun, recording, model, views, truth)
-    recording.flush()
+    try:
+        recording.spawn()
+        _log(rerun, recording, model, views, truth)
+        recording.flush()
+    except RuntimeError as error:  # without a display the viewer ends at once
+        why = (str(error).splitlines() or [""])[0]
+        raise StrandError(f"Rerun's viewer cannot be shown ({why}); a recording can be saved") from error
 
 
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:

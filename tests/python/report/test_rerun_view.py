@@ -71,6 +71,16 @@ def test_a_window_is_opened_only_on_request(paper, paper_model):
 
 
 @pytest.mark.usefixtures("rerun")
+def test_a_viewer_that_does_not_start_is_an_error_of_strand(paper, paper_model, monkeypatch):
+    def spawn(_):
+        raise RuntimeError("no display\nsee the manual")
+
+    monkeypatch.setattr(Recording, "spawn", spawn)
+    with pytest.raises(strand.StrandError, match=r"cannot be shown \(no display\); a recording can be saved"):
+        show(paper_model, paper.views)
+
+
+@pytest.mark.usefixtures("rerun")
 def test_models_without_chains_and_views_without_points(tmp_path):
     model = strand.Model((), np.eye(4)[None])
     write_recording(model, [strand.View(np.empty((0, 3)))], tmp_path / "a.rrd")
