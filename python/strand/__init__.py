@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import config, synthetic
+from strand import config, figures, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -60,6 +60,7 @@ __all__ = [
     "count_neighbors",
     "estimate_normals",
     "estimate_radius",
+    "figures",
     "find_ropes",
     "fit_tubes",
     "icp",

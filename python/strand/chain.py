@@ -26,6 +26,7 @@ from strand.doubt import Doubt
 from strand.lazy import lazy
 from strand.mesh import tube_mesh
 from strand.polyline import runs
+from strand.report.notebook import chain_html
 
 # products of lengths stay finite
 _FARTHEST = 1e75
@@ -119,6 +120,10 @@ class Chain:
             f"Chain({self.length * 1e3:.1f} mm, radius {self.radius * 1e3:.2f} mm, "
             f"{'closed' if self.closed else 'open'}, {len(self.points)} nodes)"
         )
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the chain in a small plot, and its numbers."""
+        return chain_html(self)
 
     @lazy
     def _path(self) -> Array:

@@ -1,4 +1,4 @@
-"""The command line: `strand demo` and `strand reconstruct`. Arguments and lines of text only."""
+"""The command line: `strand demo`, `reconstruct`, `report` and `view`. Arguments and lines of text only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from io import TextIOWrapper
@@ -16,14 +16,14 @@ import numpy as np
 
 import strand
 from strand import config
-from strand.checks import Array
+from strand.checks import Array, Bounds
 from strand.files import extra, require_writable
 from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
 from strand.io.export import format_of
 from strand.io.intrinsics import read_intrinsics
-from strand.io.scenes import load_scene
-from strand.report import figures, tables
+from strand.io.scenes import Scene, load_scene
+from strand.report import figures, page, rerun_view, tables
 
 EXIT_CODES = """\
 exit codes:
@@ -143,14 +143,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    reconstruct.add_argument(
-        "scene",
-        type=_path,
-        nargs="+",
-        metavar="SCENE",
-        help="a folder with a scene.toml, an .npz file, or a single file of one view: points "
-        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy)",
-    )
+    _add_scene(reconstruct)
     reconstruct.add_argument(
         "-o",
         "--out",
@@ -162,53 +155,101 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct.add_argument(
         "--tube", type=_path, metavar="MESH", help="also write the ropes' surface to this .ply file"
     )
-    reconstruct.add_argument(
+    _add_known(reconstruct)
+    reconstruct.add_argument("--figures", type=_path, metavar="DIR", help="draw every stage into this folder")
+    reconstruct.set_defaults(run=_reconstruct)
+
+    report = commands.add_parser(
+        "report",
+        help="a page about a recorded scene, to look at in a browser",
+        description="Reconstruct the ropes of a scene, and write one HTML page about them, which needs no "
+        "network: points and chains in space, chains over each depth image, doubts, times.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _add_scene(report)
+    report.add_argument(
+        "-o", "--out", type=_path, required=True, metavar="PAGE", help="the HTML file to write"
+    )
+    _add_known(report)
+    report.set_defaults(run=_report)
+
+    view = commands.add_parser(
+        "view",
+        help="a recorded scene and its ropes in the viewer Rerun",
+        description="Reconstruct the ropes of a scene, and show them in Rerun: "
+        'pip install ".[rerun]" installs it.',
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _add_scene(view)
+    view.add_argument("--save", type=_path, metavar="FILE", help="write this .rrd file, and open no window")
+    _add_known(view)
+    view.set_defaults(run=_view)
+    return parser
+
+
+def _add_scene(command: argparse.ArgumentParser) -> None:
+    """Add what names a scene, and what single files do not say of themselves."""
+    command.add_argument(
+        "scene",
+        type=_path,
+        nargs="+",
+        metavar="SCENE",
+        help="a folder with a scene.toml, an .npz file, or a single file of one view: points "
+        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy)",
+    )
+    command.add_argument(
         "--viewpoint",
         type=_place,
         metavar="X,Y,Z",
         help="where the camera was: a single file's points are in the world frame, metres",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--camera-frame",
         action="store_true",
         help="a single file's points are in the camera frame: x right, y down, z forward",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--intrinsics",
         type=_intrinsics,
         metavar="FX,FY,CX,CY",
         help="the camera of a single depth image, pixels; or a file with its 3 x 3 matrix",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--depth-scale",
         type=float,
         metavar="METRES",
         help="what a unit of a single depth image is, such as 0.001 (default: floats are metres)",
     )
-    reconstruct.add_argument(
+
+
+def _add_known(command: argparse.ArgumentParser) -> None:
+    """Add what may be known of a scene, and how it is worked on."""
+    command.add_argument(
         "--radius",
         type=_length,
         metavar="LENGTH",
         help="the ropes' radius, such as 4.2mm (default: the scene's; estimated if it has none)",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--length",
         type=_length,
         nargs="+",
         metavar="LENGTH",
         help="how long they are, such as 0.4m: one length for all, or one for each (default: not known)",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--bounds",
         type=_length,
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="extraction range in the world frame, low and high corner, metres (default: the scene's)",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--mask",
         type=_path,
         nargs="+",
@@ -216,32 +257,27 @@ def _parser() -> argparse.ArgumentParser:
         help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
         "numbers are ropes or pieces of them (default: the scene's)",
     )
-    reconstruct.add_argument(
-        "--config", type=_path, metavar="FILE", help="a TOML file with the method's numbers"
-    )
-    reconstruct.add_argument(
+    command.add_argument("--config", type=_path, metavar="FILE", help="a TOML file with the method's numbers")
+    command.add_argument(
         "--max-bytes",
         type=int,
         default=MAX_BYTES,
         metavar="N",
         help=f"how much memory the scene's files may take (default: {MAX_BYTES})",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--outside",
         action="store_true",
         help="let the scene.toml name files outside of its folder, which may be any of yours",
     )
-    reconstruct.add_argument(
+    command.add_argument(
         "--deadline",
         type=float,
         metavar="SECONDS",
         help="leave out what an answer can do without after this time (default: never)",
     )
-    reconstruct.add_argument("--figures", type=_path, metavar="DIR", help="draw every stage into this folder")
     # lengths such as -4mm are values, not options
-    reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
-    reconstruct.set_defaults(run=_reconstruct)
-    return parser
+    command._negative_number_matcher = re.compile(r"^-\.?\d")
 
 
 def _demo(options: argparse.Namespace) -> None:
@@ -275,53 +311,19 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    if len(options.scene) > 1:
-        raise ValueError(
-            f"SCENE: expected one, got {len(options.scene)}; files of several views need a pose each, which "
-            "the scene.toml of a folder says"
-        )
-    recorded = load_scene(
-        options.scene[0],
-        options.mask,
-        viewpoint=options.viewpoint,
-        camera_frame=options.camera_frame,
-        intrinsics=_matrix_of(options.intrinsics),
-        depth_scale=options.depth_scale,
-        max_bytes=options.max_bytes,
-        outside=options.outside,
-    )
-    given = (options.config, options.intrinsics if isinstance(options.intrinsics, Path) else None)
-    read = (*recorded.files, *(path for path in given if path is not None))
-    _keep_input(read, options)
-    for path in (options.out, options.tube):
+    recorded = _load(options)
+    outputs = {"--out": options.out, "--tube": options.tube}
+    _keep_input(_read(options, recorded), outputs, options.figures)
+    if options.tube is not None and os.path.realpath(options.tube) == os.path.realpath(options.out):
+        raise ValueError(f"--tube: {options.tube} is what --out writes")
+    for path in outputs.values():
         if path is not None:
             require_writable(path)
     format_of(options.out)
     if options.tube is not None:
         format_of(options.tube, ("ply",))
-    bounds = recorded.bounds
-    if options.bounds is not None:
-        bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
-    radius = recorded.radius if options.radius is None else options.radius
-    length = options.length[0] if options.length and len(options.length) == 1 else options.length
-    settings = strand.Config() if options.config is None else config.load(options.config)
-    stages = set(tables.STAGE_ARRAYS[settings.method])
-    if radius is not None:
-        stages.discard("radius")
-    with _progress(len(stages)) as progress:
-        model = strand.reconstruct(
-            recorded.views,
-            radius=radius,
-            bounds=bounds,
-            ropes=options.ropes,
-            length=length,
-            config=settings,
-            keep_stages=options.figures is not None,
-            progress=progress,
-            deadline=options.deadline,
-        )
-    _warn(model)
-    if radius is None and model.chains:
+    model = _solve(options, recorded, keep_stages=options.figures is not None)
+    if _radius(options, recorded) is None and model.chains:
         print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the points", end="\n\n")
     print(tables.describe_chains(model), end="\n\n")
     print(tables.describe_timings(model), end="\n\n")
@@ -335,8 +337,109 @@ def _reconstruct(options: argparse.Namespace) -> None:
             print(path)
 
 
-def _keep_input(read: Sequence[Path], options: argparse.Namespace) -> None:
-    """Refuse to write the model, its surface, or a figure, over a file that was read, or two in one place.
+def _report(options: argparse.Namespace) -> None:
+    extra("plotly.offline")  # that it is missing is said before the work
+    recorded = _load(options)
+    _keep_input(_read(options, recorded), {"--out": options.out})
+    require_writable(options.out)
+    model = _solve(options, recorded, keep_stages=True)
+    given = _given(options, recorded)
+    page.write_report(
+        model, recorded.views, options.out, title=recorded.name, given=given, truth=recorded.truth
+    )
+    print(options.out)
+
+
+def _view(options: argparse.Namespace) -> None:
+    extra("rerun")
+    recorded = _load(options)
+    if options.save is not None:
+        _keep_input(_read(options, recorded), {"--save": options.save})
+        require_writable(options.save)
+    model = _solve(options, recorded, keep_stages=True)
+    if options.save is None:
+        rerun_view.show(model, recorded.views, truth=recorded.truth)
+        return
+    rerun_view.write_recording(model, recorded.views, options.save, truth=recorded.truth)
+    print(options.save)
+
+
+def _load(options: argparse.Namespace) -> Scene:
+    if len(options.scene) > 1:
+        raise ValueError(
+            f"SCENE: expected one, got {len(options.scene)}; files of several views need a pose each, which "
+            "the scene.toml of a folder says"
+        )
+    return load_scene(
+        options.scene[0],
+        options.mask,
+        viewpoint=options.viewpoint,
+        camera_frame=options.camera_frame,
+        intrinsics=_matrix_of(options.intrinsics),
+        depth_scale=options.depth_scale,
+        max_bytes=options.max_bytes,
+        outside=options.outside,
+    )
+
+
+def _read(options: argparse.Namespace, recorded: Scene) -> tuple[Path, ...]:
+    given = (options.config, options.intrinsics if isinstance(options.intrinsics, Path) else None)
+    return (*recorded.files, *(path for path in given if path is not None))
+
+
+def _radius(options: argparse.Namespace, recorded: Scene) -> float | None:
+    return recorded.radius if options.radius is None else options.radius
+
+
+def _bounds(options: argparse.Namespace, recorded: Scene) -> Bounds | None:
+    if options.bounds is None:
+        return recorded.bounds
+    return np.array(options.bounds[:3]), np.array(options.bounds[3:])
+
+
+def _solve(options: argparse.Namespace, recorded: Scene, keep_stages: bool) -> strand.Model:
+    """Reconstruct a scene's ropes; say what is at work, and what is to be warned of."""
+    radius = _radius(options, recorded)
+    length = options.length[0] if options.length and len(options.length) == 1 else options.length
+    settings = strand.Config() if options.config is None else config.load(options.config)
+    stages = set(tables.STAGE_ARRAYS[settings.method])
+    if radius is not None:
+        stages.discard("radius")
+    with _progress(len(stages)) as progress:
+        model = strand.reconstruct(
+            recorded.views,
+            radius=radius,
+            bounds=_bounds(options, recorded),
+            ropes=options.ropes,
+            length=length,
+            config=settings,
+            keep_stages=keep_stages,
+            progress=progress,
+            deadline=options.deadline,
+        )
+    _warn(model)
+    return model
+
+
+def _given(options: argparse.Namespace, recorded: Scene) -> dict[str, str]:
+    """Say what was known beforehand."""
+    radius, bounds = _radius(options, recorded), _bounds(options, recorded)
+    given = {
+        "scene": f"{options.scene[0]}",
+        "radius": "not given: estimated" if radius is None else f"{radius * 1e3:.2f} mm",
+        "ropes": "not given" if options.ropes is None else f"{options.ropes}",
+        "lengths": ", ".join(f"{length * 1e3:.0f} mm" for length in options.length or ()) or "not given",
+        "extraction range": "not given",
+        "configuration": "defaults" if options.config is None else f"{options.config}",
+    }
+    if bounds is not None:
+        ends = ("[" + ", ".join(f"{1e3 * x:.0f}" for x in corner) + "]" for corner in bounds)
+        given["extraction range"] = " to ".join(ends) + " mm"
+    return given
+
+
+def _keep_input(read: Sequence[Path], outputs: Mapping[str, Path | None], drawn: Path | None = None) -> None:
+    """Refuse to write what options name, or a figure, over a file that was read.
 
     Raises
     ------
@@ -344,17 +447,13 @@ def _keep_input(read: Sequence[Path], options: argparse.Namespace) -> None:
         If it would.
     """
     kept = {os.path.realpath(path) for path in read}
-    written, drawn = {"--out": [options.out]}, options.figures
-    if options.tube is not None:
-        written["--tube"] = [options.tube]
-        if os.path.realpath(options.tube) == os.path.realpath(options.out):
-            raise ValueError(f"--tube: {options.tube} is what --out writes")
+    written = {option: [path] for option, path in outputs.items() if path is not None}
     if drawn is not None and drawn.is_dir():
-        written["--figures"] = list(drawn.glob("[0-9]-*.png"))
-    for option, paths in written.items():
+        written["--figures"] = list(drawn.glob("[0-9]*-*.png"))
+    for named, paths in written.items():
         for path in paths:
             if os.path.realpath(path) in kept:
-                raise ValueError(f"{option}: {path} is part of the scene or the configuration")
+                raise ValueError(f"{named}: {path} is part of the scene or the configuration")
 
 
 def _path(text: str) -> Path:

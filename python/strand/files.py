@@ -84,8 +84,10 @@ def extra(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        package = {"PIL": "pillow"}.get(module.split(".")[0], module.split(".")[0])
-        raise ImportError(f'{package} is needed here: pip install ".[cli]" installs it') from error
+        name = module.split(".")[0]
+        package = {"PIL": "pillow", "rerun": "rerun-sdk"}.get(name, name)
+        wanted = {"plotly": "report", "rerun": "rerun"}.get(name, "cli")
+        raise ImportError(f'{package} is needed here: pip install ".[{wanted}]" installs it') from error
 
 
 def shown(value: Any) -> str:

@@ -28,6 +28,7 @@ from strand.doubt import DOUBTS, Doubt
 from strand.files import plain, write_bytes, write_json
 from strand.io.export import csv_of, format_of, mesh_of, polylines_of
 from strand.next_view import best_camera
+from strand.report.notebook import model_html
 from strand.sensor import Sensor
 
 FORMAT, VERSION = "strand model", 2
@@ -228,6 +229,10 @@ class Model:
         if len(self.chains) > _SHOWN:
             lines.append(f"  and {len(self.chains) - _SHOWN} more")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the chains in a small plot, numbers, and the greatest doubts."""
+        return model_html(self)
 
     def next_view(self) -> Array:
         """Camera position from which one more view would tell most: it best sees the least certain place.

@@ -90,11 +90,11 @@ def test_demo_writes_models_and_figures_of_both_methods(demo):
     _, out, _, folder = demo
     written = sorted(str(path) for path in folder.rglob("*") if path.is_file())
     assert sorted(line for line in out.splitlines() if line.startswith(str(folder))) == written
-    for place, method, figures in ((folder, "tubes", 7), (folder / "published", "published", 9)):
+    for place, method, figures in ((folder, "tubes", 8), (folder / "published", "published", 10)):
         assert len(list(place.glob("*.png"))) == figures
         model = strand.load(place / "model.json")
         assert (model.method, len(model.chains)) == (method, 1)
-    assert len(written) == 7 + 9 + 2
+    assert len(written) == 8 + 10 + 2
 
 
 def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
@@ -141,7 +141,7 @@ def test_published_method_by_its_name(scene_npz, tmp_path, capsys):
     assert main(["reconstruct", str(scene_npz), *command, "--figures", str(tmp_path / "figures")]) == 0
     out = capsys.readouterr().out
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*PUBLISHED_STAGES, "total"]
-    assert len(list((tmp_path / "figures").iterdir())) == 9
+    assert len(list((tmp_path / "figures").iterdir())) == 10
     write_folder(tmp_path, radius="")
     assert main(["reconstruct", str(tmp_path), *command]) == 2
     assert capsys.readouterr().err.splitlines() == [
@@ -424,3 +424,55 @@ def test_negative_lengths_are_values(tmp_path, capsys):
     assert "radius" in capsys.readouterr().err
     bounds = ["-300mm", "-0.3", "2.5mm", "300mm", "0.3", "20mm"]
     assert main(["reconstruct", str(path), "-o", model, "--bounds", *bounds]) == 0
+
+
+def test_report_writes_a_page(scene_npz, tmp_path, capsys):
+    out = tmp_path / "report.html"
+    assert main(["report", str(scene_npz), "-o", str(out), "--ropes", "1"]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    text = out.read_text("utf-8")
+    assert "<h1>arc</h1>" in text
+    assert "<td>ropes</td><td>1</td>" in text
+    assert "1 chain (" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["report", "arc.npz", "-o", "arc.npz"], 2, "--out: arc.npz is part of the scene"),
+        (["report", "arc.npz", "-o", "no/a.html"], 3, "no/a.html: No such file or directory"),
+        (["report", "no.npz", "-o", "a.html"], 3, "no.npz: No such file or directory"),
+        (["report", "arc.npz", "-o", "a.html", "--radius", "0"], 2, "radius: "),
+        (["view", "arc.npz", "--save", "arc.npz"], 2, "--save: arc.npz is part of the scene"),
+        (["view", "arc.npz", "--save", "no/a.rrd"], 3, "no/a.rrd: No such file or directory"),
+    ],
+)
+def test_report_and_view_refuse_what_cannot_be(words, code, message, scene_npz, monkeypatch, capsys):
+    monkeypatch.chdir(scene_npz.parent)
+    monkeypatch.setitem(sys.modules, "rerun", sys)  # that it is there is enough
+    before = scene_npz.read_bytes()
+    assert main(words) == code
+    assert message in capsys.readouterr().err
+    assert scene_npz.read_bytes() == before
+    assert [path.name for path in scene_npz.parent.iterdir()] == ["arc.npz"]
+
+
+@pytest.mark.parametrize(
+    ("words", "package"), [(["report", "-o", "a.html"], "plotly"), (["view", "--save", "a.rrd"], "rerun")]
+)
+def test_missing_packages_are_named_before_the_work(words, package, monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    assert main([words[0], "no.npz", *words[1:]]) == 3
+    assert "is needed here: pip install" in capsys.readouterr().err
+
+
+def test_view_saves_a_recording(scene_npz, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    monkeypatch.setattr(
+        cli.rerun_view, "write_recording", lambda model, views, path, truth: path.write_text(f"{len(views)}")
+    )
+    assert main(["view", str(scene_npz), "--save", str(tmp_path / "a.rrd")]) == 0
+    assert (tmp_path / "a.rrd").read_text() == "3"
+    assert capsys.readouterr().out == f"{tmp_path / 'a.rrd'}\n"

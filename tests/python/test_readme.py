@@ -84,4 +84,4 @@ def test_the_command_line_reconstructs_a_recorded_scene(tmp_path):
     assert done.returncode == 0, done.stderr
     (chain,) = strand.load(tmp_path / "model.json").chains
     assert np.isclose(chain.length, 0.4, rtol=0.02)
-    assert len(list((tmp_path / "figures").glob("*.png"))) == 7
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 8

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_NORMALS = 800
+# marker and colour of a doubt's place
+_DOUBT = ("X", "#ffd92f")
 
 
 def write_figures(
@@ -46,10 +48,11 @@ def write_figures(
 ) -> list[Path]:
     """Draw what every stage made, one PNG file a figure.
 
-    Raw points, filtered points, registered points, the arcs seen, the whole ropes, the residuals of the fit
-    and the uncertainty of the nodes. By the published method raw points, filtered points, normals, registered
-    points, axis points and chains (fig. 6 a-f), the separation d* over the nodes with the cuts (fig. 11), the
-    segments with their ends (fig. 12) and the whole strings (fig. 13).
+    Raw points, filtered points, registered points, the arcs seen, the chains with what is doubted, the
+    residuals of the fit, the uncertainty of the nodes, and the cameras. By the published method raw points,
+    filtered points, normals, registered points, axis points and traced chains (fig. 6 a-f), the separation d*
+    over the nodes with the cuts (fig. 11), the segments with their ends (fig. 12), the strings (fig. 13), and
+    the cameras.
 
     Parameters
     ----------
@@ -87,6 +90,7 @@ def write_figures(
             "7-separation.png": lambda: separation(model),
             "8-segments.png": lambda: segments(model),
             "9-strings.png": lambda: ropes(model, centrelines),
+            "10-cameras.png": lambda: cameras(model),
         }
     elif stages_of(model) == "images":
         figures = {
@@ -95,6 +99,7 @@ def write_figures(
             "3-registered.png": lambda: registered(model),
             "4-ropes.png": lambda: ropes(model, centrelines),
             "5-uncertainty.png": lambda: uncertainty(model),
+            "6-cameras.png": lambda: cameras(model),
         }
     else:
         figures = {
@@ -105,6 +110,7 @@ def write_figures(
             "5-ropes.png": lambda: ropes(model, centrelines),
             "6-residuals.png": lambda: residuals(model),
             "7-uncertainty.png": lambda: uncertainty(model),
+            "8-cameras.png": lambda: cameras(model),
         }
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
@@ -258,18 +264,21 @@ def segments(model: Model) -> Figure:
 
 
 def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
-    """Whole ropes, coloured by arc length, over the registered points (fig. 13).
+    """Draw the model's chains, coloured by arc length, over the registered points (fig. 13).
 
-    Nodes that no point supports, where a rope bridges a gap, are dotted.
+    Nodes that no point supports, where a rope bridges a gap, are dotted. Places of doubts are marked.
     """
     cloud = np.vstack(model.stages["registered"])
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:4])
-    title = f"{count} whole {'rope' if count == 1 else 'ropes'}: {lengths}{', …' if count > 4 else ''}"
+    title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > 4 else ''}"
     legend = [dot("registered points", GREY), dot("rope's end", PALETTE[3], edge=INK)]
     bridged = np.vstack([np.empty((0, 3)), *(chain.points[_bridged(chain)] for chain in model.chains)])
     if len(bridged):
         legend.append(dot("node without points", "white", edge=INK))
+    unsure = _doubted(model)
+    if len(unsure):
+        legend.append(_doubt_entry())
     if truth:
         legend.append(extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth"))
     sheet = new_sheet(model, cloud, title, legend, bar=True)
@@ -288,6 +297,45 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
         for axes, across, up, _ in sheet.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     sheet.markers(_rope_ends(model), "o", PALETTE[3])
+    sheet.markers(unsure, *_DOUBT)
+    return sheet.figure
+
+
+def cameras(model: Model) -> Figure:
+    """Draw where the cameras stood in their registered poses, which way they looked, and the next view.
+
+    Chains and places of doubts are drawn too. Poses whose z axis does not lead to the chains, as of points in
+    the world frame, have no direction.
+    """
+    lines = [_closed(chain.points, chain.closed) for chain in model.chains]
+    nodes = np.vstack([np.empty((0, 3)), *lines])
+    centres, ahead = model.poses[:, :3, 3], model.poses[:, :3, 2]
+    away = np.linalg.norm(centres - nodes.mean(axis=0), axis=1) if len(nodes) else np.ones(len(centres))
+    inwards = ((nodes.mean(axis=0) - centres) * ahead).sum(axis=1) if len(nodes) else np.zeros(len(centres))
+    looking = inwards > 0.5 * away
+    tips = (centres + 0.25 * away[:, None] * ahead)[looking]
+    try:
+        advised = model.next_view()[None]
+    except ValueError:  # nothing to look at
+        advised = np.empty((0, 3))
+    unsure, count = _doubted(model), len(centres)
+    legend = [dot("camera", PALETTE[0], edge=INK)]
+    if len(tips):
+        legend.append(stroke("the way it looks", PALETTE[0]))
+    if len(lines):
+        legend.append(stroke("chain", INK))
+    if len(advised):
+        legend.append(dot("next view", PALETTE[2], edge=INK))
+    if len(unsure):
+        legend.append(_doubt_entry())
+    title = f"{count} {'camera' if count == 1 else 'cameras'}, "
+    title += f"{len(lines)} {'chain' if len(lines) == 1 else 'chains'}"
+    sheet = new_sheet(model, np.vstack([nodes, centres, tips, advised]), title, legend)
+    sheet.lines([(line, INK) for line in lines], width=1.4)
+    sheet.lines([(np.stack(ray), PALETTE[0]) for ray in zip(centres[looking], tips, strict=True)], width=1.2)
+    sheet.markers(centres, "o", PALETTE[0])
+    sheet.markers(advised, "D", PALETTE[2])
+    sheet.markers(unsure, *_DOUBT)
     return sheet.figure
 
 
@@ -408,6 +456,16 @@ def _coloured(paths: Iterable[Array]) -> list[tuple[Array, str]]:
 def _ends(paths: Iterable[Array]) -> Array:
     """(2 N, 3) First and last points of N paths."""
     return np.array([end for path in paths for end in (path[0], path[-1])]).reshape(-1, 3)
+
+
+def _doubted(model: Model) -> Array:
+    """(N, 3) Places of the doubts that have one."""
+    return np.array([d.place for d in model.doubts if d.place is not None]).reshape(-1, 3)
+
+
+def _doubt_entry() -> Any:
+    marker, colour = _DOUBT
+    return extra("matplotlib.lines").Line2D([], [], ls="", marker=marker, mfc=colour, mec=INK, label="doubt")
 
 
 def _rope_ends(model: Model) -> Array:

@@ -16,11 +16,12 @@ import numpy as np
 
 from strand.checks import Array
 from strand.files import extra
-from strand.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from strand.model import Model
 
 DPI = 150
 WIDTH = 8.0  # inches

@@ -32,6 +32,7 @@ def test_its_stages_are_listed_and_drawn(made, model, tmp_path):
         "3-registered.png",
         "4-ropes.png",
         "5-uncertainty.png",
+        "6-cameras.png",
     ]
     assert all(path.stat().st_size > 1000 for path in drawn)
 

@@ -1,0 +1,148 @@
+"""The same scene in Rerun, a viewer of its own: depth images in their cameras, points, chains and doubts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand._core import StrandError
+from strand.checks import finite_array
+from strand.files import extra, write_bytes
+from strand.model import Model
+from strand.report.cameras import cameras_of
+from strand.report.crossings import crossings, side_seen
+from strand.report.page import points_by_view
+from strand.report.sheet import PALETTE
+from strand.view import View, checked_views
+
+_CROSSING, _DOUBT, _NEXT, _TRUTH = (255, 127, 14), (214, 39, 40), (44, 160, 44), (32, 32, 32)
+# how deep a camera's image stands before it, as a part of its distance from the ropes
+_PLANE = 0.2
+
+
+def write_recording(
+    model: Model, views: Sequence[View], path: str | os.PathLike[str], *, truth: Sequence[ArrayLike] = ()
+) -> None:
+    """Write a recording that Rerun's viewer opens, whole or not at all; no window is opened.
+
+    Parameters
+    ----------
+    model : Model
+        With or without its stages; with them the points are those that the answer was made of.
+    views : sequence of View
+        What the model was made from, in the same order.
+    path : str or path-like
+        The `.rrd` file; one that exists is replaced.
+    truth : sequence of (M, 3) array_like of float
+        True centrelines in the world frame, metres, to show beside the chains.
+
+    Raises
+    ------
+    TypeError
+        If `views` are not views, or `truth` does not hold floats.
+    ValueError
+        If there is not one pose in the model for each view, or a true centreline is not (M, 3) and finite.
+    ImportError
+        If rerun-sdk is not installed.
+    OSError
+        If the file cannot be written.
+    """
+    rerun = extra("rerun")
+    recording = rerun.RecordingStream("strand")
+    stream = recording.memory_recording()
+    _log(rerun, recording, model, views, truth)
+    write_bytes(path, stream.drain_as_bytes())
+
+
+def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()) -> None:
+    """Open Rerun's viewer in a window of its own, and return; the window stays.
+
+    Parameters
+    ----------
+    model, views, truth
+        As in `write_recording`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `write_recording` does.
+    strand.StrandError
+        If the viewer cannot be started or reached: without a display, for example.
+    ImportError
+        If rerun-sdk is not installed.
+    """
+    rerun = extra("rerun")
+    recording = rerun.RecordingStream("strand")
+    try:
+        recording.spawn()
+        _log(rerun, recording, model, views, truth)
+        recording.flush()
+    except RuntimeError as error:  # without a display the viewer ends at once
+        why = (str(error).splitlines() or [""])[0]
+        raise StrandError(f"Rerun's viewer cannot be shown ({why}); a recording can be saved") from error
+
+
+def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
+    views = checked_views(views)
+    cameras = cameras_of(model, views)
+    lines = [finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
+
+    def log(name: str, *what: Any) -> None:
+        recording.log(name, *what, static=True)
+
+    nodes = np.vstack([np.zeros((0, 3)), *(chain.points for chain in model.chains)])
+    middle = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
+    for i, (camera, points) in enumerate(zip(cameras, points_by_view(model, views), strict=True), 1):
+        log(f"points/{i}", rerun.Points3D(points, radii=rerun.Radius.ui_points(1.5)))
+        if camera is None:
+            continue
+        height, width = camera.depth.shape
+        (fx, fy), (cx, cy) = camera.focal, camera.centre
+        away = float(np.linalg.norm(camera.viewpoint - middle))
+        log(f"cameras/{i}", rerun.Transform3D(translation=camera.viewpoint, mat3x3=camera.pose[:3, :3]))
+        log(
+            f"cameras/{i}",
+            rerun.Pinhole(
+                image_from_camera=np.array([[fx, 0.0, cx + 0.5], [0.0, fy, cy + 0.5], [0.0, 0.0, 1.0]]),
+                resolution=[width, height],
+                camera_xyz=rerun.ViewCoordinates.RDF,
+                image_plane_distance=_PLANE * away,
+            ),
+        )
+        log(f"cameras/{i}/depth", rerun.DepthImage(camera.depth.astype(np.float32), meter=1.0))
+    for i, chain in enumerate(model.chains, 1):
+        path = np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
+        colour = tuple(bytes.fromhex(PALETTE[(i - 1) % len(PALETTE)][1:]))
+        said = f"chain {i}: {chain.length * 1e3:.0f} mm"
+        log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[colour], labels=[said]))
+        if not chain.closed:
+            log(
+                f"ends/{i}",
+                rerun.Points3D(
+                    chain.points[[0, -1]], radii=chain.radius, colors=[colour], labels=["start", "end"]
+                ),
+            )
+    radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
+    if len(nodes):
+        towards = side_seen(nodes, model.poses[:, :3, 3])
+        met = [crossing.place for crossing in crossings(model.chains, towards)]
+        if met:
+            log("crossings", rerun.Points3D(met, radii=radius, colors=[_CROSSING]))
+    unsure = [doubt for doubt in model.doubts if doubt.place is not None]
+    if unsure:
+        reasons = [f"{doubt.kind}: {doubt.reason}" for doubt in unsure]
+        log(
+            "doubts",
+            rerun.Points3D([d.place for d in unsure], radii=1.5 * radius, colors=[_DOUBT], labels=reasons),
+        )
+    for i, line in enumerate(lines, 1):
+        log(f"truth/{i}", rerun.LineStrips3D([line], radii=radius / 6, colors=[_TRUTH]))
+    if model.chains and len(model.poses):
+        log(
+            "next_view",
+            rerun.Points3D([model.next_view()], radii=2 * radius, colors=[_NEXT], labels=["next view"]),
+        )

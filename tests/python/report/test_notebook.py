@@ -1,0 +1,57 @@
+"""What notebooks show."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from drawn import circle
+
+import strand
+
+ATTACK = "<script>alert(1)</script>"
+
+
+def svg_of(html):
+    """The plot, parsed; what is not well-formed raises."""
+    return ElementTree.fromstring(html.replace("<br>", "<br/>")).find("svg")
+
+
+def test_a_chain_is_drawn_in_the_plane_in_which_it_lies():
+    line = np.array([[0.0, 0.1, 0.0], [0.0, 0.3, 0.0], [0.0, 0.3, 0.1]])
+    html = strand.Chain(line, 0.004)._repr_html_()
+    svg = svg_of(html)
+    assert svg.find("title").text == "y to the right, z up; 200 mm across"
+    points = [tuple(map(float, p.split(","))) for p in svg.find("polyline").get("points").split()]
+    assert points == [(12.0, 130.0), (248.0, 130.0), (248.0, 12.0)]
+    assert "Chain(300.0 mm" in html
+
+
+def test_a_model_is_drawn_with_its_doubts():
+    doubts = tuple(strand.Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
+    chains = (circle(0.05, 40, True), circle(0.03, 40, False))
+    html = strand.Model(chains, np.eye(4)[None], doubts=doubts, confidence=0.5)._repr_html_()
+    assert len(svg_of(html).findall("polyline")) == 2
+    assert len(svg_of(html).findall("circle")) == 7
+    assert "<script" not in html
+    assert html.count("&lt;script") == 10
+    assert "and 2 more doubts" in html
+    assert "confidence: 0.50" in html
+
+
+@pytest.mark.parametrize(
+    "chains",
+    [
+        (),
+        (strand.Chain([[0.0, 0, 0], [1e-9, 0, 0]], 1e-3),),
+        (strand.Chain([[-1e75, 0, 0], [1e75, 0, 0]], 1e-3),),
+        (strand.Chain(np.random.default_rng(0).normal(size=(50_000, 3)), 1e-3),),
+        (circle(0.05, 40, True),) * 100,
+    ],
+)
+def test_odd_models_are_shown_too(chains):
+    html = strand.Model(chains, np.empty((0, 4, 4)))._repr_html_()
+    assert len(html) < 60_000
+    assert "nan" not in html
+    assert ("<svg" in html) == bool(chains)

@@ -1,0 +1,270 @@
+"""The page about a reconstruction: what is in it, and that a browser draws it without asking for anything."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import io
+import json
+import re
+import sys
+import time
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from browser import chromium
+from drawn import circle
+from PIL import Image
+
+import strand
+from strand.figures import write_report
+from strand.report import page, space
+
+LIMIT = 5_000_000  # bytes
+ATTACK = "<script>alert('a')</script><img src=x onerror=alert(1)>&amp;\"'"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with chromium(tmp_path_factory.mktemp("chromium")) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def report(paper, paper_model, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    given = {"radius": "4.20 mm", "scene": ATTACK}
+    write_report(paper_model, paper.views, path, title=f"paper {ATTACK}", given=given, truth=paper.truth)
+    return path
+
+
+def figure_of(path):
+    text = path.read_text("utf-8")
+    return json.loads(re.search(r'<script type="application/json" id="figure">(.*?)</script>', text).group(1))
+
+
+def unpacked(entry):
+    values = np.frombuffer(base64.b64decode(entry["bdata"]), dtype=entry["dtype"])
+    return values.reshape([int(n) for n in entry["shape"].split(",")]) if "shape" in entry else values
+
+
+def coloured(png, box):
+    """How many pixels in a part of a picture have a colour."""
+    left, top, right, bottom = (int(x) for x in box)
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)[top:bottom, left:right]
+    return int((np.ptp(pixels, axis=2) > 60).sum())
+
+
+def settled(browser, before=None):
+    """A picture once the browser shows something else than before."""
+    end = time.monotonic() + 30
+    while (picture := browser.screenshot()) == before:
+        assert time.monotonic() < end, "nothing changed"
+        time.sleep(0.2)
+    return picture
+
+
+def press(browser, label):
+    return browser.value(
+        "[...document.querySelectorAll('.updatemenu-button')].find(b => b.textContent === "
+        f"{json.dumps(label)}).dispatchEvent(new MouseEvent('click'))"
+    )
+
+
+def test_a_browser_draws_it_and_asks_for_nothing(browser, report):
+    browser.events.clear()
+    browser.open(report)
+    box = browser.value(
+        "(() => {const b = document.querySelector('#space canvas').getBoundingClientRect();"
+        "return [b.left, b.top, b.right, b.bottom]})()"
+    )
+    before = browser.screenshot()
+    assert coloured(before, box) > 1000
+    images = "[...document.querySelectorAll('.views svg image')].map(i => i.getBoundingClientRect().width)"
+    assert min(browser.value(images)) > 100
+
+    # the buttons
+    about = "document.getElementById('space')"
+    shown = f"{about}.data.filter(t => t.legendgroup === 'cameras').map(t => t.visible)"
+    title = f"{about}.layout.coloraxis.colorbar.title.text"
+    assert browser.value(shown) == ["legendonly", "legendonly"]
+    assert browser.value(title) == "arc length / mm"
+    press(browser, "ropes and cameras")
+    press(browser, "standard deviation")
+    press(browser, "no points")
+    settled(browser, before)
+    assert browser.value(shown) == [True, True]
+    assert browser.value(title) == "standard deviation / mm"
+    assert browser.value(f"{about}.data.slice(0, 7).map(t => t.visible)") == ["legendonly"] * 7
+
+    # the pictures in the page are all that is not the page
+    asked = [url for url in browser.asked_for() if not url.startswith(("data:image/jpeg", "blob:"))]
+    assert asked == [report.as_uri()]
+    assert browser.said() == []
+
+
+def test_nothing_in_it_is_code_or_a_link(report):
+    text = report.read_text("utf-8")
+    assert ATTACK not in text
+    assert "<script>alert" not in text
+    assert "onerror=alert(1)>" not in text
+    outside = re.sub(r'<script type="application/octet-stream" id="plotly">.*?</script>', "", text)
+    assert re.findall(r"https?://[^\"' <]+", outside) == []
+    assert re.findall(r"<(?:link|iframe|object|embed|base)\b", outside) == []
+    assert "default-src 'none'" in text
+
+
+def test_what_a_model_says_is_no_code(browser, paper, paper_model, tmp_path):
+    doubts = (strand.Doubt("join", 0.3, ATTACK, "</script><b>" + ATTACK, paper_model.chains[0].points[9]),)
+    warnings = (strand.ModelWarning("branch", ATTACK),)
+    model = dataclasses.replace(paper_model, doubts=doubts, warnings=warnings, stages={})
+    write_report(model, paper.views, tmp_path / "a.html")
+    browser.events.clear()
+    browser.open(tmp_path / "a.html")
+    assert browser.said() == []
+    assert browser.value("document.querySelectorAll('script').length") == 4  # three of its own, and plotly
+    assert browser.value("document.querySelectorAll('img').length") == 0
+    assert ATTACK in browser.value("document.body.innerText")
+    (doubt,) = [trace for trace in figure_of(tmp_path / "a.html")["data"] if trace["name"] == "doubt"]
+    assert "<script" not in doubt["text"][0]
+
+
+def test_it_shows_chains_points_doubts_and_cameras_where_they_are(paper_model, report):
+    figure = figure_of(report)
+    traces = {trace["name"]: trace for trace in figure["data"]}
+    (chain,) = paper_model.chains
+    drawn = next(t for t in figure["data"] if "customdata" in t)
+    x = unpacked(drawn["x"])
+    assert len(x) == len(chain.points) + 1
+    seen = np.isfinite(x[:-1])
+    assert seen.sum() > 0.9 * len(chain.points)
+    np.testing.assert_allclose(x[:-1][seen], 1e3 * chain.points[seen, 0], rtol=1e-5, atol=1e-3)
+    about = unpacked(drawn["customdata"])[:-1]
+    np.testing.assert_allclose(about[:, 1], 1e3 * chain.arc_length, rtol=1e-5, atol=1e-3)
+    np.testing.assert_allclose(about[:, 2], 1e3 * space.deviations(chain), rtol=1e-5)
+    assert f"chain 1: {chain.length * 1e3:.0f} mm" in traces
+    clouds = paper_model.stages["registered"]
+    for i, cloud in enumerate(clouds, 1):
+        assert len(unpacked(traces[f"view {i}: {len(cloud):,} points"]["y"])) == len(cloud)
+    with_place = [d for d in paper_model.doubts if d.place is not None]
+    assert len(traces.get("doubts: " + str(len(with_place)), {"text": []})["text"]) == len(with_place)
+    assert len(unpacked(traces["ends: 2"]["z"])) == 2
+    assert len(unpacked(traces["cameras"]["x"])) == 7 * (6 + 4 * 3)
+    (x, y, z) = (unpacked(traces["next view"][axis])[0] for axis in "xyz")
+    np.testing.assert_allclose([x, y, z], 1e3 * paper_model.next_view(), rtol=1e-5)
+    assert figure["layout"]["scene"]["aspectmode"] == "manual"
+
+
+def test_plotly_knows_every_property(report):
+    figure = figure_of(report)
+    assert len(go.Figure(figure).data) == len(figure["data"])
+
+
+def test_its_tables_say_what_the_model_says(paper, paper_model, report):
+    text = report.read_text("utf-8")
+    (chain,) = paper_model.chains
+    assert f"<td>{chain.length * 1e3:.1f}</td>" in text
+    assert f"1 chain ({chain.length * 1e3:.0f} mm)" in text
+    assert "whole" not in re.sub(r"<script.*", "", text, flags=re.DOTALL)
+    assert f"confidence {paper_model.confidence:.2f}" in text
+    for name in paper_model.timings:
+        assert f"<td>{name}</td>" in text
+    for doubt in paper_model.doubts:
+        assert doubt.reason in text
+    assert text.count("<td>depth image, 320 x 240</td>") == len(paper.views)
+    assert "<td>4.20 mm</td>" in text
+    amounts = [float(x) for x in re.findall(r"<td>doubt</td><td>[^<]*</td><td>([\d.]+)</td>", text)]
+    assert amounts == sorted(amounts, reverse=True)
+
+
+def large():
+    """More of everything than a page holds."""
+    rng = np.random.default_rng(0)
+    count, side = 20, 500
+    intrinsics = np.array([[400.0, 0, side / 2], [0, 400.0, side / 2], [0, 0, 1]])
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, 0, 3] = np.linspace(-0.1, 0.1, count)
+    depth = rng.uniform(0.1, 5.0, (side, side))
+    views = [strand.View.from_depth(depth, intrinsics, pose) for pose in poses]
+    steps = np.cumsum(rng.normal(scale=2e-3, size=(220, 300, 3)), axis=1) * [1, 1, 0.2] + [0, 0, 0.5]
+    covariance = np.tile(np.eye(3) * 1e-6, (300, 1, 1))
+    seen = rng.integers(0, 2, 300)
+    chains = tuple(strand.Chain(line, 1e-5, False, None, covariance, seen, seen) for line in steps)
+    doubts = tuple(strand.Doubt("join", 1.0, "w" * 3000, "<" * 3000, line[0]) for line in steps) * 5
+    warnings = tuple(strand.ModelWarning("branch", "&" * 10_000) for _ in range(2000))
+    joins = tuple(strand.Join(line[1], (0,), 1.0) for line in steps) * 5
+    return strand.Model(chains, poses, {}, warnings, doubts=doubts, joins=joins), views
+
+
+def test_it_is_small_whatever_there_is(tmp_path):
+    model, views = large()
+    write_report(model, views, tmp_path / "a.html", title="t" * 10_000)
+    assert (tmp_path / "a.html").stat().st_size < LIMIT
+    figure = figure_of(tmp_path / "a.html")
+    points = sum(len(unpacked(t["x"])) for t in figure["data"] if t["name"].startswith("view"))
+    assert 0.9 * space.MAX_POINTS < points <= space.MAX_POINTS
+    assert "16 of 20 views are shown. The 50 longest of 220 chains are drawn." in (
+        tmp_path / "a.html"
+    ).read_text("utf-8")
+
+
+@pytest.mark.parametrize("chains", [(), (circle(0.05, 40, True),), (circle(0.05, 40, False),) * 3])
+def test_views_of_points_and_odd_models(browser, tmp_path, chains):
+    rng = np.random.default_rng(0)
+    cloud = rng.normal(scale=0.05, size=(500, 3)) * [1, 1, 0.1]
+    views = [
+        strand.View.from_world(cloud, [0.0, 0.0, 0.5]),
+        strand.View(np.empty((0, 3))),
+        strand.View.from_depth(np.zeros((4, 6)), np.diag([5.0, 5.0, 1.0])),
+    ]
+    model = strand.Model(chains, np.array([view.pose for view in views]))
+    write_report(model, views, tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text("utf-8")
+    assert f"{len(chains)} {'chain' if len(chains) == 1 else 'chains'}" in text
+    assert "view 1, made of its points" in text
+    if not chains:
+        browser.events.clear()
+        browser.open(tmp_path / "a.html")
+        assert browser.said() == []
+
+
+def test_scenes_far_from_the_origin_keep_their_shape(tmp_path):
+    far = np.array([4000.0, -7000.0, 100.0])
+    chain = strand.Chain(circle(0.05, 40, False).points + far, 0.004)
+    views = [strand.View.from_world(chain.points, far + np.array([0.0, 0.0, 0.5]))]
+    model = strand.Model((chain,), views[0].pose[None])
+    write_report(model, views, tmp_path / "a.html")
+    figure = figure_of(tmp_path / "a.html")
+    drawn = next(t for t in figure["data"] if "customdata" in t)
+    np.testing.assert_allclose(unpacked(drawn["x"])[:-1], 1e3 * (chain.points[:, 0] - 4000.0), atol=1e-3)
+    assert figure["layout"]["scene"]["xaxis"]["title"]["text"] == "(x − 4000 m) / mm"
+
+
+def test_wrong_arguments_name_themselves(paper, paper_model, tmp_path):
+    with pytest.raises(ValueError, match="views: expected the 7 that the model was made from, got 6"):
+        write_report(paper_model, paper.views[:6], tmp_path / "a.html")
+    with pytest.raises(TypeError, match="views"):
+        write_report(paper_model, [1], tmp_path / "a.html")
+    with pytest.raises(ValueError, match=r"truth\[0\]"):
+        write_report(paper_model, paper.views, tmp_path / "a.html", truth=[np.zeros((3, 2))])
+    with pytest.raises(FileNotFoundError):
+        write_report(paper_model, paper.views, tmp_path / "no" / "a.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_the_missing_package(paper, paper_model, tmp_path, monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "plotly"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(ImportError, match=r'plotly is needed here: pip install "\.\[report\]"'):
+        write_report(paper_model, paper.views, tmp_path / "a.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_page_that_was_there_stays_if_anything_fails(paper, paper_model, tmp_path, monkeypatch):
+    (tmp_path / "a.html").write_text("mine")
+    monkeypatch.setattr(page, "_stages", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_report(paper_model, paper.views, tmp_path / "a.html")
+    assert (tmp_path / "a.html").read_text() == "mine"
