@@ -353,9 +353,12 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        # the arrays between the stages are large and stay out
-        content = plain(replace(self, stages={}))
-        del content["stages"]
-        write_json(
-            path, {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}
-        )
+        write_json(path, content(self))
+
+
+def content(model: Model) -> dict[str, Any]:
+    """Return what a model's file says, in JSON's types."""
+    # the arrays between the stages are large and stay out
+    said = plain(replace(model, stages={}))
+    del said["stages"]
+    return {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **said}

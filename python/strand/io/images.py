@@ -20,12 +20,18 @@ COLOUR_FORMATS = ("PNG", "JPEG", "BMP", "PPM")
 
 def read_depth_png(path: Path, budget: Budget) -> NDArray[Any]:
     """(H, W) uint16 of a single-channel 16-bit PNG."""
-    return _single_channel(path, budget, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
+    return decode_depth_png(path, budget.read(path), budget)
+
+
+def decode_depth_png(file: str | Path, data: bytes, budget: Budget) -> NDArray[Any]:
+    """(H, W) uint16 of the bytes of a single-channel 16-bit PNG; errors name the file."""
+    return _single_channel(file, data, budget, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
 
 
 def read_mask_png(path: Path, budget: Budget) -> NDArray[Any]:
     """(H, W) Labels of a single-channel PNG of 1, 8 or 16 bits, 0 for no rope."""
-    return _single_channel(path, budget, (1, 8, 16), "single-channel mask PNG of 1, 8 or 16 bits")
+    data = budget.read(path)
+    return _single_channel(path, data, budget, (1, 8, 16), "single-channel mask PNG of 1, 8 or 16 bits")
 
 
 def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
@@ -37,9 +43,10 @@ def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
     return np.asarray(colours, dtype=np.uint8)
 
 
-def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expected: str) -> NDArray[Any]:
+def _single_channel(
+    path: str | Path, data: bytes, budget: Budget, depths: tuple[int, ...], expected: str
+) -> NDArray[Any]:
     """(H, W) of a grey PNG with one of some numbers of bits for each pixel."""
-    data = budget.read(path)
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR" or len(data) < 26:
         raise FileFormatError(path, "truncated, or not a PNG file")
     # Pillow shortens some 16-bit images to 8 bits without saying so, hence the look at the header
@@ -56,7 +63,7 @@ def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expecte
 
 
 def _decoded(
-    path: Path, budget: Budget, data: bytes, formats: tuple[str, ...], expected: str, mode: str | None
+    path: str | Path, budget: Budget, data: bytes, formats: tuple[str, ...], expected: str, mode: str | None
 ) -> NDArray[Any]:
     """Pixels of an image, in a mode of Pillow's or as they are; its size is asked before they are decoded."""
     pillow = extra("PIL.Image")
