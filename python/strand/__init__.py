@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import config, synthetic
+from strand import config, msgs, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -23,6 +23,7 @@ from strand.chain import Chain
 from strand.config import Config
 from strand.files import FileFormatError
 from strand.io.models import load
+from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
 from strand.model import Alternative, Doubt, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
@@ -44,6 +45,7 @@ __all__ = [
     "Model",
     "ModelWarning",
     "NotEnoughDataError",
+    "Recording",
     "Sensor",
     "StrandError",
     "TubeFit",
@@ -58,6 +60,7 @@ __all__ = [
     "icp",
     "load",
     "load_scene",
+    "msgs",
     "num_threads",
     "pose_from_angles",
     "radius_outlier_mask",
