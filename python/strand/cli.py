@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.util import find_spec
 from io import TextIOWrapper
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import strand
 from strand import config
-from strand.files import extra, require_writable
+from strand.checks import Array, Bounds
+from strand.files import extra, replacing, require_writable
 from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
+from strand.io.recordings import Frame, is_recording
+from strand.io.recordings.recording import TOLERANCE
 from strand.io.scenes import load_scene
+from strand.model import content
 from strand.report import figures, tables
+
+_OF_RECORDINGS = ("topic", "frame", "every", "world", "tolerance", "depth_scale", "ignore_distortion")
 
 EXIT_CODES = """\
 exit codes:
@@ -136,15 +144,23 @@ def _parser() -> argparse.ArgumentParser:
     reconstruct = commands.add_parser(
         "reconstruct",
         help="ropes of a recorded scene",
-        description="Reconstruct the ropes of a scene.",
+        description="Reconstruct the ropes of a scene, or of frames of a recording.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     reconstruct.add_argument(
-        "scene", type=_path, metavar="SCENE", help="a folder with a scene.toml, or an .npz file"
+        "scene",
+        type=_path,
+        metavar="SCENE",
+        help="a folder with a scene.toml, an .npz file, or a recording: a .bag, .mcap or .db3 file, or the "
+        "folder of a ROS 2 bag",
     )
     reconstruct.add_argument(
-        "-o", "--out", type=_path, required=True, metavar="MODEL", help="the JSON file to write"
+        "-o",
+        "--out",
+        type=_path,
+        metavar="MODEL",
+        help="the JSON file to write; with --every, one line of JSON for each frame (default: none)",
     )
     reconstruct.add_argument(
         "--radius",
@@ -199,10 +215,46 @@ def _parser() -> argparse.ArgumentParser:
         help="leave out what an answer can do without after this time (default: never)",
     )
     reconstruct.add_argument("--figures", type=_path, metavar="DIR", help="draw every stage into this folder")
+    _add_recording_options(reconstruct.add_argument_group("recordings"))
     # lengths such as -4mm are values, not options
     reconstruct._negative_number_matcher = re.compile(r"^-\.?\d")
     reconstruct.set_defaults(run=_reconstruct)
     return parser
+
+
+def _add_recording_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--topic",
+        nargs="+",
+        metavar="TOPIC",
+        help="topics with depth, one a camera; * stands for any text (default: the only one with depth)",
+    )
+    group.add_argument(
+        "--frame", type=int, metavar="N", help="which frame, or the first of several, from 0 (default: 0)"
+    )
+    group.add_argument(
+        "--every", type=int, metavar="N", help="this frame and every Nth after it (default: one frame)"
+    )
+    group.add_argument(
+        "--world",
+        metavar="FRAME",
+        help="the TF frame that is the world frame (default: the frame of the only camera)",
+    )
+    group.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="SECONDS",
+        help=f"how far apart in time the cameras' images may be (default: {TOLERANCE})",
+    )
+    group.add_argument(
+        "--depth-scale",
+        type=float,
+        metavar="METRES",
+        help="a unit of depth images of 16 bits (default: what the recording says, else 0.001)",
+    )
+    group.add_argument(
+        "--ignore-distortion", action="store_true", help="take images of lenses that distort as they are"
+    )
 
 
 def _demo(options: argparse.Namespace) -> None:
@@ -236,44 +288,118 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
+    if is_recording(options.scene):
+        _reconstruct_recording(options)
+        return
+    for option in _OF_RECORDINGS:
+        if (given := vars(options)[option]) is not None and given is not False:
+            raise ValueError(
+                f"--{option.replace('_', '-')}: for recordings only, and {options.scene} is none"
+            )
     recorded = load_scene(options.scene, options.mask, max_bytes=options.max_bytes, outside=options.outside)
-    read = recorded.files if options.config is None else (*recorded.files, options.config)
-    _keep_input(read, options.out, options.figures)
-    require_writable(options.out)
-    bounds = recorded.bounds
+    _check_outputs(options, recorded.files)
+    known = _known(options, recorded.radius, recorded.bounds)
+    _reconstruct_once(options, recorded.views, known, recorded.truth)
+
+
+def _reconstruct_recording(options: argparse.Namespace) -> None:
+    if options.mask is not None:
+        raise ValueError("--mask: for scenes only; a recording has one image after the other")
+    with strand.Recording(
+        options.scene,
+        options.topic,
+        world=options.world,
+        tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+        depth_scale=options.depth_scale,
+        ignore_distortion=options.ignore_distortion,
+        max_bytes=options.max_bytes,
+    ) as recording:
+        _check_outputs(options, recording.files)
+        known = _known(options)
+        start = options.frame or 0
+        if options.every is not None:
+            _reconstruct_frames(options, recording.read(start, None, options.every), known)
+            return
+        frame = next(recording.read(start, start + 1), None)
+        if frame is None:
+            raise ValueError(f"--frame: expected less than the recording's {len(recording)}, got {start}")
+        _reconstruct_once(options, frame.views, known)
+
+
+def _reconstruct_frames(options: argparse.Namespace, frames: Iterator[Frame], known: dict[str, Any]) -> None:
+    """Print a line for each frame, and write one with its model, or with why there is none."""
+    if options.figures is not None:
+        raise ValueError("--figures: of one frame only, and --every asks for several")
+    previous, count = None, 0
+    with nullcontext() if options.out is None else replacing(options.out) as file:
+        for frame in frames:
+            count += 1
+            said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+            try:
+                previous = strand.reconstruct(frame.views, **known, previous=previous)
+            except strand.NotEnoughDataError as error:
+                said["error"] = shown = str(error)
+            else:
+                _warn(previous, f"frame {frame.number}: ")
+                said["model"] = content(previous)
+                shown = tables.describe_frame(previous)
+            print(f"frame {frame.number} at {frame.time:.3f} s: {shown}", flush=True)
+            if file is not None:
+                file.write(json.dumps(said, allow_nan=False).encode() + b"\n")
+        if previous is None:
+            raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
+    if options.out is not None:
+        print(options.out)
+
+
+def _known(
+    options: argparse.Namespace, radius: float | None = None, bounds: Bounds | None = None
+) -> dict[str, Any]:
+    """Arguments of a reconstruction: what the command line says, or else the scene."""
     if options.bounds is not None:
         bounds = np.array(options.bounds[:3]), np.array(options.bounds[3:])
-    radius = recorded.radius if options.radius is None else options.radius
-    length = options.length[0] if options.length and len(options.length) == 1 else options.length
-    settings = strand.Config() if options.config is None else config.load(options.config)
-    stages = set(tables.STAGE_ARRAYS[settings.method])
-    if radius is not None:
+    return {
+        "radius": radius if options.radius is None else options.radius,
+        "bounds": bounds,
+        "ropes": options.ropes,
+        "length": options.length[0] if options.length and len(options.length) == 1 else options.length,
+        "config": strand.Config() if options.config is None else config.load(options.config),
+        "deadline": options.deadline,
+    }
+
+
+def _reconstruct_once(
+    options: argparse.Namespace,
+    views: Sequence[strand.View],
+    known: dict[str, Any],
+    truth: Sequence[Array] = (),
+) -> None:
+    stages = set(tables.STAGE_ARRAYS[known["config"].method])
+    if known["radius"] is not None:
         stages.discard("radius")
     with _progress(len(stages)) as progress:
-        model = strand.reconstruct(
-            recorded.views,
-            radius=radius,
-            bounds=bounds,
-            ropes=options.ropes,
-            length=length,
-            config=settings,
-            keep_stages=options.figures is not None,
-            progress=progress,
-            deadline=options.deadline,
-        )
+        model = strand.reconstruct(views, **known, keep_stages=options.figures is not None, progress=progress)
     _warn(model)
-    if radius is None and model.chains:
+    if known["radius"] is None and model.chains:
         print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the points", end="\n\n")
     print(tables.describe_chains(model), end="\n\n")
     print(tables.describe_timings(model), end="\n\n")
-    model.save(options.out)
-    print(options.out)
+    if options.out is not None:
+        model.save(options.out)
+        print(options.out)
     if options.figures is not None:
-        for path in figures.write_figures(model, options.figures, recorded.truth):
+        for path in figures.write_figures(model, options.figures, truth):
             print(path)
 
 
-def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
+def _check_outputs(options: argparse.Namespace, files: Sequence[Path]) -> None:
+    """Refuse what cannot be written, before there is anything to write."""
+    _keep_input(files if options.config is None else (*files, options.config), options.out, options.figures)
+    if options.out is not None:
+        require_writable(options.out)
+
+
+def _keep_input(read: Sequence[Path], out: Path | None, drawn: Path | None) -> None:
     """Refuse to write the model, or a figure, over a file that was read.
 
     Raises
@@ -282,7 +408,7 @@ def _keep_input(read: Sequence[Path], out: Path, drawn: Path | None) -> None:
         If it would.
     """
     kept = {os.path.realpath(path) for path in read}
-    written = {"--out": [out]}
+    written = {} if out is None else {"--out": [out]}
     if drawn is not None and drawn.is_dir():
         written["--figures"] = list(drawn.glob("[0-9]-*.png"))
     for option, paths in written.items():
@@ -318,9 +444,9 @@ def _progress(stages: int) -> Iterator[Callable[[str], None]]:
         yield lambda stage: display.update(task, description=stage, advance=1)
 
 
-def _warn(model: strand.Model) -> None:
+def _warn(model: strand.Model, about: str = "") -> None:
     for warning in model.warnings:
-        _say(f"strand: warning: {warning}")
+        _say(f"strand: warning: {about}{warning}")
 
 
 def _fail(error: object, code: int) -> int:
