@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import config, figures, synthetic
+from strand import config, figures, msgs, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -26,6 +26,7 @@ from strand.files import FileFormatError
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.finding.strips import LeftOut
 from strand.io.models import load
+from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
 from strand.model import Alternative, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
@@ -50,6 +51,7 @@ __all__ = [
     "ModelWarning",
     "NoRopeError",
     "NotEnoughDataError",
+    "Recording",
     "Sensor",
     "StrandError",
     "TubeFit",
@@ -66,6 +68,7 @@ __all__ = [
     "icp",
     "load",
     "load_scene",
+    "msgs",
     "num_threads",
     "pose_from_angles",
     "radius_outlier_mask",

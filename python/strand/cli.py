@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.util import find_spec
 from io import TextIOWrapper
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import strand
 from strand import config
 from strand.checks import Array, Bounds
-from strand.files import extra, require_writable
+from strand.files import extra, replacing, require_writable
 from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
 from strand.io.export import format_of
 from strand.io.intrinsics import read_intrinsics
+from strand.io.recordings import Frame, Recording, is_recording
+from strand.io.recordings.recording import TOLERANCE
 from strand.io.scenes import Scene, load_scene
+from strand.model import content
 from strand.report import figures, page, rerun_view, tables
+
+_OF_RECORDINGS = ("topic", "frame", "every", "world", "tolerance", "ignore_distortion")
+_OF_FILES = ("viewpoint", "camera_frame", "intrinsics", "mask")
 
 EXIT_CODES = """\
 exit codes:
@@ -148,14 +156,20 @@ def _parser() -> argparse.ArgumentParser:
         "-o",
         "--out",
         type=_path,
-        required=True,
         metavar="MODEL",
-        help="the file to write: .json, .csv (a row for each node) or .ply (a polyline for each rope)",
+        help="the file to write: .json, .csv (a row for each node) or .ply (a polyline for each rope); with "
+        "--every, one line of JSON for each frame (default: none)",
     )
     reconstruct.add_argument(
         "--tube", type=_path, metavar="MESH", help="also write the ropes' surface to this .ply file"
     )
     _add_known(reconstruct)
+    reconstruct.add_argument(
+        "--every",
+        type=int,
+        metavar="N",
+        help="of a recording --frame and every Nth after it (default: one frame)",
+    )
     reconstruct.add_argument("--figures", type=_path, metavar="DIR", help="draw every stage into this folder")
     reconstruct.set_defaults(run=_reconstruct)
 
@@ -196,8 +210,9 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
         type=_path,
         nargs="+",
         metavar="SCENE",
-        help="a folder with a scene.toml, an .npz file, or a single file of one view: points "
-        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy)",
+        help="a folder with a scene.toml, an .npz file, a single file of one view: points "
+        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy); or a recording: a .bag, "
+        ".mcap or .db3 file, or the folder of a ROS 2 bag",
     )
     command.add_argument(
         "--viewpoint",
@@ -220,7 +235,35 @@ def _add_scene(command: argparse.ArgumentParser) -> None:
         "--depth-scale",
         type=float,
         metavar="METRES",
-        help="what a unit of a single depth image is, such as 0.001 (default: floats are metres)",
+        help="what a unit of a single depth image or a recording's is, such as 0.001 (default: floats are "
+        "metres, and a recording's whole numbers what it says, else 0.001)",
+    )
+    _add_recording_options(command.add_argument_group("recordings"))
+
+
+def _add_recording_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--topic",
+        nargs="+",
+        metavar="TOPIC",
+        help="topics with depth, one a camera; * stands for any text (default: the only one with depth)",
+    )
+    group.add_argument(
+        "--frame", type=int, metavar="N", help="which frame, or the first of several, from 0 (default: 0)"
+    )
+    group.add_argument(
+        "--world",
+        metavar="FRAME",
+        help="the TF frame that is the world frame (default: the frame of the only camera)",
+    )
+    group.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="SECONDS",
+        help=f"how far apart in time the cameras' images may be (default: {TOLERANCE})",
+    )
+    group.add_argument(
+        "--ignore-distortion", action="store_true", help="take images of lenses that distort as they are"
     )
 
 
@@ -311,30 +354,73 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
+    if options.every is not None:
+        with _recording(options) as recording:
+            _check_outputs(options, recording.files)
+            _reconstruct_frames(options, recording.read(options.frame or 0, None, options.every))
+        return
     recorded = _load(options)
-    outputs = {"--out": options.out, "--tube": options.tube}
-    _keep_input(_read(options, recorded), outputs, options.figures)
-    if options.tube is not None and os.path.realpath(options.tube) == os.path.realpath(options.out):
-        raise ValueError(f"--tube: {options.tube} is what --out writes")
-    for path in outputs.values():
-        if path is not None:
-            require_writable(path)
-    format_of(options.out)
-    if options.tube is not None:
-        format_of(options.tube, ("ply",))
+    _check_outputs(options, _read(options, recorded))
     model = _solve(options, recorded, keep_stages=options.figures is not None)
     if _radius(options, recorded) is None and model.chains:
-        print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the points", end="\n\n")
+        print(
+            f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
+        )
     print(tables.describe_chains(model), end="\n\n")
     print(tables.describe_timings(model), end="\n\n")
-    model.save(options.out)
-    print(options.out)
+    if options.out is not None:
+        model.save(options.out)
+        print(options.out)
     if options.tube is not None:
         model.save_tube(options.tube)
         print(options.tube)
     if options.figures is not None:
         for path in figures.write_figures(model, options.figures, recorded.truth):
             print(path)
+
+
+def _check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
+    """Refuse what cannot be written, before there is anything to write."""
+    outputs = {"--out": options.out, "--tube": options.tube}
+    _keep_input(read, outputs, options.figures)
+    given = [path for path in outputs.values() if path is not None]
+    if len({os.path.realpath(path) for path in given}) < len(given):
+        raise ValueError(f"--tube: {options.tube} is what --out writes")
+    for path in given:
+        require_writable(path)
+    if options.out is not None and options.every is None:
+        format_of(options.out)
+    if options.tube is not None:
+        format_of(options.tube, ("ply",))
+    if options.every is not None:
+        for option in ("tube", "figures"):
+            if vars(options)[option] is not None:
+                raise ValueError(f"--{option}: of one frame only, and --every asks for several")
+
+
+def _reconstruct_frames(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
+    """Print a line for each frame, and write one with its model, or with why there is none."""
+    known = _known(options)
+    previous, count = None, 0
+    with nullcontext() if options.out is None else replacing(options.out) as file:
+        for frame in frames:
+            count += 1
+            said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+            try:
+                previous = strand.reconstruct(frame.views, **known, previous=previous)
+            except strand.NotEnoughDataError as error:
+                said["error"] = shown = str(error)
+            else:
+                _warn(previous, f"frame {frame.number}: ")
+                said["model"] = content(previous)
+                shown = tables.describe_frame(previous)
+            print(f"frame {frame.number} at {frame.time:.3f} s: {shown}", flush=True)
+            if file is not None:
+                file.write(json.dumps(said, allow_nan=False).encode() + b"\n")
+        if previous is None:
+            raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
+    if options.out is not None:
+        print(options.out)
 
 
 def _report(options: argparse.Namespace) -> None:
@@ -365,13 +451,20 @@ def _view(options: argparse.Namespace) -> None:
 
 
 def _load(options: argparse.Namespace) -> Scene:
-    if len(options.scene) > 1:
-        raise ValueError(
-            f"SCENE: expected one, got {len(options.scene)}; files of several views need a pose each, which "
-            "the scene.toml of a folder says"
-        )
+    """Read a scene, or one frame of a recording."""
+    path = _only(options.scene)
+    if is_recording(path):
+        with _recording(options) as recording:
+            number = options.frame or 0
+            frame = next(recording.read(number, number + 1), None)
+            if frame is None:
+                raise ValueError(
+                    f"--frame: expected less than the recording's {len(recording)}, got {number}"
+                )
+            return Scene(path.name, frame.views, None, None, files=recording.files)
+    _refuse(options, _OF_RECORDINGS, f"for recordings only, and {path} is none")
     return load_scene(
-        options.scene[0],
+        path,
         options.mask,
         viewpoint=options.viewpoint,
         camera_frame=options.camera_frame,
@@ -380,6 +473,39 @@ def _load(options: argparse.Namespace) -> Scene:
         max_bytes=options.max_bytes,
         outside=options.outside,
     )
+
+
+def _recording(options: argparse.Namespace) -> Recording:
+    """Open a recording."""
+    path = _only(options.scene)
+    if not is_recording(path):
+        _refuse(options, _OF_RECORDINGS, f"for recordings only, and {path} is none")
+    _refuse(options, _OF_FILES, "for scenes only; a recording has its own")
+    return Recording(
+        path,
+        options.topic,
+        world=options.world,
+        tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+        depth_scale=options.depth_scale,
+        ignore_distortion=options.ignore_distortion,
+        max_bytes=options.max_bytes,
+    )
+
+
+def _only(scenes: Sequence[Path]) -> Path:
+    if len(scenes) > 1:
+        raise ValueError(
+            f"SCENE: expected one, got {len(scenes)}; files of several views need a pose each, which "
+            "the scene.toml of a folder says"
+        )
+    return scenes[0]
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    """Refuse options that are not for what was given."""
+    for name in names:
+        if (given := vars(options).get(name)) is not None and given is not False:
+            raise ValueError(f"--{name.replace('_', '-')}: {why}")
 
 
 def _read(options: argparse.Namespace, recorded: Scene) -> tuple[Path, ...]:
@@ -391,32 +517,32 @@ def _radius(options: argparse.Namespace, recorded: Scene) -> float | None:
     return recorded.radius if options.radius is None else options.radius
 
 
-def _bounds(options: argparse.Namespace, recorded: Scene) -> Bounds | None:
+def _bounds(options: argparse.Namespace, recorded: Scene | None) -> Bounds | None:
     if options.bounds is None:
-        return recorded.bounds
+        return None if recorded is None else recorded.bounds
     return np.array(options.bounds[:3]), np.array(options.bounds[3:])
+
+
+def _known(options: argparse.Namespace, recorded: Scene | None = None) -> dict[str, Any]:
+    """Arguments of a reconstruction: what the command line says, or else the scene."""
+    return {
+        "radius": options.radius if recorded is None else _radius(options, recorded),
+        "bounds": _bounds(options, recorded),
+        "ropes": options.ropes,
+        "length": options.length[0] if options.length and len(options.length) == 1 else options.length,
+        "config": strand.Config() if options.config is None else config.load(options.config),
+        "deadline": options.deadline,
+    }
 
 
 def _solve(options: argparse.Namespace, recorded: Scene, keep_stages: bool) -> strand.Model:
     """Reconstruct a scene's ropes; say what is at work, and what is to be warned of."""
-    radius = _radius(options, recorded)
-    length = options.length[0] if options.length and len(options.length) == 1 else options.length
-    settings = strand.Config() if options.config is None else config.load(options.config)
-    stages = set(tables.STAGE_ARRAYS[settings.method])
-    if radius is not None:
+    known = _known(options, recorded)
+    stages = set(tables.STAGE_ARRAYS[known["config"].method])
+    if known["radius"] is not None:
         stages.discard("radius")
     with _progress(len(stages)) as progress:
-        model = strand.reconstruct(
-            recorded.views,
-            radius=radius,
-            bounds=_bounds(options, recorded),
-            ropes=options.ropes,
-            length=length,
-            config=settings,
-            keep_stages=keep_stages,
-            progress=progress,
-            deadline=options.deadline,
-        )
+        model = strand.reconstruct(recorded.views, **known, keep_stages=keep_stages, progress=progress)
     _warn(model)
     return model
 
@@ -510,9 +636,9 @@ def _progress(stages: int) -> Iterator[Callable[[str], None]]:
         yield lambda stage: display.update(task, description=stage, advance=1)
 
 
-def _warn(model: strand.Model) -> None:
+def _warn(model: strand.Model, about: str = "") -> None:
     for warning in model.warnings:
-        _say(f"strand: warning: {warning}")
+        _say(f"strand: warning: {about}{warning}")
 
 
 def _fail(error: object, code: int) -> int:

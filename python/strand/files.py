@@ -13,6 +13,7 @@ import reprlib
 import secrets
 import stat
 import sys
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -24,6 +25,13 @@ from strand._core import StrandError
 JSON_BYTES = 1 << 26  # a model of a rope takes 0.2 MB
 TOML_BYTES = 1 << 20  # descriptions and configurations are written by hand
 
+_EXTRAS = {
+    "rosbags": "recordings",
+    "lz4": "recordings",
+    "apsw": "recordings",
+    "plotly": "report",
+    "rerun": "rerun",
+}
 _REASON = 400  # characters; what a file says may be in it, at any length
 # tomllib takes time and memory with the square of a key's parts
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
@@ -86,8 +94,8 @@ def extra(module: str) -> Any:
     except ImportError as error:
         name = module.split(".")[0]
         package = {"PIL": "pillow", "rerun": "rerun-sdk"}.get(name, name)
-        wanted = {"plotly": "report", "rerun": "rerun"}.get(name, "cli")
-        raise ImportError(f'{package} is needed here: pip install ".[{wanted}]" installs it') from error
+        group = _EXTRAS.get(name, "cli")
+        raise ImportError(f'{package} is needed here: pip install ".[{group}]" installs it') from error
 
 
 def shown(value: Any) -> str:
@@ -192,10 +200,7 @@ def require_writable(path: str | os.PathLike[str]) -> Path:
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file whole or not at all.
-
-    The bytes go to a temporary file in the same folder, which then takes the file's place: nobody
-    sees half a file, and one that exists stays as it was if anything fails.
+    """Write a file whole or not at all, see `replacing`.
 
     Parameters
     ----------
@@ -209,18 +214,44 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     OSError
         If the file cannot be written, or `path` is something other than a file.
     """
+    with replacing(path) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open a file that is written whole or not at all.
+
+    The bytes go to a temporary file in the same folder, which takes the file's place at the end: nobody
+    sees half a file, and one that exists stays as it was if anything fails.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; one that exists is replaced, through links.
+
+    Yields
+    ------
+    file
+        To write bytes to.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written, or `path` is something other than a file.
+    """
     target = require_writable(path)
     temporary = target.with_name(f".strand-{secrets.token_hex(8)}.tmp")
     try:
         with open(temporary, "xb") as file:
-            file.write(data)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, target)
     except BaseException as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        if isinstance(error, OSError):  # said of the temporary file
+        if isinstance(error, OSError) and error.filename in (None, str(temporary)):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
@@ -287,15 +318,33 @@ def read_json(path: str | os.PathLike[str], max_bytes: int = JSON_BYTES) -> Any:
     strand.FileFormatError
         If it is truncated, not JSON or larger, or says NaN, Infinity or 1e999.
     """
-    data = read_bytes(path, max_bytes)
+    return parse_json(path, read_bytes(path, max_bytes))
+
+
+def parse_json(path: str | os.PathLike[str], data: bytes, place: str | None = None) -> Any:
+    """Return what JSON says.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file that it is from.
+    data : bytes
+        All of it, or a part.
+    place : str, optional
+        Where the part is; if not given, errors say which line.
+
+    Raises
+    ------
+    strand.FileFormatError
+        If it is truncated, not JSON, or says NaN, Infinity or 1e999.
+    """
     try:
         return json.loads(data, parse_constant=_refuse_constant, parse_float=_finite)
     except json.JSONDecodeError as error:
-        raise FileFormatError(
-            path, f"truncated, or not JSON ({error.msg})", f"line {error.lineno}"
-        ) from error
+        where = place or f"line {error.lineno}"
+        raise FileFormatError(path, f"truncated, or not JSON ({error.msg})", where) from error
     except (ValueError, RecursionError) as error:
-        raise FileFormatError(path, f"truncated, or not JSON ({error})") from error
+        raise FileFormatError(path, f"truncated, or not JSON ({error})", place) from error
 
 
 def _refuse_constant(name: str) -> None:

@@ -289,12 +289,7 @@ class Model:
         if kind != "json":
             write_bytes(path, csv_of(self.chains) if kind == "csv" else polylines_of(self.chains))
             return
-        # the arrays between the stages are large and stay out
-        content = plain(replace(self, stages={}))
-        del content["stages"]
-        write_json(
-            path, {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **content}
-        )
+        write_json(path, content(self))
 
     def save_tube(self, path: str | os.PathLike[str], sides: int = 16) -> None:
         """Write the ropes' surfaces as one triangle mesh to a PLY file, whole or not at all.
@@ -317,3 +312,11 @@ class Model:
         """
         format_of(path, ("ply",))
         write_bytes(path, mesh_of([chain.tube(sides) for chain in self.chains]))
+
+
+def content(model: Model) -> dict[str, Any]:
+    """Return what a model's file says, in JSON's types."""
+    # the arrays between the stages are large and stay out
+    said = plain(replace(model, stages={}))
+    del said["stages"]
+    return {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **said}

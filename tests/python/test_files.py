@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from strand import FileFormatError, StrandError
-from strand.files import open_file, read_bytes, read_json, read_toml, write_bytes, write_json
+from strand.files import open_file, read_bytes, read_json, read_toml, replacing, write_bytes, write_json
 
 
 def test_write_bytes_replaces_the_file_and_leaves_nothing_else(tmp_path):
@@ -45,6 +45,31 @@ def test_write_bytes_leaves_the_old_file_if_it_fails(tmp_path, monkeypatch, step
         assert caught.value.filename == str(path)
         assert caught.value.errno == errno.ENOSPC
     assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def write_half(path, error):
+    with replacing(path) as file:
+        file.write(b"half")
+        raise error
+
+
+def test_a_file_written_in_pieces_is_whole_or_not_there(tmp_path):
+    path = tmp_path / "a.bin"
+    with replacing(path) as file:
+        file.write(b"one")
+        assert not path.exists()
+        file.write(b"two")
+    assert path.read_bytes() == b"onetwo"
+    for error, named in (
+        (ValueError("of the caller"), None),
+        (FileNotFoundError(2, "No such file", "other.bin"), "other.bin"),
+        (OSError(errno.ENOSPC, "No space left on device"), str(path)),
+    ):
+        with pytest.raises(type(error), match=re.escape(str(error).split("] ")[-1].split(": ")[0])) as caught:
+            write_half(path, error)
+        assert getattr(caught.value, "filename", None) == named
+    assert path.read_bytes() == b"onetwo"
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -28,7 +28,12 @@ TIFF_DEPTHS = {(16, 1): np.uint16, (32, 3): np.float32}
 
 def read_depth_png(path: Path, budget: Budget) -> NDArray[Any]:
     """(H, W) uint16 of a single-channel 16-bit PNG."""
-    return _single_channel(path, budget, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
+    return decode_depth_png(path, budget.read(path), budget)
+
+
+def decode_depth_png(file: str | Path, data: bytes, budget: Budget) -> NDArray[Any]:
+    """(H, W) uint16 of the bytes of a single-channel 16-bit PNG; errors name the file."""
+    return _single_channel(file, data, budget, (16,), "16-bit single-channel depth PNG").astype(np.uint16)
 
 
 def read_depth_tiff(path: Path, budget: Budget) -> NDArray[Any]:
@@ -70,7 +75,8 @@ def _depth_of_tiff(path: Path, image: Any) -> NDArray[Any]:
 
 def read_mask_png(path: Path, budget: Budget) -> NDArray[Any]:
     """(H, W) Labels of a single-channel PNG of 1, 8 or 16 bits, 0 for no rope."""
-    return _single_channel(path, budget, (1, 8, 16), "single-channel mask PNG of 1, 8 or 16 bits")
+    data = budget.read(path)
+    return _single_channel(path, data, budget, (1, 8, 16), "single-channel mask PNG of 1, 8 or 16 bits")
 
 
 def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
@@ -80,9 +86,10 @@ def read_color(path: Path, budget: Budget) -> NDArray[np.uint8]:
     return _decoded(path, budget, data, COLOUR_FORMATS, expected, 3, lambda image: image.convert("RGB"))
 
 
-def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expected: str) -> NDArray[Any]:
+def _single_channel(
+    path: str | Path, data: bytes, budget: Budget, depths: tuple[int, ...], expected: str
+) -> NDArray[Any]:
     """(H, W) of a grey PNG with one of some numbers of bits for each pixel."""
-    data = budget.read(path)
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR" or len(data) < 26:
         raise FileFormatError(path, "truncated, or not a PNG file")
     # Pillow shortens some 16-bit images to 8 bits without saying so, hence the look at the header
@@ -99,7 +106,7 @@ def _single_channel(path: Path, budget: Budget, depths: tuple[int, ...], expecte
 
 
 def _decoded(
-    path: Path,
+    path: str | Path,
     budget: Budget,
     data: bytes,
     formats: tuple[str, ...],

@@ -13,7 +13,7 @@ from strand.chain import Chain
 from strand.checks import number, several, whole
 from strand.curve import Curve
 from strand.doubt import Doubt
-from strand.files import JSON_BYTES, FileFormatError, read_json, shown
+from strand.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
 from strand.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
 from strand.sensor import Sensor
 
@@ -47,7 +47,51 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
         If the file is truncated, is not a model, or is larger than `max_bytes`. `place` says which key, such
         as `chains[0]`, and `reason` what was wrong there.
     """
-    data = read_json(path, whole("max_bytes", max_bytes, 1))
+    return _model(path, read_json(path, whole("max_bytes", max_bytes, 1)))
+
+
+def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model | None]]:
+    """Go through the models that `strand reconstruct --every` wrote, one in memory at a time.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file, with a line of JSON for each frame.
+
+    Yields
+    ------
+    frame : int
+        The frame's number in the recording.
+    stamp : int
+        Its time stamp, nanoseconds since 1970.
+    model : Model or None
+        None where the frame did not support an answer.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    strand.FileFormatError
+        If a line is truncated, is no model's, or is longer than 64 MiB.
+    """
+    with open_file(path) as file:
+        number = 0
+        while line := file.readline(JSON_BYTES + 1):
+            number += 1
+            place = f"line {number}"
+            if len(line) > JSON_BYTES:
+                raise FileFormatError(path, f"longer than the {JSON_BYTES} bytes that may be read", place)
+            data = parse_json(path, line, place)
+            try:
+                frame, stamp = whole("frame", data["frame"]), whole("stamp", data["stamp"])
+                if "model" not in data:
+                    str(data["error"])
+            except (KeyError, TypeError, ValueError) as error:
+                raise FileFormatError(path, f"not a frame's model ({error})", place) from error
+            yield frame, stamp, _model(path, data["model"]) if "model" in data else None
+
+
+def _model(path: str | os.PathLike[str], data: Any) -> Model:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FileFormatError(path, f"not a {FORMAT}")
     if data.get("version") != VERSION:

@@ -246,6 +246,13 @@ def describe_chains(model: Model) -> str:
     return _table([("chain", "length / mm", "nodes", "radius / mm", "ends"), *rows])
 
 
+def describe_frame(model: Model) -> str:
+    """One line of a recording's frame: how long its ropes are, and how sure that is."""
+    lengths = ", ".join(f"{chain.length * 1e3:.1f}" for chain in model.chains)
+    sure = "" if np.isnan(model.confidence) else f", confidence {model.confidence:.2f}"
+    return f"{len(model.chains)} {'rope' if len(model.chains) == 1 else 'ropes'}, {lengths} mm{sure}"
+
+
 def describe_timings(model: Model) -> str:
     """Table of the stages' times."""
     rows = [(name, f"{seconds * 1e3:.1f}") for name, seconds in model.timings.items()]

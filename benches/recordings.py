@@ -1,0 +1,73 @@
+"""Memory and time over recordings of 50 and 500 frames: frames are read one by one, so memory stays.
+
+    python benches/recordings.py [--frames 50 500] [--size 640 480]
+
+One camera sees the views of a scene over and over, depth in millimetres. Each recording is read in a process
+of its own; memory is the peak of that process above what it takes before the file is opened.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from bag_files import FORMATS, film, write
+from tables import head, row
+
+from strand import Recording, synthetic
+
+NAMES = {"ros1": "ROS 1 bag", "sqlite3": "ROS 2 bag (SQLite)", "mcap": "MCAP"}
+
+
+def peak() -> float:
+    """Most memory that this process has taken, MB: as Linux says it, of this process alone."""
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmHWM:\s+(\d+) kB", status)[1]) / 1024
+
+
+def read(path: Path, world: str | None, results: multiprocessing.SimpleQueue) -> None:
+    """Read all frames, and say how many there were, the memory in MB, and the time of one in ms."""
+    before, begun, count = peak(), time.perf_counter(), 0
+    with Recording(path, world=world) as recording:
+        for frame in recording:
+            count += 1
+            assert frame.views[0].image is not None
+    results.put((count, peak() - before, (time.perf_counter() - begun) / count * 1e3))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--frames", type=int, nargs="+", default=[50, 500])
+    parser.add_argument("--size", type=int, nargs=2, default=[640, 480], metavar=("WIDTH", "HEIGHT"))
+    arguments = parser.parse_args()
+    scene = synthetic.scene("paper", size=tuple(arguments.size))
+    context = multiprocessing.get_context("spawn")
+    print(head("recording", "poses", "frames", "file MB", "memory MB", "ms a frame"))
+    for kind in FORMATS:
+        for frames in arguments.frames:
+            with tempfile.TemporaryDirectory() as folder:
+                path = write(Path(folder) / "film", kind, film(scene, frames, kind == "ros1"))
+                size = sum(one.stat().st_size for one in ([path] if path.is_file() else path.iterdir()))
+                for world in (None, "world"):
+                    results = context.SimpleQueue()
+                    child = context.Process(target=read, args=(path, world, results))
+                    child.start()
+                    child.join()
+                    count, memory, spent = results.get()
+                    poses = "none" if world is None else "TF"
+                    print(
+                        row(NAMES[kind], poses, count, f"{size / 1e6:.0f}", f"{memory:.0f}", f"{spent:.1f}"),
+                        flush=True,
+                    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,209 @@
+"""Bags: messages of ROS 1 and ROS 2 bags and of MCAP files, by rosbags."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from strand.files import FileFormatError, extra, open_file, read_bytes
+from strand.io.recordings.limits import (
+    YAML_BYTES,
+    GuardedPath,
+    bound_mcap,
+    bound_rosbag1,
+    bounded_zstd,
+    most_at_once,
+)
+
+SUFFIXES = (".bag", ".mcap", ".db3")
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_LAST = 1 << 62  # nanoseconds: the year 2116
+_SAME = {"tf/msg/tfMessage": TRANSFORMS}
+METADATA = "metadata.yaml"  # of the folder that is a ROS 2 bag
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message as it is in the file.
+
+    Attributes
+    ----------
+    topic : str
+    kind : str
+        Its type, as ROS 2 calls it: "sensor_msgs/msg/Image".
+    time : int
+        When it was recorded, nanoseconds since 1970.
+    data : bytes
+    """
+
+    topic: str
+    kind: str
+    time: int
+    data: bytes
+
+    @property
+    def place(self) -> str:
+        """Where it is, as errors say it."""
+        return f"{self.topic} at {self.time * 1e-9:.3f} s"
+
+
+class Bag:
+    """An open bag. Messages are of ROS's own types, whatever the bag says that their fields are.
+
+    Parameters
+    ----------
+    path : path-like
+        A `.bag` file, an `.mcap` or `.db3` file, or the folder of a ROS 2 bag.
+    max_bytes : int
+        How much of it may be in memory at once.
+
+    Raises
+    ------
+    OSError
+        If it is missing or cannot be opened.
+    strand.FileFormatError
+        If it is truncated, damaged, not indexed, or no bag.
+    ImportError
+        If rosbags is not installed.
+    """
+
+    def __init__(self, path: Path, max_bytes: int) -> None:
+        self.path, self._max_bytes = path, max_bytes
+        self.files = _files(path)
+        self._ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
+        self._zstd = self._closed = False
+        self._indexed = True
+        with _damage(path, None), ExitStack() as stack:
+            self._reader = self._opened(stack)
+            self.topics = {one.topic: one.msgtype for one in self._reader.connections}
+            self._stack = stack.pop_all()
+
+    def close(self) -> None:
+        """Close the files."""
+        self._closed = True
+        self._stack.close()
+
+    def of_kind(self, *kinds: str) -> list[str]:
+        """Topics of some types, in alphabetical order."""
+        return sorted(topic for topic, kind in self.topics.items() if kind in kinds)
+
+    def messages(self, topics: Sequence[str]) -> Iterator[Message]:
+        """Go through the messages of some topics in the order in which they were recorded."""
+        if self._closed:
+            raise ValueError(f"{self.path}: the recording is closed")
+        wanted = [one for one in self._reader.connections if one.topic in topics]
+        if not wanted:
+            return
+        with ExitStack() as own:
+            reader, last = self._reader, None
+            with _damage(self.path, None):
+                if (
+                    not self._indexed
+                ):  # rosbags reads on from where the file is: one pass would disturb another
+                    reader = self._opened(own)
+                stream = reader.messages(connections=wanted)
+            while True:
+                with _damage(self.path, None if last is None else f"after {last.place}"):
+                    found = next(stream, None)
+                    if found is None:
+                        return
+                    connection, time, data = found
+                    if self._zstd:
+                        data = bounded_zstd(data, self._max_bytes)
+                    if not 0 <= time < _LAST:
+                        raise ValueError(f"a time of {time} ns")
+                    last = Message(connection.topic, connection.msgtype, time, bytes(data))
+                yield last
+
+    def first(self, topic: str) -> Message | None:
+        """Return the first message of a topic; None if there is none."""
+        return next(self.messages([topic]), None)
+
+    def decoded(self, message: Message) -> Any:
+        """Return a message's fields.
+
+        Raises
+        ------
+        strand.FileFormatError
+            If its bytes are no message of its type.
+        """
+        with _damage(self.path, message.place):
+            store = _types(self._ros1)
+            decode = store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
+            return decode(message.data, _SAME.get(message.kind, message.kind))
+
+    def _opened(self, stack: ExitStack) -> Any:
+        path = GuardedPath(self.path)
+        if self._ros1:
+            reader = stack.enter_context(extra("rosbags.rosbag1").Reader(path))
+            reader.bio.indexed()
+            bound_rosbag1(reader, self._max_bytes)
+            return reader
+        bound_mcap()
+        reader = stack.enter_context(extra("rosbags.rosbag2").Reader(path))
+        for storage in getattr(reader.storage, "storages", [reader.storage]):
+            if hasattr(storage, "bio"):
+                storage.bio.indexed()
+                self._indexed &= bool(storage.chunks)
+                held = most_at_once(storage.chunks)
+                if held > self._max_bytes:
+                    reason = f"chunks of {held} bytes overlap in time, more than max_bytes={self._max_bytes}"
+                    raise FileFormatError(storage.path, reason)
+            else:  # SQLite makes values of any size, by what a file says
+                most = min(self._max_bytes, (1 << 31) - 1)
+                storage.dbconn.limit(extra("apsw").SQLITE_LIMIT_LENGTH, most)
+        if reader.compression_mode == "message":
+            # rosbags would decompress messages to any size
+            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
+            self._zstd = True
+        return reader
+
+
+def _files(path: Path) -> tuple[Path, ...]:
+    """Return what a bag consists of, which must be regular files."""
+    if not path.is_dir():
+        if path.exists() and path.suffix.lower() not in SUFFIXES:
+            raise FileFormatError(path, f"expected a {', '.join(SUFFIXES)} file or the folder of a ROS 2 bag")
+        open_file(path).close()
+        return (path,)
+    read_bytes(path / METADATA, YAML_BYTES)
+    storage = sorted(one for one in path.iterdir() if one.suffix in SUFFIXES)
+    for one in storage:
+        open_file(one).close()
+    return (path / METADATA, *storage)
+
+
+@cache
+def _types(ros1: bool) -> Any:
+    typesys = extra("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.LATEST)
+    # rosbags' own types of ROS 1 lack it
+    definition = "geometry_msgs/TransformStamped[] transforms"
+    store.register(typesys.get_types_from_msg(definition, TRANSFORMS))
+    return store
+
+
+@contextmanager
+def _damage(path: Path, place: str | None) -> Iterator[None]:
+    """Turn what rosbags, and what it reads with, raise of a damaged bag into the one error."""
+    try:
+        yield
+    except (FileFormatError, ImportError, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL, errno.EOVERFLOW):
+            raise
+        said = str(error) or type(error).__name__
+        raise FileFormatError(path, f"truncated, damaged or no bag ({said})", place) from error
+
+
+def is_recording(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a recording and no scene, by its name or by what is in the folder."""
+    place = Path(path)
+    return (place / METADATA).exists() if place.is_dir() else place.suffix.lower() in SUFFIXES

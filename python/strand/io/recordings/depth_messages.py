@@ -1,0 +1,83 @@
+"""Depth images of sensor_msgs: Image, and CompressedImage with a PNG in it."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.io.budget import MAX_BYTES, Budget
+from strand.io.images import decode_depth_png
+
+MILLIMETRE = 0.001  # REP 118: depth of 16 bits is in millimetres
+TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+_CODEC = struct.Struct("<iff")  # before the PNG: a number, and the two of the quantisation
+
+
+def is_depth(message: Any) -> bool:
+    """Whether an Image or CompressedImage says that it holds depth."""
+    if hasattr(message, "encoding"):
+        return message.encoding in ("16UC1", "32FC1")
+    return message.format.partition(";")[0].strip() in ("16UC1", "32FC1")
+
+
+def depth_of_image(message: Any) -> NDArray[Any]:
+    """(H, W) Numbers of a sensor_msgs/Image: uint16 in its unit, or float32 in metres.
+
+    Raises
+    ------
+    ValueError
+        If the encoding is none of depth's, or height, width, step and data do not fit together.
+    """
+    if message.encoding not in TYPES:
+        known = ", ".join(TYPES)
+        raise ValueError(f"encoding: expected depth ({known}), got {message.encoding[:40]!r}")
+    kind = np.dtype((">" if message.is_bigendian else "<") + TYPES[message.encoding])
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.frombuffer(message.data, dtype=np.uint8)
+    if height < 1 or width < 1:
+        raise ValueError(f"width, height: expected pixels, got {width} x {height}")
+    if step < width * kind.itemsize or len(data) < step * (height - 1) + width * kind.itemsize:
+        raise ValueError(
+            f"data: {width} x {height} pixels of {message.encoding} with rows of {step} bytes do not fit "
+            f"in {len(data)} bytes"
+        )
+    rows = np.lib.stride_tricks.as_strided(data, (height, width * kind.itemsize), (step, 1))
+    return np.ascontiguousarray(rows).view(kind).astype(kind.newbyteorder("="))
+
+
+def depth_of_png(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[Any]:
+    """(H, W) Numbers of a sensor_msgs/CompressedImage: uint16 in its unit, or float32 in metres.
+
+    A "compressedDepth" message has 12 bytes before its PNG. Depth of floats is quantised there:
+    z = a / (v - b) of the pixel's number v, which is 0 without a return.
+
+    Raises
+    ------
+    ValueError
+        If it holds no depth, is not compressed as a PNG, or is damaged.
+    """
+    encoding, _, how = message.format.partition(";")
+    encoding = encoding.strip()
+    data = bytes(message.data)
+    if encoding not in ("16UC1", "32FC1") or "rvl" in how.lower():
+        raise ValueError(
+            f"format: expected depth (16UC1, 32FC1) compressed as PNG, got {message.format[:60]!r}"
+        )
+    a = b = 0.0
+    if "compressedDepth" in how:
+        if len(data) < _CODEC.size:
+            raise ValueError(f"data: expected {_CODEC.size} bytes before the PNG, got {len(data)}")
+        _, a, b = _CODEC.unpack_from(data)
+        data = data[_CODEC.size :]
+    elif encoding == "32FC1":
+        raise ValueError(f"format: expected '32FC1; compressedDepth png', got {message.format[:60]!r}")
+    numbers = decode_depth_png("data", data, Budget(max_bytes))
+    if encoding == "16UC1":
+        return numbers
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        depth = a / (numbers.astype(np.float64) - b)
+    depth[numbers == 0] = 0.0
+    return depth

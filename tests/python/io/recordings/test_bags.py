@@ -1,0 +1,255 @@
+"""Damaged and hostile bags: an answer or the one error, in bounded memory."""
+
+from __future__ import annotations
+
+import bz2
+import os
+import random
+import struct
+import sys
+import warnings
+from collections import Counter
+
+import lz4.frame
+import pytest
+from bag_files import FORMATS, START, film, write
+from rosbags.rosbag2 import storage_mcap
+
+import strand
+from strand import Recording
+from strand.files import FileFormatError
+from strand.io.recordings import is_recording, limits
+from strand.io.recordings.bags import Bag
+
+SCENE = strand.synthetic.scene("arc", seed=0, views=2, size=(64, 48))
+KINDS = [
+    *((kind, None) for kind in FORMATS),
+    *[("ros1", "lz4"), ("ros1", "bz2"), ("mcap", "storage"), ("sqlite3", "message"), ("mcap", "message")],
+]
+BOMB = 1 << 26  # bytes that a kilobyte becomes
+LIMIT = 1 << 22
+
+
+def made(folder, kind, compression=None, frames=4):
+    """A bag and the file in it that holds the messages."""
+    path = write(folder / f"{kind}_{compression}", kind, film(SCENE, frames, kind == "ros1"), compression)
+    if path.is_file():
+        return path, path
+    return path, next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
+
+
+def read_all(path, **options):
+    with Recording(path, **options) as recording:
+        for frame in recording:
+            assert len(frame.views) == 1
+        return len(recording)
+
+
+def no_index(data):
+    """An MCAP file whose footer leads to no index."""
+    return data[:-28] + bytes(8) + data[-20:]
+
+
+def test_files_without_an_index_are_read_through(tmp_path):
+    path, file = made(tmp_path, "mcap")
+    file.write_bytes(no_index(file.read_bytes()))
+    with Recording(path, world="world") as recording:
+        numbers = [frame.number for frame in recording if len(recording) == 4]
+        pairs = [(one.stamp, other.stamp) for one, other in zip(recording, recording, strict=True)]
+    assert numbers == [0, 1, 2, 3]
+    assert all(one == other for one, other in pairs)
+
+
+def test_passes_over_a_recording_do_not_disturb_each_other(tmp_path):
+    for kind in FORMATS:
+        path, _ = made(tmp_path, kind)
+        with Recording(path) as recording:
+            stamps = [
+                (one.stamp, other.stamp) for one, other in zip(recording, recording.read(1), strict=False)
+            ]
+            assert [b for _, b in stamps] == recording.stamps[1:].tolist()
+
+
+@pytest.mark.parametrize(("kind", "compression"), KINDS)
+def test_truncated_bags_are_named(tmp_path, kind, compression):
+    path, file = made(tmp_path, kind, compression)
+    data = file.read_bytes()
+    for part in (0, 1, 7, 30, len(data) // 3, len(data) // 2, len(data) - 1):
+        file.write_bytes(data[:part])
+        with pytest.raises(FileFormatError) as caught:
+            read_all(path)
+        assert caught.value.file.startswith(str(path))
+
+
+def test_damaged_bags_give_an_answer_or_the_one_error(tmp_path):
+    bags = [made(tmp_path, *kind) for kind in KINDS]
+    files = [(path, file, file.read_bytes()) for path, file in bags]
+    files += [
+        (path, path / "metadata.yaml", (path / "metadata.yaml").read_bytes())
+        for path, _ in bags
+        if path.is_dir()
+    ]
+    seen = Counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        for number in range(250):
+            rng = random.Random(number)
+            path, file, whole = rng.choice(files)
+            data, at = bytearray(whole), rng.randrange(len(whole))
+            how = rng.randrange(4)
+            if how == 0:
+                data[at] = rng.randrange(256)
+            elif how == 1:
+                size = rng.choice([1, 2, 4, 8])
+                data[at : at + size] = rng.choice([0, 2**31, 2**32 - 1, 2**63, 2**64 - 1, 2**40]).to_bytes(8)[
+                    :size
+                ]
+            elif how == 2:
+                data[at : at + 60] = whole[:60]
+            else:
+                del data[at : at + rng.randrange(1, 300)]
+            file.write_bytes(data)
+            try:
+                read_all(path, max_bytes=LIMIT)
+                seen["answer"] += 1
+            except FileFormatError as error:
+                seen["error" if str(path.parent) in error.file else "another file"] += 1
+            file.write_bytes(whole)
+    assert seen["answer"] > 20
+    assert seen["error"] > 100
+    assert not seen["another file"]
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a.db3"])
+def test_other_files_are_no_bags(tmp_path, name):
+    path = tmp_path / name
+    for data in (b"", b"\x89PNG\r\n\x1a\n" + bytes(100), b"#ROSBAG V1.2\n", os.urandom(5000), b"a" * 5000):
+        path.write_bytes(data)
+        with pytest.raises(FileFormatError) as caught:
+            Recording(path)
+        assert caught.value.file == str(path)
+
+
+def test_what_is_missing_or_no_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        Recording(tmp_path / "no.bag")
+    with pytest.raises(FileNotFoundError, match=r"metadata\.yaml"):
+        Recording(tmp_path)
+    (tmp_path / "a.txt").write_text("a")
+    with pytest.raises(FileFormatError, match=r"expected a \.bag, \.mcap, \.db3 file or the folder"):
+        Recording(tmp_path / "a.txt")
+    os.mkfifo(tmp_path / "pipe.bag")
+    with pytest.raises(FileFormatError, match="expected a regular file"):
+        Recording(tmp_path / "pipe.bag")
+    path, file = made(tmp_path, "sqlite3")
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(FileFormatError, match="expected a regular file"):
+        Recording(path)
+    (path / "metadata.yaml").write_bytes(b"a: " + b"b" * limits.YAML_BYTES)
+    with pytest.raises(FileFormatError, match=r"metadata\.yaml: larger than"):
+        Recording(path)
+    assert [is_recording(tmp_path / name) for name in ("a.bag", "a.txt", ".")] == [True, False, False]
+
+
+def test_bags_that_are_compressed_as_a_whole_are_refused(tmp_path):
+    path = write(tmp_path / "bag", "sqlite3", film(SCENE, 2), "file")
+    with pytest.raises(FileFormatError, match=r"\.zstd: compressed as a whole; .* decompress it first"):
+        Recording(path)
+
+
+def test_a_closed_recording_says_so(tmp_path):
+    path, _ = made(tmp_path, "ros1")
+    recording = Recording(path)
+    recording.close()
+    recording.close()
+    with pytest.raises(ValueError, match="the recording is closed"):
+        next(iter(recording))
+
+
+def test_chunks_of_mcap_that_become_too_large_are_refused(tmp_path):
+    assert limits.most_at_once([]) == 0
+    for compression, bomb in (
+        ("zstd", storage_mcap.zstd.compress(bytes(BOMB))),
+        ("lz4", lz4.frame.compress(bytes(BOMB))),
+    ):
+        limits.bound_mcap()
+        with pytest.raises(ValueError, match="more than the 1000 bytes"):
+            storage_mcap.DECOMPRESSORS[compression](bomb, 1000)
+        with pytest.raises(ValueError, match="truncated"):
+            storage_mcap.DECOMPRESSORS[compression](bomb[:-5], 2 * BOMB)
+    path, file = made(tmp_path, "mcap", "storage")
+    # the first chunk says how large it is: in its header, and in the index
+    data = file.read_bytes()
+    start = 8 + 9 + int.from_bytes(data[9:17], "little")
+    assert data[start] == 6
+    size = data[start + 25 : start + 33]
+    assert data.count(size) >= 2
+    file.write_bytes(data.replace(size, struct.pack("<Q", 1 << 62)))
+    with pytest.raises(FileFormatError, match="overlap in time, more than max_bytes"):
+        Recording(path)
+
+
+@pytest.mark.parametrize("compression", ["lz4", "bz2"])
+def test_chunks_of_rosbags_that_become_too_large_are_refused(tmp_path, compression):
+    path, file = made(tmp_path, "ros1", compression)
+    bomb = {"lz4": lz4.frame.compress, "bz2": bz2.compress}[compression](bytes(1 << 21))
+    bag = Bag(path, 1 << 20)
+    ((_, chunk),) = bag._reader.chunks.items()
+    data = file.read_bytes()
+    packed = bomb.ljust(chunk.datasize, b"\0")
+    assert len(packed) == chunk.datasize
+    file.write_bytes(data[: chunk.datapos] + packed + data[chunk.datapos + chunk.datasize :])
+    with pytest.raises(FileFormatError, match="more than the 1048576 bytes"):
+        bag.first("/depth")
+    bag.close()
+
+
+def test_messages_that_become_too_large_are_refused(tmp_path):
+    bomb = storage_mcap.zstd.compress(bytes(BOMB))
+    assert len(bomb) < 10_000
+    with pytest.raises(ValueError, match=f"more than the {LIMIT} bytes"):
+        limits.bounded_zstd(bomb, LIMIT)
+    assert (
+        limits.bounded_zstd(storage_mcap.zstd.compress(b"a") + storage_mcap.zstd.compress(b"b"), 2) == b"ab"
+    )
+
+
+def test_an_index_that_leads_in_circles_is_refused(tmp_path):
+    path, file = made(tmp_path, "ros1", frames=40)
+    data = file.read_bytes()
+    at = struct.unpack_from("<Q", data, data.index(b"index_pos=") + 10)[0]
+    while at < len(data):  # the last record is the only chunk's
+        last, at = at, at + 4 + struct.unpack_from("<L", data, at)[0]
+        at += 4 + struct.unpack_from("<L", data, at)[0]
+    count = 4_000
+    place = data.index(b"chunk_count=") + 12
+    file.write_bytes(data[:place] + struct.pack("<L", count) + data[place + 4 :] + data[last:] * (count - 1))
+    with pytest.raises(FileFormatError, match="leads to the same places again and again"):
+        Recording(path)
+
+
+def test_definitions_of_types_in_a_bag_are_not_used(tmp_path):
+    path, file = made(tmp_path, "ros1")
+    data = file.read_bytes()
+    definition = b"uint32 height"
+    assert definition in data
+    file.write_bytes(data.replace(definition, b"int32[9] abcd"[: len(definition)].ljust(len(definition))))
+    assert read_all(path) == 4
+
+
+def test_rosbags_is_asked_for_where_it_is_missing(tmp_path, monkeypatch):
+    path, _ = made(tmp_path, "ros1")
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
+    with pytest.raises(ImportError, match=r'rosbags is needed here: pip install "\.\[recordings\]"'):
+        Recording(path)
+
+
+def test_times_beyond_any_clock_are_refused(tmp_path):
+    path, file = made(tmp_path, "mcap")
+    data = file.read_bytes()
+    stamp = struct.pack("<Q", START)
+    assert stamp in data
+    file.write_bytes(no_index(data.replace(stamp, struct.pack("<Q", 2**63 - 5))))
+    with pytest.raises(FileFormatError):
+        read_all(path)

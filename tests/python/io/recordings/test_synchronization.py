@@ -1,0 +1,43 @@
+"""Messages that belong together in time, compared with a search through all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from strand.io.recordings.synchronization import together
+
+TIMES = st.lists(st.integers(0, 60), min_size=1, max_size=12)
+
+
+def searched(times, tolerance):
+    rows = []
+    for i, time in enumerate(times[0]):
+        row = [i]
+        for other in times[1:]:
+            best = min(range(len(other)), key=lambda n: (abs(other[n] - time), other[n], n))
+            if abs(other[best] - time) <= tolerance:
+                row.append(best)
+        if len(row) == len(times):
+            rows.append(row)
+    return rows
+
+
+@given(st.lists(TIMES, min_size=1, max_size=3), st.integers(0, 20))
+def test_the_nearest_are_together(times, tolerance):
+    found = together([np.array(one) for one in times], tolerance)
+    assert found.shape == (len(found), len(times))
+    want = searched(times, tolerance)
+    assert [row[0] for row in found.tolist()] == [row[0] for row in want]
+    for row, other in zip(found.tolist(), want, strict=True):
+        assert [times[k][n] for k, n in enumerate(row)] == [times[k][n] for k, n in enumerate(other)]
+
+
+def test_of_two_as_near_the_earlier():
+    assert together([np.array([10]), np.array([15, 5])], 5).tolist() == [[0, 1]]
+
+
+def test_a_topic_without_messages_makes_no_frame():
+    assert together([np.array([1, 2]), np.empty(0, np.int64)], 100).shape == (0, 2)
+    assert together([np.empty(0, np.int64)], 100).shape == (0, 1)

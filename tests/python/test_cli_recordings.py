@@ -1,0 +1,169 @@
+"""The command line with recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+from bag_files import FORMATS, START, Messages, cameras, film, millimetres, write
+
+import strand
+from strand.cli import main
+from strand.files import FileFormatError
+from strand.io.models import load_frames
+
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
+SIZE = SCENE.depth.shape[1:]
+RADIUS = ["--radius", "4.2mm"]
+BOUNDS = ["--bounds", *(f"{x}" for x in np.concatenate(SCENE.bounds).tolist())]
+WORLD = ["--world", "world"]
+KNOWN = [*RADIUS, *WORLD, *BOUNDS]
+
+
+def direct(k):
+    """Nodes of the rope in one view of the scene."""
+    view = strand.View.from_depth(millimetres(SCENE)[k], SCENE.intrinsics, SCENE.poses[k], depth_scale=0.001)
+    (chain,) = strand.reconstruct([view], radius=0.0042, bounds=SCENE.bounds).chains
+    return chain.points
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_one_command_reconstructs_a_recording(tmp_path, capsys, kind):
+    path = write(tmp_path / "rope", kind, film(SCENE, 3, kind == "ros1"))
+    assert main(["reconstruct", str(path), *RADIUS]) == 0
+    out, _ = capsys.readouterr()
+    ((length,),) = [re.findall(r"^\d+ +(\d+\.\d) +\d+ +4\.20 +open$", out, re.MULTILINE)]
+    assert float(length) == pytest.approx(400, rel=0.05)
+    assert sorted(one.name for one in tmp_path.iterdir()) == [path.relative_to(tmp_path).parts[0]]
+
+
+def test_cameras_together_and_a_file(tmp_path, capsys):
+    path = write(tmp_path / "rope", "mcap", cameras(SCENE))
+    out = tmp_path / "model.json"
+    command = ["reconstruct", str(path), "--topic", "/camera_*", *WORLD, *RADIUS, *BOUNDS, "-o", str(out)]
+    assert main([*command, "--ropes", "1", "--figures", str(tmp_path / "figures")]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert str(out) in printed
+    assert len(list((tmp_path / "figures").glob("*.png"))) > 3
+    views = [
+        strand.View.from_depth(depth, SCENE.intrinsics, pose, depth_scale=0.001)
+        for depth, pose in zip(millimetres(SCENE), SCENE.poses, strict=True)
+    ]
+    want = strand.reconstruct(views, radius=0.0042, bounds=SCENE.bounds, ropes=1)
+    got = strand.load(out)
+    np.testing.assert_allclose(got.chains[0].points, want.chains[0].points, rtol=0, atol=1e-9)
+
+
+def test_a_frame_by_its_number(tmp_path, capsys):
+    path = write(tmp_path / "rope", "sqlite3", film(SCENE, 3))
+    out = tmp_path / "a.json"
+    assert main(["reconstruct", str(path), *KNOWN, "--frame", "2", "-o", str(out)]) == 0
+    np.testing.assert_allclose(strand.load(out).chains[0].points, direct(2), rtol=0, atol=1e-9)
+    capsys.readouterr()
+    assert main(["reconstruct", str(path), *KNOWN, "--frame", "3"]) == 2
+    assert capsys.readouterr().err == (
+        "strand: error: --frame: expected less than the recording's 3, got 3\n"
+    )
+
+
+def test_every_frame_is_a_line(tmp_path, capsys):
+    made = Messages()
+    empty = made.image(np.zeros(SIZE, np.uint16), START + 1)
+    entries = list(film(SCENE, 5))
+    entries.append(("/depth", START + 1, empty))
+    path = write(tmp_path / "rope", "mcap", sorted(entries, key=lambda entry: entry[1]))
+    out = tmp_path / "frames.jsonl"
+    command = ["reconstruct", str(path), *KNOWN, "--every", "2", "--frame", "1", "-o", str(out)]
+    assert main(command) == 0
+    printed, _ = capsys.readouterr()
+    rows = re.findall(r"^frame (\d) at (\d+\.\d{3}) s: (.*)$", printed, re.MULTILINE)
+    assert [number for number, _, _ in rows] == ["1", "3", "5"]
+    assert rows[0][2].startswith("views: ")
+    assert re.fullmatch(r"1 rope, \d+\.\d mm, confidence \d\.\d\d", rows[1][2])
+    found = list(load_frames(out))
+    assert [frame for frame, _, _ in found] == [1, 3, 5]
+    assert found[0][2] is None
+    assert "error" in json.loads(out.read_text().splitlines()[0])
+    for (_, _, model), k in zip(found[1:], (2, 1), strict=True):
+        np.testing.assert_allclose(model.chains[0].points, direct(k), rtol=0, atol=1e-9)
+    assert found[1][1] == START + 2 * 33_333_333
+
+
+def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
+    made = Messages()
+    image = made.image(np.zeros(SIZE, np.uint16), START)
+    info = made.info(SCENE.intrinsics, SIZE, START)
+    path = write(tmp_path / "rope", "mcap", [("/camera_info", START, info), ("/depth", START, image)])
+    out = tmp_path / "frames.jsonl"
+    out.write_text("before")
+    assert main(["reconstruct", str(path), *RADIUS, "--every", "1", "-o", str(out)]) == 1
+    assert "none of 1 frames supports an answer" in capsys.readouterr().err
+    assert out.read_text() == "before"
+    assert not list(tmp_path.glob(".strand-*"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["no.bag"], 3, "no.bag: No such file or directory"),
+        (["empty.mcap"], 1, "empty.mcap: truncated, damaged or no bag"),
+        (
+            ["rope.bag", "--topic", "/no"],
+            2,
+            "topics: no topic /no; rope.bag has /depth (sensor_msgs/msg/Imag",
+        ),
+        (["rope.bag", "--world", "map"], 2, "no frame 'map' in TF; there are camera, world"),
+        (["rope.bag", "--every", "0"], 2, "step: expected at least 1"),
+        (["rope.bag", "--frame", "-1"], 2, "start: expected at least 0"),
+        (["rope.bag", "--tolerance", "-1"], 2, "tolerance: expected a number >= 0"),
+        (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only"),
+        (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: of one frame only"),
+        (["rope.bag", "-o", "rope.bag"], 2, "--out: rope.bag is part of"),
+        (["rope.bag", "-o", "no/a.json"], 3, "no/a.json: No such file or directory"),
+        (["rope.bag", "--depth-scale", "0"], 2, "depth_scale: expected a positive number"),
+        (["arc.npz", "--frame", "0"], 2, "--frame: for recordings only, and arc.npz is none"),
+        (["arc.npz", "--ignore-distortion"], 2, "--ignore-distortion: for recordings only"),
+        (["arc.npz", "--depth-scale", "1"], 2, "depth_scale: only of a single file"),
+    ],
+)
+def test_errors_are_one_line(tmp_path, monkeypatch, capsys, arguments, code, said):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "rope", "ros1", film(SCENE, 2, True))
+    SCENE.save(tmp_path / "arc.npz")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    assert main(["reconstruct", *arguments]) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("strand: error: ")
+    assert said in line
+
+
+def test_a_scene_needs_no_file_to_write(tmp_path, capsys):
+    SCENE.save(tmp_path / "arc.npz")
+    assert main(["reconstruct", str(tmp_path / "arc.npz")]) == 0
+    assert "chain  length / mm" in capsys.readouterr().out
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (b"", None),
+        (b'{"frame": 0', "line 1: truncated, or not JSON"),
+        (b"[]", "line 1: not a frame's model"),
+        (b'{"frame": 0, "stamp": 1}', "line 1: not a frame's model"),
+        (b'{"frame": -1, "stamp": 1, "error": ""}', "line 1: not a frame's model"),
+        (b'{"frame": 0, "stamp": 1, "model": {}}', "not a strand model"),
+        (b'{"frame": 0, "stamp": 1, "model": 3}', "not a strand model"),
+    ],
+)
+def test_lines_that_are_no_frames_are_named(tmp_path, line, reason):
+    path = tmp_path / "a.jsonl"
+    path.write_bytes(line)
+    if reason is None:
+        assert list(load_frames(path)) == []
+        return
+    with pytest.raises(FileFormatError, match=reason) as caught:
+        list(load_frames(path))
+    assert caught.value.file == str(path)

@@ -1,0 +1,164 @@
+"""Messages as plain data: ROS's own definitions take them, and they say what the chains say."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from bag_files import STORES, Messages
+from drawn import circle
+from scipy.spatial.transform import Rotation
+
+import strand
+from strand import msgs
+
+STORE = STORES[False]
+STAMP = 1_700_000_000_123_456_789
+NODES = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0.1, 0.1, 0.1], [0, 0.1, 0.1], [-0.1, 0.1, 0.1]])
+CHAIN = strand.Chain(NODES, 0.004)
+MODEL = strand.Model((CHAIN, circle(0.05, 40, True)), np.eye(4)[None], confidence=0.5)
+
+
+def message(kind, values):
+    """A message filled with a dictionary: all of its keys are fields, other fields keep their defaults."""
+    names = dict(STORE.fielddefs[kind][1])
+    assert set(values) <= set(names), kind
+    return STORE.types[kind](**{name: field(names[name], values.get(name)) for name in names})
+
+
+def field(description, value):
+    node, of = description
+    kind = node.name
+    if kind == "NAME":
+        return message(of, value or {})
+    if kind == "BASE":
+        plain = {"string": "", "bool": False}.get(of[0], 0.0 if "float" in of[0] else 0)
+        return plain if value is None else value
+    inner = of[0]
+    if inner[0].name == "NAME":
+        return [message(inner[1], one) for one in value or []]
+    if inner[1][0] == "string":
+        return value or []
+    number = np.dtype({"byte": "u1", "octet": "u1"}.get(inner[1][0], inner[1][0]))
+    return np.frombuffer(value or b"", dtype=number)
+
+
+def there_and_back(kind, values):
+    """What another program reads of a message that was sent."""
+    return STORE.deserialize_cdr(STORE.serialize_cdr(message(kind, values), kind), kind)
+
+
+def test_a_path_has_a_pose_at_each_node():
+    sent = msgs.path(CHAIN, "world", STAMP)
+    assert json.loads(json.dumps(sent)) == sent
+    path = there_and_back("nav_msgs/msg/Path", sent)
+    assert (path.header.frame_id, path.header.stamp.sec, path.header.stamp.nanosec) == (
+        "world",
+        1_700_000_000,
+        123_456_789,
+    )
+    assert len(path.poses) == len(NODES)
+    for one, node, tangent in zip(path.poses, NODES, CHAIN.tangents, strict=True):
+        p, q = one.pose.position, one.pose.orientation
+        assert [p.x, p.y, p.z] == node.tolist()
+        turned = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply([1.0, 0.0, 0.0])
+        np.testing.assert_allclose(turned, tangent, atol=1e-12)
+        assert one.header.frame_id == "world"
+
+
+def test_a_ring_ends_where_it_starts():
+    ring = MODEL.chains[1]
+    poses = msgs.path(ring, "world")["poses"]
+    assert len(poses) == len(ring.points) + 1
+    assert poses[0] == poses[-1]
+
+
+def test_markers_are_lines_with_spheres_at_their_ends():
+    markers = there_and_back(
+        "visualization_msgs/msg/MarkerArray", msgs.marker_array(MODEL, "world", STAMP)
+    ).markers
+    kinds = STORE.types["visualization_msgs/msg/Marker"]
+    first, line, ends, ring = markers
+    assert first.action == kinds.DELETEALL
+    assert [one.type for one in (line, ends, ring)] == [
+        kinds.LINE_STRIP,
+        kinds.SPHERE_LIST,
+        kinds.LINE_STRIP,
+    ]
+    assert all(one.action == kinds.ADD and one.header.frame_id == "world" for one in (line, ends, ring))
+    assert len({(one.ns, one.id) for one in (line, ends, ring)}) == 3
+    assert [[p.x, p.y, p.z] for p in line.points] == NODES.tolist()
+    assert [[p.x, p.y, p.z] for p in ends.points] == [NODES[0].tolist(), NODES[-1].tolist()]
+    assert [ring.points[0].x, ring.points[0].y] == [ring.points[-1].x, ring.points[-1].y]
+    assert (line.scale.x, ends.scale.x, ends.scale.z) == (0.008, 0.016, 0.016)
+    assert line.pose.orientation.w == 1.0
+    colors = [(one.color.r, one.color.g, one.color.b) for one in (line, ring)]
+    assert colors[0] != colors[1]
+    assert all(one.color.a == 1.0 for one in (line, ends, ring))
+
+
+def test_colours_are_paler_if_the_model_is_unsure():
+    def saturation(confidence):
+        model = strand.Model((CHAIN,), np.eye(4)[None], confidence=confidence)
+        color = msgs.marker_array(model, "world", namespace="rope")["markers"][1]["color"]
+        rgb = [color[name] for name in "rgb"]
+        return max(rgb) - min(rgb)
+
+    assert saturation(0.1) < saturation(0.9) == saturation(0.9) < saturation(float("nan"))
+
+
+@pytest.mark.parametrize("colors", [None, np.arange(18, dtype=np.uint8).reshape(6, 3)])
+def test_points_are_read_back_as_other_programs_do(colors):
+    sent = msgs.point_cloud2(NODES, "world", STAMP, colors=colors)
+    cloud = there_and_back("sensor_msgs/msg/PointCloud2", sent)
+    view = msgs.view(cloud)
+    np.testing.assert_array_equal(view.points, NODES[1:].astype(np.float32))  # the first one is the camera's
+    if colors is not None:
+        np.testing.assert_array_equal(view.colors, colors[1:] / 255.0)
+    assert (cloud.width, cloud.height, cloud.row_step) == (6, 1, 6 * cloud.point_step)
+
+
+def test_views_of_messages():
+    scene = strand.synthetic.scene("arc", views=1, size=(64, 48))
+    made = Messages()
+    depth = np.round(scene.depth[0] * 0.1).astype(np.uint16)
+    image, info = made.image(depth, STAMP), made.info(scene.intrinsics, depth.shape, STAMP)
+    want = strand.View.from_depth(depth, scene.intrinsics, scene.poses[0], depth_scale=0.001)
+    got = msgs.view(image, info, scene.poses[0])
+    np.testing.assert_array_equal(got.points, want.points)
+    np.testing.assert_array_equal(got.pose, want.pose)
+    np.testing.assert_array_equal(msgs.view(made.compressed(depth, 0), info).points, want.points)
+    scaled = msgs.view(made.image(depth, 0, encoding="mono16"), info, depth_scale=1e-4)
+    np.testing.assert_allclose(scaled.points, want.points / 10)
+    with pytest.raises(ValueError, match="depth images need a CameraInfo"):
+        msgs.view(image)
+    with pytest.raises(ValueError, match="mono16 has no unit"):
+        msgs.view(made.image(depth, 0, encoding="mono16"), info)
+    with pytest.raises(ValueError, match="it is of images of 7 x 9 pixels, and this one has 64 x 48"):
+        msgs.view(image, made.info(scene.intrinsics, (9, 7), 0))
+    with pytest.raises(TypeError, match="rectified: expected True or False"):
+        msgs.view(image, info, rectified=1)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "reason"),
+    [
+        (lambda: msgs.path(NODES, "world"), TypeError, "chain: expected a Chain, got ndarray"),
+        (lambda: msgs.path(CHAIN, 3), TypeError, "frame_id: expected text"),
+        (lambda: msgs.path(CHAIN, "world", -1), ValueError, "stamp: expected at least 0"),
+        (lambda: msgs.path(CHAIN, "world", 1.5), TypeError, "stamp: expected an integer"),
+        (lambda: msgs.marker_array(CHAIN, "world"), TypeError, "model: expected a Model, got Chain"),
+        (lambda: msgs.point_cloud2(NODES[:, :2], "world"), ValueError, "points: expected shape"),
+        (lambda: msgs.point_cloud2(NODES * 1e50, "world"), ValueError, "fit in single precision"),
+        (lambda: msgs.point_cloud2(NODES, "world", colors=NODES[:2]), ValueError, "colors: expected shape"),
+    ],
+)
+def test_wrong_arguments_are_named(call, error, reason):
+    with pytest.raises(error, match=reason):
+        call()
+
+
+def test_no_points_are_a_message_too():
+    cloud = there_and_back("sensor_msgs/msg/PointCloud2", msgs.point_cloud2(np.empty((0, 3)), "world"))
+    assert (cloud.width, len(cloud.data)) == (0, 0)

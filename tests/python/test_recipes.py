@@ -1,0 +1,178 @@
+"""The recipes for live cameras, run as they stand with stand-ins of the cameras' libraries."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from bag_files import START, Messages, film, millimetres, write
+
+import strand
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "recordings.md").read_text(encoding="utf-8")
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
+DEPTH = millimetres(SCENE)[1]
+K = SCENE.intrinsics
+POSE = SCENE.poses[1]
+BOUNDS = ([-0.5, -0.5, 0.05], [0.5, 0.5, 2.0])
+
+
+def ropes_only():
+    """The depth image, millimetres, without the table: in the camera's frame no box cuts that away."""
+    points = SCENE.views[1].world_points
+    depth = DEPTH.copy()
+    depth[depth > 0] *= ((points > SCENE.bounds[0]) & (points < SCENE.bounds[1])).all(axis=1)
+    return depth
+
+
+SEEN = ropes_only()
+
+
+def recipe(title):
+    return re.search(rf"^### {title}\n\n```python\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL).group(1)
+
+
+def lens(**names):
+    return SimpleNamespace(fx=K[0, 0], fy=K[1, 1], **names)
+
+
+def stream(*results):
+    """A call that gives these one after the other, and then is interrupted."""
+    return MagicMock(side_effect=[*results, KeyboardInterrupt])
+
+
+def run(monkeypatch, title, **modules):
+    for name, content in modules.items():
+        module = ModuleType(name.replace("__", "."))
+        module.__dict__.update(content)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    names = {"BOUNDS": BOUNDS}
+    code = recipe(title)
+    assert len(code.strip().splitlines()) <= 23
+    with pytest.raises(KeyboardInterrupt):
+        exec(code, names)
+    return names
+
+
+def check(model):
+    want = strand.View.from_depth(SEEN, K, depth_scale=0.001)
+    (chain,) = strand.reconstruct([want], radius=0.004, bounds=BOUNDS).chains
+    np.testing.assert_allclose(model.chains[0].points, chain.points, rtol=0, atol=1e-6)
+    assert chain.length == pytest.approx(0.4, rel=0.05)
+
+
+def test_realsense(monkeypatch, capsys):
+    frame = MagicMock()
+    frame.get_depth_frame().get_data.side_effect = [SEEN, np.zeros_like(SEEN)]
+    pipeline = MagicMock()
+    pipeline.wait_for_frames = stream(frame, frame)
+    profile = pipeline.start()
+    profile.get_device().first_depth_sensor().get_depth_scale.return_value = 0.001
+    video = profile.get_stream().as_video_stream_profile()
+    video.get_intrinsics.return_value = lens(ppx=K[0, 2], ppy=K[1, 2])
+    check(
+        run(
+            monkeypatch,
+            "RealSense",
+            pyrealsense2={"pipeline": lambda: pipeline, "stream": SimpleNamespace(depth=1)},
+        )["model"]
+    )
+    assert capsys.readouterr().out.splitlines()[-1].startswith("views: ")
+
+
+def test_orbbec(monkeypatch):
+    frame = MagicMock()
+    frame.get_data.return_value = SEEN.tobytes()
+    frame.get_height.return_value, frame.get_width.return_value = SEEN.shape
+    frame.get_depth_scale.return_value = 1.0
+    pipeline = MagicMock()
+    pipeline.wait_for_frames = stream(None, MagicMock(get_depth_frame=lambda: frame))
+    pipeline.get_camera_param().depth_intrinsic = lens(cx=K[0, 2], cy=K[1, 2])
+    content = {
+        "Pipeline": lambda: pipeline,
+        "Config": MagicMock,
+        "OBSensorType": SimpleNamespace(DEPTH_SENSOR=1),
+    }
+    check(run(monkeypatch, "Orbbec", pyorbbecsdk=content)["model"])
+
+
+def test_zed(monkeypatch):
+    depth = (SEEN * 0.001).astype(np.float32)
+    depth[SEEN == 0] = np.resize([np.nan, np.inf, -np.inf], np.count_nonzero(SEEN == 0))
+    camera = MagicMock()
+    camera.open.return_value = 0
+    camera.grab = stream(1, 0)
+    camera.get_camera_information().camera_configuration.calibration_parameters.left_cam = lens(
+        cx=K[0, 2], cy=K[1, 2]
+    )
+    sl = {
+        "Camera": lambda: camera,
+        "Mat": lambda: MagicMock(get_data=lambda: depth),
+        "InitParameters": lambda coordinate_units: coordinate_units,
+        "UNIT": SimpleNamespace(METER=1),
+        "MEASURE": SimpleNamespace(DEPTH=1),
+        "ERROR_CODE": SimpleNamespace(SUCCESS=0),
+    }
+    check(run(monkeypatch, "ZED", pyzed={}, pyzed__sl=sl)["model"])
+
+
+def test_a_ros_2_node(monkeypatch):
+    made, sent, subscribed = Messages(), [], {}
+    node = MagicMock()
+    node.create_publisher.return_value.publish = sent.append
+    node.create_subscription = lambda kind, topic, call, depth: subscribed.update({topic: call})
+
+    def spin(_):
+        image = made.image(SEEN, START, "camera")
+        subscribed["depth"](image)  # before there is a CameraInfo
+        subscribed["camera_info"](made.info(K, SEEN.shape, START))
+        subscribed["depth"](image)
+        raise KeyboardInterrupt
+
+    run(
+        monkeypatch,
+        "A ROS 2 node",
+        rclpy={"init": lambda: None, "create_node": lambda _: node, "spin": spin},
+        rosidl_runtime_py={"set_message_fields": lambda message, values: message.update(values)},
+        sensor_msgs={},
+        sensor_msgs__msg={"CameraInfo": dict, "Image": dict},
+        visualization_msgs={},
+        visualization_msgs__msg={"MarkerArray": dict},
+    )
+    (message,) = sent
+    _, line, _ = message["markers"]
+    assert line["header"] == {"stamp": {"sec": START // 10**9, "nanosec": 0}, "frame_id": "camera"}
+    check(SimpleNamespace(chains=[SimpleNamespace(points=[list(p.values()) for p in line["points"]])]))
+
+
+def test_the_example_in_python_runs_as_it_stands(tmp_path, monkeypatch, capsys):
+    code = re.search(r"## In Python\n\n```python\n(.*?)```", PAGE, re.DOTALL).group(1)
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 2))
+    path.rename(tmp_path / "rope.mcap")
+    monkeypatch.chdir(tmp_path)
+    exec(code.replace('world="table"', 'world="world"'), {"BOUNDS": SCENE.bounds})
+    out = capsys.readouterr().out
+    assert out.startswith("2 ('/depth',) [17")
+    assert out.count("Model(chains: 1") == 2
+
+
+def test_the_messages_are_made_as_they_stand(paper_model):
+    code = re.search(r"## Messages\n.*?```python\n(.*?)```", PAGE, re.DOTALL).group(1)
+    made = Messages()
+    image, info = made.image(DEPTH, START), made.info(K, DEPTH.shape, START)
+    names = {
+        "strand": strand,
+        "model": paper_model,
+        "stamp": START,
+        "image": image,
+        "camera_info": info,
+        "pose": POSE,
+    }
+    exec(code, names)
+    assert len(names["path"]["poses"]) == len(paper_model.chains[0].points)
+    np.testing.assert_array_equal(names["view"].pose, POSE)
