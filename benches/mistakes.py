@@ -2,10 +2,10 @@
 
 python benches/mistakes.py [--scenes N] [--only TEXT]
 
-Each mistake is made in scenes of three kinds: a rope with bounds, seen by seven cameras and by one, and a rope
-among other things seen by three, with nothing told but the radius. An answer is wrong if it is more than 1.5
-radii off the true rope in the true world frame. The table has how many answers there are, how many are wrong,
-the greatest confidence of these, and what the greatest doubt of that one says, or an error.
+Each mistake is made in scenes of three kinds: a rope with bounds, seen by seven cameras and by one, and a
+rope among other things seen by three, with nothing told but the radius. An answer is wrong if it is more than
+1.5 radii off the true rope in the true world frame. The table has how many answers there are, how many are
+wrong, the greatest confidence of these, and what the greatest doubt of that one says, or an error.
 """
 
 from __future__ import annotations
