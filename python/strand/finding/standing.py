@@ -22,6 +22,8 @@ _CELL, _CELLS, _INNER = 0.04, 30, 0.3
 _SMOOTH, _DEVIATIONS, _LOWEST, _ROBUST = 0.8, 5.0, 0.001, 1.4826
 # heights above this share of the distance are cut before they are smoothed
 _HIGHEST = 0.03
+# squares of coordinates are finite up to here, metres
+_FARTHEST = 1e75
 # blobs of fewer pixels are noise; the share of the smoothed pixels that must have depth
 _FEWEST, _SEEN = 25, 0.3
 
@@ -64,6 +66,8 @@ def tabletop(image: RopeImage) -> Tabletop | None:
     rows, columns = rows[::step], columns[::step]
     centre = image.pose[:3, 3]
     points = image.world(rows, columns, image.depth[rows, columns]) - centre
+    if not len(points) or np.abs(points).max() > _FARTHEST:
+        return None
     found = largest_plane(points)
     if found is None or found[2] < _SHARE:
         return None
@@ -93,11 +97,12 @@ def _is_wide(points: Array, normal: Array) -> bool:
 
 def _standing(above: Array, seen: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:
     kernel = gaussian(_SMOOTH)
-    cut = np.where(seen, np.clip(above, -_HIGHEST * distance, _HIGHEST * distance), 0.0)
+    # in distances, as single precision holds no number of metres
+    cut = np.where(seen, np.clip(above / distance, -_HIGHEST, _HIGHEST), 0.0)
     shares = _core.convolved(seen.astype(np.float32), kernel)
     smooth = _core.convolved(cut.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
-    on_table = smooth[seen & (np.abs(smooth) < _LOWEST * 5.0 * distance)]
+    on_table = smooth[seen & (np.abs(smooth) < _LOWEST * 5.0)]
     scatter = _ROBUST * float(np.median(np.abs(on_table))) if len(on_table) else 0.0
-    found = (shares > _SEEN) & (smooth > max(_DEVIATIONS * scatter, _LOWEST * distance))
+    found = (shares > _SEEN) & (smooth > max(_DEVIATIONS * scatter, _LOWEST))
     numbers = _core.blob_numbers(found)
     return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _FEWEST))

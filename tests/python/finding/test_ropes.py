@@ -99,3 +99,13 @@ def test_each_chain_has_doubts_of_its_own(paper_model):
     (chain,) = paper_model.chains
     assert chain.confidence == pytest.approx(paper_model.confidence)
     assert chain.doubts == paper_model.doubts
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e3, 1e30, 1e60, 1e90])
+@pytest.mark.filterwarnings("error")
+def test_a_bare_table_is_refused_in_any_unit(scale):
+    depth = scale * (0.5 + np.random.default_rng(0).normal(scale=1e-3, size=(240, 320)))
+    view = strand.View.from_depth(depth, [[400, 0, 160], [0, 400, 120], [0, 0, 1]])
+    for seen in (view, strand.View(view.points)):
+        with pytest.raises(strand.NotEnoughDataError):
+            strand.reconstruct([seen])
