@@ -57,9 +57,10 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
     kept = [(nodes, closed) for nodes, closed in chains if path_length(nodes)[-1] > least]
     ropes = Arcs([nodes for nodes, _ in kept], [0] * len(kept))
     viewpoints = np.array([view.viewpoint for view in scene.views])
-    clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, scene.bounds)
+    box = strand.Box(*scene.bounds)
+    clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, box)
     closed = [ring for _, ring in kept]
-    seen = without_outliers(cropped(scene.views, scene.bounds), scene.radius, config.filter, widen=True)
+    seen = without_outliers(cropped(scene.views, box), scene.radius, config.filter, widen=True)
     cameras = Cameras(seen, scene.views)
     radii, run = Radii.given(scene.radius), Run(None)
     fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)

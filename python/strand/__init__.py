@@ -19,6 +19,7 @@ from strand._core import (
     trace_chains,
     trace_tubes,
 )
+from strand.box import Box
 from strand.chain import Chain
 from strand.config import Config
 from strand.doubt import Doubt
@@ -38,6 +39,7 @@ from strand.view import View
 
 __all__ = [
     "Alternative",
+    "Box",
     "Chain",
     "Config",
     "Doubt",

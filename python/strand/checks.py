@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Bounds = tuple[Array, Array]
 
 
 def number(name: str, value: Any) -> float:
@@ -275,10 +274,11 @@ def small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ValueError
         If the shape differs or an element is not finite.
     """
-    return _finite(name, float_array(name, _whole_as_floats(name, value), shape))
+    return _finite(name, float_array(name, whole_as_floats(name, value), shape))
 
 
-def _whole_as_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+def whole_as_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Return `value` as an array, of floats if it holds whole numbers."""
     array = as_array(name, value)
     return array.astype(np.float64) if array.dtype.kind in "iu" else array
 
@@ -372,29 +372,6 @@ def pinhole(name: str, value: ArrayLike) -> Array:
             f"{name}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, got {camera.tolist()}"
         )
     return camera
-
-
-def extraction_range(value: tuple[ArrayLike, ArrayLike]) -> Bounds:
-    """Return `bounds` as the low and the high corner of an axis-aligned box in the world frame, metres.
-
-    Infinities leave a side open.
-
-    Raises
-    ------
-    TypeError
-        If the corners are not numbers.
-    ValueError
-        If there are not two corners of three numbers, or a low one is not below its high one.
-    """
-    try:
-        low, high = value
-    except (TypeError, ValueError):
-        raise ValueError("bounds: expected a pair (low, high) of corners") from None
-    low = float_array("bounds[0]", _whole_as_floats("bounds", low), (3,))
-    high = float_array("bounds[1]", _whole_as_floats("bounds", high), (3,))
-    if not (low < high).all():
-        raise ValueError(f"bounds: expected low < high in x, y and z, got {low} and {high}")
-    return low, high
 
 
 def checked_radius(radius: float) -> float:

@@ -18,7 +18,8 @@ import numpy as np
 
 import strand
 from strand import config
-from strand.checks import Array, Bounds
+from strand.box import Bounds, extraction_range
+from strand.checks import Array
 from strand.files import extra, replacing, require_writable
 from strand.io.budget import MAX_BYTES
 from strand.io.description import parse_length
@@ -559,8 +560,7 @@ def _given(options: argparse.Namespace, recorded: Scene) -> dict[str, str]:
         "configuration": "defaults" if options.config is None else f"{options.config}",
     }
     if bounds is not None:
-        ends = ("[" + ", ".join(f"{1e3 * x:.0f}" for x in corner) + "]" for corner in bounds)
-        given["extraction range"] = " to ".join(ends) + " mm"
+        given["extraction range"] = f"{extraction_range(bounds)}"
     return given
 
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box, metres
+from strand.checks import Array
 from strand.pose import moved
 from strand.view import View
 
@@ -20,14 +21,14 @@ _AXES = {
 }
 
 
-def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
+def why_empty(views: Sequence[View], bounds: Box | None) -> str:
     """Say where the points are, where the extraction range is, and what mistake would explain it.
 
     Parameters
     ----------
     views : sequence of View
         None of which has a point in the range.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     """
     clouds = [view.points[:: max(len(view.points) // _ENOUGH, 1)] for view in views]
@@ -46,8 +47,8 @@ def why_empty(views: Sequence[View], bounds: Bounds | None) -> str:
     hint = likely if found else "are bounds, poses and units those of one world frame, in metres?"
     return (
         "no view has a point in the extraction range: "
-        f"the points lie between {_corner(placed.min(axis=0))} and {_corner(placed.max(axis=0))} m, "
-        f"the range is {_corner(bounds[0])} to {_corner(bounds[1])} m; {hint}"
+        f"the points lie between {metres(placed.min(axis=0))} and {metres(placed.max(axis=0))} m, "
+        f"the range is {bounds}; {hint}"
     )
 
 
@@ -59,13 +60,8 @@ def mask_without_points(view: View) -> str | None:
     return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
-def _count_inside(clouds: Sequence[Array], bounds: Bounds) -> int:
-    points = np.concatenate(clouds)
-    return int(((points >= bounds[0]) & (points <= bounds[1])).all(axis=1).sum())
-
-
-def _corner(point: Array) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"
+def _count_inside(clouds: Sequence[Array], bounds: Box) -> int:
+    return int(np.count_nonzero(bounds.holds(np.concatenate(clouds))))
 
 
 def _depth_in_millimetres(cloud: Array, view: View) -> Array:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.doubt import Doubt
 from strand.images.seen import RopeImage
 from strand.images.table import table_plane
@@ -40,7 +41,7 @@ _DOUBT = 2.0
 
 
 def misplaced_masks(
-    views: Sequence[View], numbers: Sequence[int], bounds: Bounds | None, radii: Array
+    views: Sequence[View], numbers: Sequence[int], bounds: Box | None, radii: Array
 ) -> list[tuple[Doubt, int]]:
     """Name masks that seem to be of another frame, or of the background.
 
@@ -50,7 +51,7 @@ def misplaced_masks(
         As they were given; those without a mask have none that is wrong.
     numbers : sequence of int
         The numbers of the views to look at.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres; what of a mask lies outside is no rope.
     radii : (K,) ndarray
         The ropes' radii, ascending, metres.
@@ -71,7 +72,7 @@ def misplaced_masks(
 
 
 def refuse_background(
-    views: Sequence[View], numbers: Sequence[int], bounds: Bounds | None, radii: Array
+    views: Sequence[View], numbers: Sequence[int], bounds: Box | None, radii: Array
 ) -> None:
     """Refuse masks of which depth says that they all show the background alone; arguments as above.
 
@@ -141,14 +142,14 @@ class _Rope:
     mask : (H, W) ndarray of bool
     pose : (4, 4) ndarray
         Camera to world.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     """
 
     image: DepthImage
     mask: NDArray[np.bool_]
     pose: Array
-    bounds: Bounds | None
+    bounds: Box | None
 
     def holds(self, rows: _Indices, columns: _Indices) -> NDArray[np.bool_]:
         """Whether pixels are in the mask, have depth, and lie in the extraction range."""
@@ -159,10 +160,10 @@ class _Rope:
         x = (columns - self.image.centre[0]) / self.image.focal[0]
         y = (rows - self.image.centre[1]) / self.image.focal[1]
         world = moved(np.stack([x * z, y * z, z], axis=1), self.pose)
-        return inside & ((world >= self.bounds[0]) & (world <= self.bounds[1])).all(axis=1)
+        return inside & self.bounds.holds(world)
 
 
-def _rope(view: View, bounds: Bounds | None) -> _Rope | None:
+def _rope(view: View, bounds: Box | None) -> _Rope | None:
     """Return a view's mask with its image; None if there is none, or one of everything in bounds."""
     mask = view.mask
     # within an extraction range a mask of everything is as good as none

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from strand._core import NotEnoughDataError
-from strand.checks import extraction_range, flag, positive, to_millimetres
+from strand.box import Bounds, extraction_range
+from strand.checks import flag, positive, to_millimetres
 from strand.config import Config
 from strand.default import find_chains as find_by_default
 from strand.doubt import Doubt
@@ -66,7 +66,7 @@ _METHODS = {
 def reconstruct(
     views: Sequence[View],
     radius: float | Sequence[float] | None = None,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+    bounds: Bounds | None = None,
     ropes: int | None = None,
     config: Config | None = None,
     *,
@@ -86,8 +86,9 @@ def reconstruct(
     radius : float or sequence of float, optional
         The ropes' radius, or the radii of ropes that differ, metres; estimated from the data if not given
         (the published method needs one).
-    bounds : pair of (3,) array_like, optional
-        The extraction range: low and high corner of an axis-aligned box in the world frame, metres. If it is
+    bounds : pair of (3,) array_like, or Box, optional
+        The extraction range, metres: low and high corner of a box along the axes of the world frame, or a
+        `strand.Box`, which may be turned. If it is
         not given, and no view has a mask, the default method finds the ropes among other things on a table
         (see `strand.find_ropes`); where there is no table, everything is taken for ropes.
     ropes : int, optional

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.box import Bounds
 from strand.checks import Array, checked_radius
 from strand.view import View, checked_views
 
@@ -98,9 +98,7 @@ class Radii:
         return cls(values, _GIVEN_SD * values, free=False)
 
 
-def estimate_radius(
-    views: Sequence[View], bounds: tuple[ArrayLike, ArrayLike] | None = None
-) -> tuple[Array, Array]:
+def estimate_radius(views: Sequence[View], bounds: Bounds | None = None) -> tuple[Array, Array]:
     """Estimate the ropes' radii from how wide they look.
 
     To its camera a stretch of rope is a strip, across which the points' variance is r^2 / 3 whatever the
@@ -112,8 +110,9 @@ def estimate_radius(
     ----------
     views : sequence of View
         Views of ropes alone.
-    bounds : pair of (3,) array_like, optional
-        The extraction range: low and high corner of an axis-aligned box in the world frame, metres; views are
+    bounds : pair of (3,) array_like, or Box, optional
+        The extraction range, metres: low and high corner of a box along the axes of the world frame, or a
+        `strand.Box`, which may be turned; views are
         cropped to it.
 
     Returns

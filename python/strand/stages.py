@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from strand._core import EndObservation
+from strand.box import Box
 from strand.chain import Chain
-from strand.checks import Array, Bounds
+from strand.checks import Array
 from strand.doubt import Doubt
 from strand.evidence.prior import Prior
 from strand.lazy import lazy
@@ -77,7 +78,7 @@ class Observed:
         The same views with all that they saw, beyond the ropes too.
     numbers : tuple of int
         What each is called in warnings.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range that the views were cropped to, metres.
     radii : Radii
     prior : Prior
@@ -88,7 +89,7 @@ class Observed:
     views: Sequence[View]
     whole: Sequence[View]
     numbers: Sequence[int]
-    bounds: Bounds | None
+    bounds: Box | None
     radii: Radii
     prior: Prior
     middle: int | None = None

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import strand._core as _core
+from strand.box import Bounds, Box, extraction_range
 from strand.checks import (
     Array,
-    Bounds,
     as_array,
     color_array,
-    extraction_range,
     finite_array,
     float_array,
     mask_array,
@@ -314,14 +313,14 @@ class View:
         pose = rigid_motion("motion", motion) @ self._pose
         return self._of(self._points, self._image, pose, self._dropped, self._colors)
 
-    def crop(self, bounds: tuple[ArrayLike, ArrayLike]) -> View:
+    def crop(self, bounds: Bounds) -> View:
         """Keep the points inside the extraction range, and inside the mask if there is one.
 
         Parameters
         ----------
-        bounds : pair of (3,) array_like
-            Low and high corner of an axis-aligned box in the world frame, metres; points on its
-            faces are kept.
+        bounds : pair of (3,) array_like, or Box
+            Low and high corner of a box along the axes of the world frame, metres, or a `strand.Box`, which
+            may be turned; points on its faces are kept.
 
         Returns
         -------
@@ -367,7 +366,7 @@ def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
     return float_array("depth", image, ("H", "W"))
 
 
-def cropped(views: Sequence[View], bounds: Bounds) -> list[View]:
+def cropped(views: Sequence[View], bounds: Box) -> list[View]:
     """Keep the points of views inside a checked extraction range, as `View.crop` does."""
     # what of an image lies outside is not un-projected
     images = {
@@ -378,15 +377,18 @@ def cropped(views: Sequence[View], bounds: Bounds) -> list[View]:
     found = _core.crop_images(
         [image.rope_depth for image in images.values()],
         [(image.focal, image.centre) for image in images.values()],
-        [views[i].pose for i in images],
-        *bounds,
+        [bounds.from_camera(views[i].pose) for i in images],
+        bounds.low,
+        bounds.high,
     )
     inside: dict[int, tuple[Array, Array | None]] = {
         i: (points, None) for i, points in zip(images, found, strict=True)
     }
     for i, view in enumerate(views):
         if i not in inside:
-            inside[i] = _core.crop(view.points, view.pose, *bounds, view.colors)
+            inside[i] = _core.crop(
+                view.points, bounds.from_camera(view.pose), bounds.low, bounds.high, view.colors
+            )
     return [view._part(*inside[i]) for i, view in enumerate(views)]
 
 

@@ -34,7 +34,7 @@ def misplaced(name, masks, bounds=None):
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("bounded", [False, True])
 def test_masks_of_other_frames_are_named_and_right_ones_are_not(name, bounded):
-    bounds = SCENES[name].bounds if bounded else None
+    bounds = strand.Box(*SCENES[name].bounds) if bounded else None
     mask = MASKS[name]
     assert misplaced(name, mask, bounds) == []
     # a pixel too wide, or too narrow
@@ -52,7 +52,7 @@ def test_masks_of_other_frames_are_named_and_right_ones_are_not(name, bounded):
 
 def test_a_mask_of_everything_is_as_none_within_bounds_and_holds_the_background_without():
     everything = np.ones_like(MASKS["arc"])
-    assert misplaced("arc", everything, SCENES["arc"].bounds) == []
+    assert misplaced("arc", everything, strand.Box(*SCENES["arc"].bounds)) == []
     assert misplaced("arc", everything) == [0, 1, 2]
 
 

@@ -8,7 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
-from strand.checks import Bounds, positive
+from strand.box import Box
+from strand.checks import positive
 
 # a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
 _SHARE, _RADII = 0.02, 1.0
@@ -26,21 +27,21 @@ class Prior:
         How long they are, the longest first, metres; empty if that is not known.
     alike : bool
         Whether there is one length, that of every rope.
-    bounds : pair of (3,) ndarray, or None
+    bounds : Box or None
         The extraction range, which holds all ropes, metres.
     """
 
     ropes: int | None = None
     lengths: tuple[float, ...] = ()
     alike: bool = False
-    bounds: Bounds | None = None
+    bounds: Box | None = None
 
     @classmethod
     def given(
         cls,
         ropes: int | None,
         length: float | Sequence[float] | None,
-        bounds: Bounds | None = None,
+        bounds: Box | None = None,
     ) -> Prior:
         """Return what is known after checking it; several lengths say how many ropes there are.
 

@@ -13,8 +13,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import strand._core as _core
+from strand.box import Box
 from strand.chain import Chain
-from strand.checks import Array, Bounds
+from strand.checks import Array
 from strand.config import Config, Poses
 from strand.doubt import Doubt
 from strand.pose import rotation_vector
@@ -99,15 +100,9 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
     yield Doubt("pose", _CORRECTED * share * (rare - _CHANCE), "where the ropes are", reason)
 
 
-def _of_range(chains: Sequence[Chain], bounds: Bounds) -> Iterator[Doubt]:
+def _of_range(chains: Sequence[Chain], bounds: Box) -> Iterator[Doubt]:
     """Doubt ropes whose axis leaves the range that was said to hold them."""
-    low, high = bounds
-    outside = [
-        (
-            (chain.points < low - _OUTSIDE * chain.radius) | (chain.points > high + _OUTSIDE * chain.radius)
-        ).any(axis=1)
-        for chain in chains
-    ]
+    outside = [~bounds.holds(chain.points, _OUTSIDE * chain.radius) for chain in chains]
     share = float(np.concatenate(outside).mean())
     reason = (
         f"{share:.0%} of the ropes' axes lie outside the extraction range, which should hold the ropes; "

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.images.raised import LOWEST, gaussian, heights
 from strand.images.seen import RopeImage
 
@@ -19,7 +20,7 @@ _FINEST = 0.5
 _HIGHEST = 8.0
 
 
-def points_along(image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float) -> Array:
+def points_along(image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float) -> Array:
     """Return a mask's pixels as points, whose heights are means along the rope.
 
     A rope runs where heights change least: across the strongest direction of the structure tensor (Förstner
@@ -31,7 +32,7 @@ def points_along(image: RopeImage, table: tuple[Array, float], bounds: Bounds | 
     image : RopeImage
     table : ((3,) ndarray, float)
         Its unit normal n and n.x, metres.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     radius : float
         Metres.

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.images.raised import LOWEST, heights
 from strand.images.seen import RopeImage
 
@@ -74,7 +75,7 @@ def mean_noise(scatter: float, side: int, radius: float) -> float:
 def outlined(
     image: RopeImage,
     table: tuple[Array, float],
-    bounds: Bounds | None,
+    bounds: Box | None,
     radius: float,
     noise: float,
     weights: Sequence[float],
@@ -89,7 +90,7 @@ def outlined(
         With a first mask, around which ropes are looked for.
     table : ((3,) ndarray, float)
         Its unit normal n and n.x, metres.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     radius : float
         Metres.

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.images.errors import neighbours_alike
 from strand.images.seen import RopeImage, rope_images
 from strand.images.table import table_plane
@@ -90,10 +91,11 @@ def all_masked(observed: Observed) -> Observed:
     if table is None:
         return observed
     ropes = np.vstack([view.world_points for view, own in zip(observed.views, given, strict=True) if own])
-    low, high = np.percentile(ropes, (1, 99), axis=0)
-    near = low - _AROUND * radius, high + _AROUND * radius
-    if observed.bounds is not None:
-        near = np.maximum(near[0], observed.bounds[0]), np.minimum(near[1], observed.bounds[1])
+    bounds = observed.bounds
+    low, high = np.percentile(ropes if bounds is None else bounds.coordinates(ropes), (1, 99), axis=0)
+    near = Box(low - _AROUND * radius, high + _AROUND * radius)
+    if bounds is not None:
+        near = Box(np.maximum(near.low, bounds.low), np.minimum(near.high, bounds.high), bounds.pose)
     views, whole = list(observed.views), list(observed.whole)
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
         if view.image is None or given[number] or not _on_table(own, table, radius):
@@ -128,7 +130,7 @@ def _on_table(view: View, table: tuple[Array, float], radius: float) -> bool:
 
 
 def raised(
-    images: Sequence[RopeImage], table: tuple[Array, float] | None, bounds: Bounds | None, radius: float
+    images: Sequence[RopeImage], table: tuple[Array, float] | None, bounds: Box | None, radius: float
 ) -> list[RopeImage]:
     """Return images with masks of what stands out from a table.
 
@@ -137,7 +139,7 @@ def raised(
     images : sequence of RopeImage
     table : ((3,) ndarray, float) or None
         Its unit normal n and n.x, metres; without one the images stay as they are.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     radius : float
         Metres.
@@ -157,7 +159,7 @@ def raised(
 
 
 def standing_out(
-    image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
+    image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float
 ) -> np.ndarray:
     """Return the pixels (H, W) where a smoothed height above a table is a rope's of this radius, metres."""
     above, seen, across = heights(image, table, bounds, radius)
@@ -171,7 +173,7 @@ def standing_out(
 
 
 def heights(
-    image: RopeImage, table: tuple[Array, float], bounds: Bounds | None, radius: float
+    image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float
 ) -> tuple[Array, NDArray[np.bool_], float]:
     """Return how far above a table each pixel shows something.
 
@@ -180,7 +182,7 @@ def heights(
     image : RopeImage
     table : ((3,) ndarray, float)
         Its unit normal n and n.x, metres.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     radius : float
         Metres.
@@ -201,7 +203,7 @@ def heights(
     if bounds is not None:
         # where a rope's axis would be, whatever the noise says
         axis = world + (radius - above)[..., None] * normal
-        seen &= ((axis > bounds[0] - radius) & (axis < bounds[1] + radius)).all(axis=-1)
+        seen &= bounds.holds(axis, radius)
     across = radius * image.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
     return above, seen, across
 

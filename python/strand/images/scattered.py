@@ -191,9 +191,7 @@ def _tubes(
     views = [View(points_along(image, table, observed.bounds, radius), image.pose) for image in taken]
     if not all(len(view.points) for view in views):
         return []
-    bounds = observed.bounds
-    if bounds is not None:
-        bounds = bounds[0] - radius, bounds[1] + radius
+    bounds = None if observed.bounds is None else observed.bounds.grown(radius)
     smooth = replace(observed, views=tuple(views), whole=tuple(views), bounds=bounds)
     # its stages are one step of this one
     quiet = replace(run, progress=None, timings={}, warnings=[])

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.lazy import lazy
 from strand.pose import moved
 from strand.view import DepthImage, View
@@ -64,7 +65,7 @@ class RopeImage:
 
 
 def rope_images(
-    views: Sequence[View], whole: Sequence[View], bounds: Bounds | None, margin: float = 0.0
+    views: Sequence[View], whole: Sequence[View], bounds: Box | None, margin: float = 0.0
 ) -> list[RopeImage]:
     """Return each view's image of the ropes.
 
@@ -74,7 +75,7 @@ def rope_images(
         Cropped and without outliers.
     whole : sequence of View
         The same views with all that they saw.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range, metres.
     margin : float
         How far out of the extraction range a pixel of a mask may be, metres: where depth is noisy, ropes are
@@ -94,7 +95,7 @@ def rope_images(
     ]
 
 
-def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None, margin: float) -> RopeImage:
+def _of_image(view: View, whole: View, image: DepthImage, bounds: Box | None, margin: float) -> RopeImage:
     if image.mask is None:
         mask = np.zeros(image.depth.shape, dtype=bool)
         mask[pixels_of(view.points, image)] = True
@@ -104,7 +105,7 @@ def _of_image(view: View, whole: View, image: DepthImage, bounds: Bounds | None,
         return seen
     rows, columns = np.nonzero(seen.mask & (seen.depth > 0))
     world = seen.world(rows, columns, seen.depth[rows, columns])
-    out = ((world < bounds[0] - margin) | (world > bounds[1] + margin)).any(axis=1)
+    out = ~bounds.holds(world, margin)
     mask = seen.mask.copy()
     mask[rows[out], columns[out]] = False
     return replace(seen, mask=mask)

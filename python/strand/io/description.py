@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.checks import Array, Bounds, extraction_range, number, rigid_motion
+from strand.box import Bounds, Box, extraction_range
+from strand.checks import Array, number, rigid_motion
 from strand.files import shown
 from strand.pose import pose_from_angles, turntable_pose
 
@@ -58,7 +59,7 @@ class Description:
         The camera's pinhole matrix, pixels; None if the scene has no depth images.
     depth_scale : float or None
         Metres per unit of a 16-bit depth image.
-    bounds : pair of (3,) ndarray, or None
+    bounds : pair of (3,) ndarray, Box, or None
         The extraction range, metres.
     radius : float or None
         The ropes' radius, metres.
@@ -152,8 +153,10 @@ def _camera(table: Any) -> tuple[Array, float | None]:
 
 
 def _bounds(table: Any) -> Bounds:
-    _check_keys("extract", table, accepted=("low", "high"), required=("low", "high"))
-    return extraction_range((_numbers("extract.low", table["low"]), _numbers("extract.high", table["high"])))
+    pose = ("pose", "angles_deg", "origin")
+    _check_keys("extract", table, accepted=("low", "high", *pose), required=("low", "high"))
+    box = extraction_range((_numbers("extract.low", table["low"]), _numbers("extract.high", table["high"])))
+    return Box(box.low, box.high, _pose("extract", table)) if set(pose) & set(table) else (box.low, box.high)
 
 
 def _radius(value: Any) -> float:

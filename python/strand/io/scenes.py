@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, Bounds, extraction_range, finite_array, several, whole
+from strand.box import Bounds, extraction_range
+from strand.checks import Array, finite_array, several, whole
 from strand.files import TOML_BYTES, FileFormatError, read_toml
 from strand.io.arrays import Archive
 from strand.io.budget import MAX_BYTES, Budget
@@ -38,8 +39,9 @@ class Scene:
         What to call it.
     views : tuple of View
         What the cameras saw.
-    bounds : pair of (3,) ndarray, or None
-        Low and high corner of the extraction range in the world frame, metres; None: everything.
+    bounds : pair of (3,) ndarray, Box, or None
+        The extraction range in the world frame, metres: low and high corner, or a box that is turned; None:
+        everything.
     radius : float or None
         The ropes' radius, metres; None: not known.
     truth : tuple of (M, 3) ndarray
@@ -92,6 +94,8 @@ def load_scene(
         [extract]                      # optional: extraction range in the world frame, metres
         low = [-0.2, -0.2, 0.002]
         high = [0.2, 0.2, 0.1]
+        origin = [0.5, 0.1, 0]         # optional: the range is a box with a frame of its own, whose pose is
+        angles_deg = [0, 0, 30]        # given as a view's is
 
         [turntable]                    # for views with turntable_deg
         angles_deg = [-140, 0, 90]     # camera pose at angle 0, as in a view
@@ -240,7 +244,8 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     )
     bounds = None
     if "box" in arrays:
-        bounds = extraction_range(tuple(finite_array("box", arrays["box"], (2, 3))))
+        box = extraction_range(tuple(finite_array("box", arrays["box"], (2, 3))))
+        bounds = box.low, box.high
     radius = _scalar("radius", arrays["radius"]) if "radius" in arrays else None
     truths = sorted((key for key in arrays if _TRUTH.fullmatch(key)), key=lambda key: int(key[6:]))
     truth = tuple(finite_array(key, arrays[key], ("N", 3)) for key in truths)

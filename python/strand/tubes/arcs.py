@@ -116,7 +116,7 @@ def fit_arcs(
             config,
             iterations=12,
             tolerance=0.1 if uncertainty else ROUGHLY,
-            bounds=clouds.bounds if radii.free else None,
+            bounds=clouds.hull if radii.free else None,
             uncertainty=uncertainty,
         )
         shift = _shift(few, motions, fit.motions)
@@ -162,7 +162,7 @@ def _with_radii(
         along_ray=True,
         band=(0.8, 0.5),
         iterations=30,
-        bounds=clouds.bounds,
+        bounds=clouds.hull,
         uncertainty=False,
     )
 

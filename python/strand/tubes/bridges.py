@@ -133,7 +133,7 @@ def _nowhere(nodes: Array, evidence: JoinEvidence) -> float:
     bounds, visibility = evidence.prior.bounds, evidence.visibility
     out = np.zeros(len(nodes), dtype=bool)
     if bounds is not None:
-        out |= ((nodes < bounds[0]) | (nodes > bounds[1])).any(axis=1)
+        out |= ~bounds.holds(nodes)
     if visibility is not None:
         out |= visibility.free(nodes, evidence.radius)
     return float(out.mean())

@@ -9,7 +9,8 @@ from itertools import compress
 import numpy as np
 
 import strand._core as _core
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.view import View
 
 Pair = tuple[int, int]
@@ -34,21 +35,26 @@ class Clouds:
         The cameras' centres, metres.
     reference : int
         The view that stays where it is.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range that the points were cut to, metres.
     """
 
     points: list[Array]
     viewpoints: Array
     reference: int
-    bounds: Bounds | None
+    bounds: Box | None
 
     @classmethod
-    def of(cls, views: Sequence[View], bounds: Bounds | None, reference: int | None = None) -> Clouds:
+    def of(cls, views: Sequence[View], bounds: Box | None, reference: int | None = None) -> Clouds:
         """Return the views' points; the middle view is the reference if none is given."""
         viewpoints = np.array([view.viewpoint for view in views])
         points = [_core.constant_copy(view.world_points) for view in views]
         return cls(points, viewpoints, len(views) // 2 if reference is None else reference, bounds)
+
+    @property
+    def hull(self) -> tuple[Array, Array] | None:
+        """Corners of the least box along the world's axes that holds the extraction range, metres."""
+        return None if self.bounds is None else self.bounds.hull()
 
     def every(self, step: int) -> Clouds:
         """Return every n-th point of each view."""

@@ -9,7 +9,8 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import EndObservation, TubeFit
-from strand.checks import Array, Bounds
+from strand.box import Box
+from strand.checks import Array
 from strand.curve import Curve
 from strand.pose import moved
 from strand.tubes.ends import pixel_width, seen_excess
@@ -32,7 +33,7 @@ def observed_ends(
     parts: Sequence[Curve | None],
     closed: Sequence[bool],
     viewpoints: Array,
-    bounds: Bounds | None,
+    bounds: Box | None,
     translation_sd: float,
 ) -> list[EndObservation]:
     """Find the ends in each view by itself.
@@ -53,7 +54,7 @@ def observed_ends(
         Whether each has no ends.
     viewpoints : (V, 3) ndarray
         The cameras' centres as reported, metres.
-    bounds : pair of (3,) ndarray or None
+    bounds : Box or None
         The extraction range: what runs out of it does not end there.
     translation_sd : float
         Of the reported poses, metres: views that disagree by more than four of it see something else.
@@ -98,9 +99,8 @@ def observed_ends(
                 ):
                     continue
                 back = backwards[view]
-                if bounds is not None and _leaves(
-                    moved(inside[:1] + 2.0 * r * np.outer([0, 1], outward), back), bounds
-                ):
+                ahead = moved(inside[:1] + 2.0 * r * np.outer([0, 1], outward), back)
+                if bounds is not None and not bounds.holds(ahead).all():
                     continue
                 seen_here = views == view
                 surface = _surface(camera - fit.points[near[seen_here]], tangents[0])
@@ -135,10 +135,6 @@ def _elsewhere(axis: Sequence[Array | None], number: int, inside: Array, r: floa
             nodes = nodes[: -len(inside) - 6] if late else nodes[len(inside) + 6 :]
         places.append(nodes)
     return np.concatenate(places)
-
-
-def _leaves(places: Array, bounds: Bounds) -> bool:
-    return bool(((places < bounds[0]) | (places > bounds[1])).any())
 
 
 def _surface(ray: Array, tangent: Array) -> Array:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from strand._core import NotEnoughDataError
-from strand.checks import Array, checked_radius, extraction_range, rigid_motion
+from strand.box import Bounds, extraction_range
+from strand.checks import Array, checked_radius, rigid_motion
 from strand.config import Config
 from strand.radius import Radii
 from strand.stages import Run
@@ -57,7 +57,7 @@ def registered_roughly(clouds: Clouds, radii: Array, config: Config) -> Array:
 def register_views(
     views: Sequence[View],
     radius: float,
-    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+    bounds: Bounds | None = None,
     config: Config | None = None,
 ) -> tuple[Array, Array]:
     """Register all views of ropes together.
@@ -72,8 +72,9 @@ def register_views(
         Views of ropes alone, outliers removed. The middle one stays where it is.
     radius : float
         The ropes' radius, metres.
-    bounds : pair of (3,) array_like, optional
-        The extraction range: low and high corner of an axis-aligned box in the world frame, metres; views are
+    bounds : pair of (3,) array_like, or Box, optional
+        The extraction range, metres: low and high corner of a box along the axes of the world frame, or a
+        `strand.Box`, which may be turned; views are
         cropped to it.
     config : Config, optional
         Its `poses` say how well the reported poses are known.

@@ -85,7 +85,7 @@ def fit_ropes(
             band=(0.5, 0.5),
             iterations=30 if radii.free else 20,
             tolerance=0.1 if uncertainty else ROUGHLY,
-            bounds=clouds.bounds if radii.free else None,
+            bounds=clouds.hull if radii.free else None,
             end_observations=ends,
             previous=fit,
             uncertainty=uncertainty,

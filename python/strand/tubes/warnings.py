@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import TubeFit
+from strand.box import Box
 from strand.chain import Chain
-from strand.checks import Bounds, to_millimetres
+from strand.checks import to_millimetres
 from strand.config import Config, Linking, Poses
 from strand.doubt import Doubt
 from strand.evidence.branches import branches
@@ -48,7 +49,7 @@ def about_answer(
     chains: Sequence[Chain],
     doubts: Sequence[Doubt],
     visibility: Visibility | None,
-    bounds: Bounds | None,
+    bounds: Box | None,
     config: Linking,
 ) -> Iterator[ModelWarning]:
     """Places where ropes may run otherwise, branch, or leave the extraction range."""
@@ -77,13 +78,14 @@ def _pulled_radii(fit: TubeFit, radii: Radii) -> Iterator[ModelWarning]:
         )
 
 
-def _cut_ends(chains: Sequence[Chain], bounds: Bounds) -> Iterator[ModelWarning]:
+def _cut_ends(chains: Sequence[Chain], bounds: Box) -> Iterator[ModelWarning]:
     """Name the ends that run out of the extraction range."""
     for number, chain in enumerate(chains):
         for node, outward in ((chain.points[0], -chain.tangents[0]), (chain.points[-1], chain.tangents[-1])):
-            ahead = node + 2.0 * chain.radius * outward
+            ahead = bounds.coordinates(node + 2.0 * chain.radius * outward)
             # a rope that lies along a face, such as near the table, does not run out there
-            out = ((ahead < bounds[0]) & (outward < -0.5)) | ((ahead > bounds[1]) & (outward > 0.5))
+            across = bounds.directions(outward)
+            out = ((ahead < bounds.low) & (across < -0.5)) | ((ahead > bounds.high) & (across > 0.5))
             if not chain.closed and out.any():
                 where = to_millimetres(node)
                 message = f"chain {number} runs out of the extraction range at {where}: it may go on"

@@ -50,17 +50,19 @@ def test_what_stands_out_of_a_table_is_rope():
     still = scene("loop", seed=1, views=1, noise=1e-5, size=(320, 240))
     views = made.views
     points = [view.crop(made.bounds) for view in views]
-    images = rope_images(points, views, made.bounds)
+    images = rope_images(points, views, strand.Box(*made.bounds))
     table = table_plane(images, 0, made.radius)
     assert table is not None
-    (image,) = raised(images, table, made.bounds, made.radius)
-    true = rope_images([view.crop(still.bounds) for view in still.views], still.views, still.bounds)[0].mask
+    (image,) = raised(images, table, strand.Box(*made.bounds), made.radius)
+    true = rope_images(
+        [view.crop(still.bounds) for view in still.views], still.views, strand.Box(*still.bounds)
+    )[0].mask
     both = np.count_nonzero(image.mask & true)
     assert both > 0.8 * np.count_nonzero(true)
     assert both > 0.75 * np.count_nonzero(image.mask)
     # pixel by pixel it is lost in the table's noise
     assert np.count_nonzero(images[0].mask & true) < 0.75 * np.count_nonzero(images[0].mask)
-    assert raised(images, None, made.bounds, made.radius)[0] is images[0]
+    assert raised(images, None, strand.Box(*made.bounds), made.radius)[0] is images[0]
 
 
 def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes():
@@ -70,9 +72,9 @@ def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes
     (fx, fy), (cx, cy) = image.focal, image.centre
     camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     bare = strand.View.from_depth(image.depth, camera, true.pose, np.full((*image.depth.shape, 3), 0.5))
-    whole = first, bare
+    whole, box = (first, bare), strand.Box(*made.bounds)
     radii = Radii(np.array([made.radius]), np.array([0.0]), free=False)
-    observed = Observed(cropped(whole, made.bounds), whole, [0, 1], made.bounds, radii, Prior())
+    observed = Observed(cropped(whole, box), whole, [0, 1], box, radii, Prior())
     given = all_masked(observed)
     assert given.whole[0] is first
     both = np.count_nonzero(given.whole[1].mask & true.mask)

@@ -26,7 +26,9 @@ def noisy(name, relative, **options):
 
 
 def image_of(made):
-    (image,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    (image,) = rope_images(
+        [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
+    )
     return image
 
 
@@ -63,7 +65,7 @@ def test_means_along_a_rope_leave_little_of_the_noise():
     true = image_of(clear)
     image = dataclasses.replace(image_of(made), mask=true.mask)
     table = table_plane([image], 0, RADIUS)
-    points = points_along(image, table, made.bounds, RADIUS)
+    points = points_along(image, table, strand.Box(*made.bounds), RADIUS)
     rows, columns = pixels_of(points, made.views[0].image)
     assert np.count_nonzero(true.mask) == len(points)
     errors = points[:, 2] - true.depth[rows, columns]
@@ -108,8 +110,8 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     made, clear = (noisy("figure8", relative, views=1, seed=5) for relative in (0.8, 0.0))
     true, image = image_of(clear), image_of(made)
     table = table_plane([image], 0, RADIUS)
-    (smoothed,) = raised([image], table, made.bounds, RADIUS)
-    (found,) = outlined(smoothed, table, made.bounds, RADIUS, made.noise, [0.9])
+    (smoothed,) = raised([image], table, strand.Box(*made.bounds), RADIUS)
+    (found,) = outlined(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
 
     def wrong(mask):
         return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
@@ -200,7 +202,9 @@ def test_rope_within_other_strands_is_counted_along_long_ropes():
 
 def test_a_rope_on_rough_ground_is_not_taken_for_a_noisy_one(measure):
     made = scene("figure8", radius=RADIUS, noise=0.05 * RADIUS, views=1, seed=9)
-    (true,) = rope_images([view.crop(made.bounds) for view in made.views], made.views, made.bounds)
+    (true,) = rope_images(
+        [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
+    )
     ground = np.random.default_rng(9).normal(0.0, 0.006 / made.depth_scale, true.mask.shape)
     depth = np.where(true.mask, made.depth[0], made.depth[0] + np.abs(ground))
     rough = dataclasses.replace(made, depth=depth[None].astype(np.uint16))

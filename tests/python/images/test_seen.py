@@ -53,12 +53,12 @@ def test_pixels_are_where_their_points_of_the_world_are_seen():
 def test_depth_out_of_the_extraction_range_is_not_in_the_mask_and_pixels_without_depth_are():
     views = SCENE.views
     low, high = SCENE.bounds
-    box = (low, np.array([SCENE.truth[0][:, 0].mean(), high[1], high[2]]))
+    box = strand.Box(low, [SCENE.truth[0][:, 0].mean(), high[1], high[2]])
     for image, view in zip(rope_images(cropped(views, box), views, box), views, strict=True):
         seen = image.depth > 0
         assert np.array_equal(image.mask[~seen], view.mask[~seen])
         left = int(np.count_nonzero(image.mask & seen))
-        inside = ((view.world_points >= box[0]) & (view.world_points <= box[1])).all(axis=1)
+        inside = ((view.world_points >= box.low) & (view.world_points <= box.high)).all(axis=1)
         assert left == np.count_nonzero(inside)
         assert 0 < left < len(inside)
 
@@ -66,7 +66,7 @@ def test_depth_out_of_the_extraction_range_is_not_in_the_mask_and_pixels_without
 def test_an_image_without_a_mask_has_the_pixels_of_its_points():
     whole = dataclasses.replace(SCENE, mask=None).views
     low, high = SCENE.bounds
-    box = (np.array([low[0], low[1], 0.003]), high)
+    box = strand.Box([low[0], low[1], 0.003], high)
     views = cropped(whole, box)
     for image, view, all_seen in zip(rope_images(views, whole, box), views, whole, strict=True):
         assert image.depth is all_seen.image.depth

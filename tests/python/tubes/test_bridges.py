@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from drawn import R, length_of
 
+from strand.box import Box
 from strand.config import Linking
 from strand.evidence.join_evidence import JoinEvidence
 from strand.evidence.prior import Prior
@@ -20,9 +21,9 @@ def test_a_bridge_has_the_length_that_is_asked_for():
         nodes = least_bending(before, after, evidence, length)
         way = np.vstack([before[-1:], nodes, after[:1]])
         assert length_of(way) == pytest.approx(length, rel=1e-6)
-    box = (np.array([-1.0, -1.0, -0.002]), np.array([1.0, 0.014, 1.0]))
+    box = Box([-1.0, -1.0, -0.002], [1.0, 0.014, 1.0])
     nodes = least_bending(before, after, JoinEvidence(R, Linking(), prior=Prior(bounds=box)), 0.095)
-    assert ((nodes > box[0]) & (nodes < box[1])).all()
+    assert ((nodes > box.low) & (nodes < box.high)).all()
     plain = least_bending(before, after, evidence)
     for length in (0.01, 0.15, 0.5):
         nodes = least_bending(before, after, evidence, length)

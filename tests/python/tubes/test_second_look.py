@@ -21,7 +21,7 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
     two = collected("two_ropes")
     model = strand.reconstruct(two.views, two.radius, two.bounds, keep_stages=True)
     fit = model.stages["fit"]
-    clouds = Clouds.of([view.crop(two.bounds) for view in two.views], two.bounds)
+    clouds = Clouds.of([view.crop(two.bounds) for view in two.views], strand.Box(*two.bounds))
     one = strand.fit_tubes(
         clouds.points,
         clouds.viewpoints,

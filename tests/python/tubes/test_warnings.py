@@ -71,7 +71,9 @@ def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_m
     least = doubt_of_margin(Linking().margin)
     great = Doubt(kind, 1.01 * least, "how the rope runs", "it may end there", place)
     small = Doubt(kind, 0.99 * least, "how the rope runs", "it may end there")
-    (warning,) = about_answer(paper_model.chains, (great, small), visibility, paper.bounds, Linking())
+    (warning,) = about_answer(
+        paper_model.chains, (great, small), visibility, strand.Box(*paper.bounds), Linking()
+    )
     assert (warning.kind, warning.amount, str(warning)) == (kind, great.amount, str(great))
     np.testing.assert_array_equal(warning.place, place)
 
