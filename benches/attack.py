@@ -22,6 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -86,6 +87,10 @@ SEEN = _core.Visibility([TUBE], [TUBE], [EYE])
 FIT = strand.fit_tubes([TUBE], [[0.1, 0.0, 9.0]], [NODES], [EYE], 0.005, pose_sd=(0.01, 0.01), reference=0)
 K = np.array([[200.0, 0, 32.0], [0, 200.0, 24.0], [0, 0, 1.0]])
 CHAIN, VIEW = strand.Chain(NODES, 0.005), strand.View(TUBE)
+# a rope on a table
+ON_TABLE = np.repeat(np.repeat(np.where(MASK, 0.49, 0.5), 3, axis=0), 3, axis=1)
+CLOUD = SimpleNamespace(**strand.msgs.point_cloud2(TUBE, "camera"))
+CLOUD.fields = [SimpleNamespace(**field) for field in CLOUD.fields]
 
 # function, positional arguments, keyword arguments
 CALLS: dict[str, tuple[Callable, tuple, dict]] = {
@@ -205,9 +210,57 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
         (DEPTH, 0.005, ([-1.0, -1.0, 0.4], [1.0, 1.0, 0.51]), 1),
         {"length": 0.14, "deadline": 5.0},
     ),
+    "reconstruct of all that is seen": (
+        lambda depth, intrinsics, **more: strand.reconstruct(
+            [strand.View.from_depth(depth, intrinsics)], deadline=5.0, **more
+        ),
+        (ON_TABLE, K),
+        {"radius": 0.005, "ropes": 1},
+    ),
+    "find_ropes": (
+        lambda depth, *more: strand.find_ropes([strand.View.from_depth(depth, K)], *more).radius,
+        (ON_TABLE, 0.005),
+        {},
+    ),
+    "Box": (
+        lambda points, *box: strand.View(points).crop(strand.Box(*box)),
+        (TUBE, [-1.0] * 3, [1.0] * 3, EYE),
+        {},
+    ),
+    "register_views": (
+        lambda points, *more: strand.register_views([strand.View(points), strand.View(TUBE)], *more),
+        (TUBE, 0.005, ([-1.0] * 3, [1.0] * 3)),
+        {},
+    ),
+    "chain.tube": (CHAIN.tube, (16,), {}),
+    "msgs.path": (
+        lambda nodes, *more: strand.msgs.path(strand.Chain(nodes, 0.005), *more),
+        (NODES, "world", 7),
+        {},
+    ),
+    "msgs.marker_array": (
+        lambda nodes, *more: strand.msgs.marker_array(
+            strand.Model([strand.Chain(nodes, 0.005)], [EYE]), *more
+        ),
+        (NODES, "world", 7),
+        {},
+    ),
+    "msgs.point_cloud2": (
+        strand.msgs.point_cloud2,
+        (TUBE, "world", 7),
+        {"colors": np.abs(NORMALS)},
+    ),
+    "msgs.view": (strand.msgs.view, (CLOUD, None, EYE), {"depth_scale": 0.001}),
 }
+# NaN where it is not known
+MAY_BE_NAN = ("confidence",)
 # of a call that takes long this share is made
-SELDOM = {"reconstruct": 0.05}
+SELDOM = {
+    "reconstruct": 0.05,
+    "reconstruct of all that is seen": 0.05,
+    "find_ropes": 0.1,
+    "register_views": 0.1,
+}
 # where NaN has a meaning, or what is asked of the core was checked before in Python
 UNCHECKED = {
     "spline_places",
@@ -249,7 +302,7 @@ def mad_array(array: np.ndarray, chance: random.Random) -> object:
     if way == 6 and array.dtype.kind == "f":
         return array + chance.choice((1e3, 1e6, 1e9, 1e15, 1e99))
     if way == 7:
-        return array[: chance.choice((0, 1, 2, 3, 5))]
+        return array[: chance.choice((0, 1, 2, 3, 5))] if array.ndim else array
     if way == 8:
         return np.resize(
             array,
@@ -309,7 +362,12 @@ def numbers(value: object) -> list[np.ndarray]:
     if isinstance(value, strand.Model):
         return numbers([value.poses, *value.chains])
     if isinstance(value, (strand.IcpResult, strand.TubeFit, strand.Chain, strand.View)):
-        return [each for name in dir(value) if name[0] != "_" for each in numbers(getattr(value, name))]
+        return [
+            each
+            for name in dir(value)
+            if name[0] != "_" and name not in MAY_BE_NAN
+            for each in numbers(getattr(value, name))
+        ]
     return []
 
 
@@ -369,10 +427,15 @@ def attack(first: int, calls: int, only: list[str]) -> None:
             outcome = f"{type(error).__name__}: {error}"
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         met[outcome] += 1
-        if outcome not in ("answers", "NotEnoughDataError", *(kind.__name__ for kind in expected)):
+        if outcome not in (
+            "answers",
+            "NotEnoughDataError",
+            "NoRopeError",
+            *(kind.__name__ for kind in expected),
+        ):
             taken = round(time.perf_counter() - start, 1)
             print(json.dumps([number, name, outcome[:300], taken]), file=sys.stderr, flush=True)
-    print(json.dumps(["met", met]), file=sys.stderr, flush=True)
+    print(json.dumps(["met", met, first + calls - 1]), file=sys.stderr, flush=True)
 
 
 def main() -> int:
@@ -404,7 +467,7 @@ def main() -> int:
         with at.open("w+") as told:
             done = subprocess.run(command, stdout=told, stderr=subprocess.PIPE, text=True, check=False)
             told.seek(0)
-            place = json.loads(told.read().strip() or '[0, "start"]')
+            place = json.loads(told.read().strip() or f'[{seed}, "start"]')
         for line in done.stderr.splitlines():
             try:
                 found = json.loads(line)
@@ -412,6 +475,7 @@ def main() -> int:
                 continue
             if found[0] == "met":
                 met.update(found[1])
+                place = [found[2], "end"]
             else:
                 findings.append(found)
                 print(*found, flush=True)

@@ -220,7 +220,7 @@ class Chain:
         Parameters
         ----------
         sides : int
-            How many vertices a ring has, at least 3. They are on the rope's surface, so that the tube is
+            How many vertices a ring has, from 3 to 1000. They are on the rope's surface, so that the tube is
             within it: its volume is n / (2 pi) sin(2 pi / n) of the rope's, 0.974 for 16.
 
         Returns
@@ -236,9 +236,9 @@ class Chain:
         TypeError
             If `sides` is not a whole number.
         ValueError
-            If it is below 3, or a closed chain has fewer than three nodes.
+            If it is out of range, or a closed chain has fewer than three nodes.
         """
-        return tube_mesh(self.points, self.tangents, self.radius, self.closed, whole("sides", sides, 3))
+        return tube_mesh(self.points, self.tangents, self.radius, self.closed, whole("sides", sides, 3, 1000))
 
     def at(self, s: ArrayLike) -> Array:
         """Position at arc length `s`.

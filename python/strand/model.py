@@ -306,7 +306,7 @@ class Model:
         TypeError
             If `sides` is not a whole number.
         ValueError
-            If the name ends otherwise, or there are fewer than three sides.
+            If the name ends otherwise, or `sides` is out of range.
         OSError
             If the file cannot be written.
         """

@@ -25,6 +25,13 @@ Message = dict[str, Any]
 _LINE_STRIP, _SPHERE_LIST = 4, 7  # constants of visualization_msgs/Marker
 _ADD, _DELETE_ALL = 0, 3
 _FLOAT32 = 7  # constant of sensor_msgs/PointField
+# messages with depth, and the fields that are read
+_SIZE = ("height", "width", "is_bigendian", "data")
+_DEPTH_MESSAGES = {
+    "Image": ("encoding", "step", *_SIZE),
+    "CompressedImage": ("format", "data"),
+    "PointCloud2": ("fields", "point_step", "row_step", *_SIZE),
+}
 _GOLDEN = 0.618034  # of a turn of hue from rope to rope: neighbours differ
 
 
@@ -197,8 +204,14 @@ def view(
     ImportError
         If it is compressed, and Pillow is not installed.
     """
+    if not any(all(hasattr(message, name) for name in names) for names in _DEPTH_MESSAGES.values()):
+        known = ", ".join(_DEPTH_MESSAGES)
+        raise TypeError(f"message: expected one of sensor_msgs ({known}), got {type(message).__name__}")
     camera = None
     if camera_info is not None:
+        matrices = all(hasattr(camera_info, name) or hasattr(camera_info, name.upper()) for name in "kdp")
+        if not (matrices and hasattr(camera_info, "height") and hasattr(camera_info, "width")):
+            raise TypeError(f"camera_info: expected a CameraInfo, got {type(camera_info).__name__}")
         rectified, ignore = flag("rectified", rectified), flag("ignore_distortion", ignore_distortion)
         camera = pinhole_of(camera_info, rectified=rectified, ignore_distortion=ignore)
     return view_of(message, camera, pose, depth_scale)

@@ -89,9 +89,18 @@ def test_right_angles():
     assert volume(vertices, triangles) > 0
 
 
-@pytest.mark.parametrize("sides", [2, 0, -1])
-def test_tubes_have_three_sides_at_least(sides):
-    with pytest.raises(ValueError, match="sides: expected at least 3"):
+@pytest.mark.parametrize(
+    ("sides", "said"),
+    [
+        (2, "at least 3"),
+        (0, "at least 3"),
+        (-1, "at least 3"),
+        (1001, "at most 1000"),
+        (2**63, "at most 1000"),
+    ],
+)
+def test_tubes_have_three_sides_at_least_and_a_thousand_at_most(sides, said):
+    with pytest.raises(ValueError, match=f"sides: expected {said}"):
         straight().tube(sides)
     with pytest.raises(TypeError, match="sides"):
         straight().tube(3.5)

@@ -139,6 +139,10 @@ def test_views_of_messages():
         msgs.view(image, made.info(scene.intrinsics, (9, 7), 0))
     with pytest.raises(TypeError, match="rectified: expected True or False"):
         msgs.view(image, info, rectified=1)
+    with pytest.raises(TypeError, match=r"message: expected one of sensor_msgs \(Image, .*\), got dict"):
+        msgs.view(msgs.point_cloud2(np.zeros((1, 3)), "world"))
+    with pytest.raises(TypeError, match="camera_info: expected a CameraInfo, got ndarray"):
+        msgs.view(image, scene.intrinsics)
 
 
 @pytest.mark.parametrize(
