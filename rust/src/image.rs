@@ -232,10 +232,13 @@ fn root(parents: &mut [usize], mut i: usize) -> usize {
 pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
     let (w, h) = (image.width, image.height);
     let far = most.max(1) as u32 + 1;
+    let mut found = Image::filled(w, h, 0.0f32);
+    if found.values.is_empty() {
+        return found;
+    }
     // distance along the column, at most `far`
     let mut along = vec![0u32; w * h];
     along_columns(image, of, far, &mut along);
-    let mut found = Image::filled(w, h, 0.0f32);
     parallel::rows(&mut found.values, w, |first, part| {
         let (mut sites, mut starts) = (Vec::new(), Vec::new());
         for (n, to) in part.chunks_exact_mut(w).enumerate() {

@@ -73,8 +73,10 @@ def _beside(image: RopeImage, radius: float) -> Array:
     """Points, world frame, of pixels around the ropes but not next to them."""
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     far = float(np.median(image.depth[image.mask]))
-    reach = int(_AROUND * radius * image.focal[0] / max(far, 1e-9)) if far > 0 else _EDGE
     height, width = image.mask.shape
+    reach = _EDGE
+    if far > 0:
+        reach = int(min(_AROUND * radius * image.focal[0] / max(far, 1e-9), height + width))
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)

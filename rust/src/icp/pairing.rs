@@ -194,11 +194,15 @@ impl Pairing {
         none || (position != NONE && is_below(best, batch.beyond[l]))
     }
 
-    /// The nearest target point by the tree.
+    /// The nearest target point by the tree, which is no farther than those in `known` positions.
     #[cold]
-    fn search_tree(&self, moved: Point) -> (u32, f64) {
+    fn search_tree(&self, moved: Point, known: [u32; 2]) -> (u32, f64) {
         let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
-        let nearest = tree.nearest_within(moved, self.reach * self.reach);
+        let mut limit = self.reach * self.reach;
+        for target in known.iter().filter_map(|&position| self.sorted.get(position as usize)) {
+            limit = limit.min(1.001 * squared_distance(*target, moved));
+        }
+        let nearest = tree.nearest_within(moved, limit);
         // that others are farther than nothing is always true
         (nearest.map_or(NONE, |position| position as u32), 0.0)
     }

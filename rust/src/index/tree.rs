@@ -46,10 +46,12 @@ impl Tree {
         found.first().and_then(|found| self.at(found.item).next())
     }
 
-    /// The `count` nearest points to a place, nearest first: their indices.
-    pub fn nearest(&self, center: Point, count: NonZeroUsize) -> impl Iterator<Item = usize> {
+    /// The `count` nearest points to a place, nearest first: their indices; fewer if there are not as many whose squared
+    /// distance is not above `limit`.
+    pub fn nearest(&self, center: Point, count: NonZeroUsize, limit: f64) -> impl Iterator<Item = usize> {
         let found = self.places.as_ref().map(|places| {
-            let found = places.query(&center).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+            let found =
+                places.query(&center).nearest_n::<SquaredEuclidean<f64>>(count).within(limit).execute();
             found.into_iter().flat_map(|found| self.at(found.item))
         });
         found.into_iter().flatten().take(count.get())
@@ -88,9 +90,15 @@ mod tests {
             let tree = Tree::new(&points);
             let mut expected: Vec<f64> = points.iter().map(|&p| squared_distance(p, center)).collect();
             expected.sort_by(f64::total_cmp);
-            let found: Vec<usize> = tree.nearest(center, NonZeroUsize::new(count).unwrap()).collect();
+            let found: Vec<usize> = tree.nearest(center, NonZeroUsize::new(count).unwrap(), f64::INFINITY).collect();
             let squares: Vec<f64> = found.iter().map(|&i| squared_distance(points[i], center)).collect();
             prop_assert_eq!(&squares[..], &expected[..count.min(points.len())]);
+            // a limit that the last of them meets changes nothing
+            let last = squares[squares.len() - 1];
+            let limited: Vec<usize> = tree.nearest(center, NonZeroUsize::new(count).unwrap(), last).collect();
+            prop_assert_eq!(limited.len(), found.len());
+            let limited: Vec<f64> = limited.iter().map(|&i| squared_distance(points[i], center)).collect();
+            prop_assert_eq!(&limited, &squares);
             // none twice
             let distinct: std::collections::BTreeSet<usize> = found.iter().copied().collect();
             prop_assert_eq!(distinct.len(), found.len());
@@ -114,7 +122,7 @@ mod tests {
             let center = [at(i, 0.438_579_021), at(i, 0.324_718_957), at(i, 0.177_6) - 2.0];
             let mut expected: Vec<f64> = points.iter().map(|&p| squared_distance(p, center)).collect();
             expected.sort_by(f64::total_cmp);
-            let found = tree.nearest(center, NonZeroUsize::new(30).unwrap());
+            let found = tree.nearest(center, NonZeroUsize::new(30).unwrap(), f64::INFINITY);
             let squares: Vec<f64> = found.map(|i| squared_distance(points[i], center)).collect();
             assert_eq!(squares, expected[..30]);
         }
@@ -124,10 +132,10 @@ mod tests {
     fn many_coincident_points_are_no_trouble() {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
         let tree = Tree::new(&points);
-        assert_eq!(tree.nearest([0.0; 3], NonZeroUsize::new(7).unwrap()).count(), 7);
+        assert_eq!(tree.nearest([0.0; 3], NonZeroUsize::new(7).unwrap(), f64::INFINITY).count(), 7);
         assert!(tree.nearest_within(points[0], 0.0).is_some());
         let empty = Tree::new(&[]);
         assert!(empty.nearest_within([0.0; 3], 1.0).is_none());
-        assert_eq!(empty.nearest([0.0; 3], NonZeroUsize::MIN).count(), 0);
+        assert_eq!(empty.nearest([0.0; 3], NonZeroUsize::MIN, f64::INFINITY).count(), 0);
     }
 }

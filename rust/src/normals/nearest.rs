@@ -53,13 +53,22 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                 {
                     reach *= 1.5;
                 }
+                // the last point's neighbours are neighbours of the next one, though farther away
+                let mut known: Option<(Point, f64)> = None;
                 for &position in &search.left {
                     let tree: &Tree = tree.get_or_init(|| Tree::new(points));
                     let center = cells.point(position as usize);
+                    let limit = known.map_or(f64::INFINITY, |(before, farthest)| {
+                        1.001 * (farthest + squared_distance(center, before).sqrt()).powi(2)
+                            + f64::MIN_POSITIVE
+                    });
                     let mut moments = Moments::default();
-                    for i in tree.nearest(center, count) {
+                    let mut farthest = 0.0f64;
+                    for i in tree.nearest(center, count, limit) {
                         moments.add(sub(points[i], center));
+                        farthest = farthest.max(squared_distance(points[i], center));
                     }
+                    known = Some((center, farthest.sqrt()));
                     covariances.add(position as usize, covariance(&moments));
                 }
             }

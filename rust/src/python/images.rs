@@ -18,6 +18,8 @@ use crate::{Pinhole, Point, parallel, readings};
 const LONGEST: f64 = 1e5;
 const FARTHEST: f64 = 1e6;
 const MOST_STEPS: usize = 100;
+/// How much too far away, or too near, ropes may be seen, radii.
+const MOST_BIAS: f64 = 100.0;
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
@@ -498,8 +500,9 @@ fn check_fit(pose_sd: [f64; 2], errors: Errors, iterations: usize) -> PyResult<(
     ] {
         check_positive(name, value)?;
     }
-    if !bias.is_finite() {
-        return Err(PyValueError::new_err("errors: expected a finite bias"));
+    // fits of ropes that are moved out of all sight take long, and say nothing
+    if bias.is_nan() || bias.abs() > MOST_BIAS {
+        return Err(PyValueError::new_err(format!("errors: expected a bias of at most {MOST_BIAS} radii")));
     }
     if iterations > MOST_STEPS {
         return Err(PyValueError::new_err(format!("iterations: expected at most {MOST_STEPS}")));

@@ -33,6 +33,8 @@ def test_distances_are_those_of_scipy_up_to_the_greatest(mask):
     np.testing.assert_allclose(found[near], exact[near], atol=1e-5)
     assert (found[~near] > 3.0).all()
     assert (_core.edge_distances(np.ones((4, 5), bool), 7) > 7.0).all()
+    for shape in ((0, 5), (4, 0), (0, 0)):
+        assert _core.edge_distances(np.ones(shape, bool), 7).shape == shape
 
 
 def test_wrong_arguments():

@@ -53,8 +53,11 @@ pub(super) fn search<S: Simd>(
         let suits =
             |frame: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST && tells(frame);
         let Some(frame) = found.filter(suits) else {
+            let mut last = NONE;
             for &l in &left[..count] {
-                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l));
+                let known = [batch.partners[l], last];
+                (batch.partners[l], batch.others[l]) = pairing.search_tree(moved(l), known);
+                last = batch.partners[l];
                 (batch.listed[l], batch.beyond[l]) = ([NONE; LISTED], batch.others[l]);
             }
             return;
