@@ -101,7 +101,7 @@ def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
     _, _, _, folder = demo
     shutil.copytree(folder, tmp_path / "out")
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    monkeypatch.setattr(cli.figures, "write_figures", lambda *_: [])
+    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
     assert main(["demo", "--out", str(tmp_path / "out")]) == 0
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert "model.json" in capsys.readouterr().out
@@ -223,7 +223,7 @@ def test_reconstruct_draws_figures(scene_npz, tmp_path, monkeypatch, capsys):
         assert len(truth) == 1
         return [directory / "a.png"]
 
-    monkeypatch.setattr(cli.figures, "write_figures", write_figures)
+    monkeypatch.setattr(cli.demo.figures, "write_figures", write_figures)
     command = [
         "reconstruct",
         str(scene_npz),
@@ -336,7 +336,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(cli, "load_scene", fail)
+    monkeypatch.setattr(cli.inputs, "load_scene", fail)
     assert main(["reconstruct", "a.npz", "-o", "a.json"]) == code
     assert capsys.readouterr().err.splitlines() == [line]
 
@@ -345,7 +345,7 @@ def test_errors_of_ours_are_not_hidden(monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "load_scene", fail)
+    monkeypatch.setattr(cli.inputs, "load_scene", fail)
     with pytest.raises(ZeroDivisionError):
         main(["reconstruct", "a.npz", "-o", "a.json"])
 
@@ -470,7 +470,9 @@ def test_missing_packages_are_named_before_the_work(words, package, monkeypatch,
 def test_view_saves_a_recording(scene_npz, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", sys)
     monkeypatch.setattr(
-        cli.rerun_view, "write_recording", lambda model, views, path, truth: path.write_text(f"{len(views)}")
+        cli.view.rerun_view,
+        "write_recording",
+        lambda model, views, path, truth: path.write_text(f"{len(views)}"),
     )
     assert main(["view", str(scene_npz), "--save", str(tmp_path / "a.rrd")]) == 0
     assert (tmp_path / "a.rrd").read_text() == "3"

@@ -99,7 +99,7 @@ def test_memory_that_is_exhausted_is_one_line(folder, monkeypatch, capsys):
     def load_scene(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr(cli, "load_scene", load_scene)
+    monkeypatch.setattr(cli.inputs, "load_scene", load_scene)
     assert run("arc.npz", "-o", "a.json") == 1
     assert capsys.readouterr().err == "strand: error: out of memory\n"
 

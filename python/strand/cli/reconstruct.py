@@ -1,0 +1,100 @@
+"""`strand reconstruct`: the ropes of a scene, of a frame, or of many frames."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from contextlib import nullcontext
+
+import strand
+from strand.cli import values
+from strand.cli.inputs import files_read, load, open_recording
+from strand.cli.options import add_known, add_scene
+from strand.cli.outputs import check_outputs
+from strand.cli.solving import known, radius_of, solve, warn
+from strand.files import replacing
+from strand.io.recordings import Frame
+from strand.model import content
+from strand.report import figures, tables
+
+HINT = "ropes of a recorded scene"
+DESCRIPTION = "Reconstruct the ropes of a scene."
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the command's words."""
+    add_scene(command)
+    command.add_argument(
+        "-o",
+        "--out",
+        type=values.path,
+        metavar="MODEL",
+        help="the file to write: .json, .csv (a row for each node) or .ply (a polyline for each rope); with "
+        "--every, one line of JSON for each frame (default: none)",
+    )
+    command.add_argument(
+        "--tube", type=values.path, metavar="MESH", help="also write the ropes' surface to this .ply file"
+    )
+    add_known(command)
+    command.add_argument(
+        "--every",
+        type=int,
+        metavar="N",
+        help="of a recording --frame and every Nth after it (default: one frame)",
+    )
+    command.add_argument(
+        "--figures", type=values.path, metavar="DIR", help="draw every stage into this folder"
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    """Reconstruct a scene's ropes, print them, and write what is asked for."""
+    if options.every is not None:
+        with open_recording(options) as recording:
+            check_outputs(options, recording.files)
+            _each_frame(options, recording.read(options.frame or 0, None, options.every))
+        return
+    recorded = load(options)
+    check_outputs(options, files_read(options, recorded))
+    model = solve(options, recorded, keep_stages=options.figures is not None)
+    if radius_of(options, recorded) is None and model.chains:
+        print(
+            f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
+        )
+    print(tables.describe_chains(model), end="\n\n")
+    print(tables.describe_timings(model), end="\n\n")
+    if options.out is not None:
+        model.save(options.out)
+        print(options.out)
+    if options.tube is not None:
+        model.save_tube(options.tube)
+        print(options.tube)
+    if options.figures is not None:
+        for path in figures.write_figures(model, options.figures, recorded.truth):
+            print(path)
+
+
+def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
+    """Print a line for each frame, and write one with its model, or with why there is none."""
+    given = known(options)
+    previous, count = None, 0
+    with nullcontext() if options.out is None else replacing(options.out) as file:
+        for frame in frames:
+            count += 1
+            said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+            try:
+                previous = strand.reconstruct(frame.views, **given, previous=previous)
+            except strand.NotEnoughDataError as error:
+                said["error"] = shown = str(error)
+            else:
+                warn(previous, f"frame {frame.number}: ")
+                said["model"] = content(previous)
+                shown = tables.describe_frame(previous)
+            print(f"frame {frame.number} at {frame.time:.3f} s: {shown}", flush=True)
+            if file is not None:
+                file.write(json.dumps(said, allow_nan=False).encode() + b"\n")
+        if previous is None:
+            raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
+    if options.out is not None:
+        print(options.out)
