@@ -7,8 +7,8 @@ from pathlib import Path
 
 import strand
 from strand.cli import values
+from strand.cli.answers import warn
 from strand.cli.progress import progress
-from strand.cli.solving import warn
 from strand.report import figures, tables
 
 HINT = "a simulated rope by both methods, compared with the truth"
@@ -33,14 +33,15 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate the published experiment, reconstruct it by both methods, and compare them with the truth."""
-    made = strand.synthetic.scene("paper", seed=options.seed)
+    with progress("simulate"):
+        made = strand.synthetic.scene("paper", seed=options.seed)
     methods = {
         "default": (strand.Config(), options.out),
         "published": (strand.Config.published(), options.out / "published"),
     }
     written = []
     for name, (settings, folder) in methods.items():
-        with progress(len(tables.STAGE_ARRAYS[settings.method])) as show:
+        with progress() as show:
             model = strand.reconstruct(
                 made.views,
                 radius=made.radius,
@@ -57,6 +58,8 @@ def run(options: argparse.Namespace) -> None:
         print(tables.describe_accuracy(model, made.truth), end="\n\n")
         folder.mkdir(parents=True, exist_ok=True)
         model.save(folder / "model.json")
-        written += [folder / "model.json", *figures.write_figures(model, folder, made.truth)]
+        with progress("figures"):
+            drawn = figures.write_figures(model, folder, made.truth)
+        written += [folder / "model.json", *drawn]
     for path in written:
         print(path)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from strand.checks import Array
+from strand.cli.progress import progress
 from strand.io.intrinsics import read_intrinsics
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.recording import TOLERANCE
@@ -20,6 +21,11 @@ _OF_FILES = ("viewpoint", "camera_frame", "intrinsics", "mask")
 
 def load(options: argparse.Namespace) -> Scene:
     """Read a scene, or one frame of a recording."""
+    with progress("read"):
+        return _loaded(options)
+
+
+def _loaded(options: argparse.Namespace) -> Scene:
     path = _only(options.scene)
     if is_recording(path):
         with open_recording(options) as recording:

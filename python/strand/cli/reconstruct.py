@@ -6,15 +6,19 @@ import argparse
 import json
 from collections.abc import Iterator
 from contextlib import nullcontext
+from pathlib import Path
 
 import strand
 from strand.cli import values
+from strand.cli.answers import print_json, warn
 from strand.cli.inputs import files_read, load, open_recording
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import check_outputs
-from strand.cli.solving import known, radius_of, solve, warn
+from strand.cli.progress import progress
+from strand.cli.solving import known, radius_of, solve
 from strand.files import replacing
 from strand.io.recordings import Frame
+from strand.io.scenes import Scene
 from strand.model import content
 from strand.report import figures, tables
 
@@ -44,6 +48,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="of a recording --frame and every Nth after it (default: one frame)",
     )
     command.add_argument(
+        "--json",
+        action="store_true",
+        help="print the model as its .json file has it, and nothing else; with --every a line for each frame",
+    )
+    command.add_argument(
         "--figures", type=values.path, metavar="DIR", help="draw every stage into this folder"
     )
 
@@ -58,21 +67,40 @@ def run(options: argparse.Namespace) -> None:
     recorded = load(options)
     check_outputs(options, files_read(options, recorded))
     model = solve(options, recorded, keep_stages=options.figures is not None)
-    if radius_of(options, recorded) is None and model.chains:
+    if options.json:
+        print_json(model)
+        warn(model, doubts=True)
+    else:
+        _print_tables(model, estimated=radius_of(options, recorded) is None)
+    for path in _written(options, model, recorded):
+        if not options.json:
+            print(path)
+
+
+def _print_tables(model: strand.Model, estimated: bool) -> None:
+    """Print the chains, what speaks against them, and the stages' times."""
+    if estimated and model.chains:
         print(
             f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
         )
     print(tables.describe_chains(model), end="\n\n")
+    print(tables.describe_confidence(model), end="\n\n")
+    warn(model, doubts=True)
     print(tables.describe_timings(model), end="\n\n")
+
+
+def _written(options: argparse.Namespace, model: strand.Model, recorded: Scene) -> Iterator[Path]:
+    """Write what is asked for, and give each path when it is written."""
     if options.out is not None:
         model.save(options.out)
-        print(options.out)
+        yield options.out
     if options.tube is not None:
         model.save_tube(options.tube)
-        print(options.tube)
+        yield options.tube
     if options.figures is not None:
-        for path in figures.write_figures(model, options.figures, recorded.truth):
-            print(path)
+        with progress("figures"):
+            drawn = figures.write_figures(model, options.figures, recorded.truth)
+        yield from drawn
 
 
 def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
@@ -83,18 +111,24 @@ def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
         for frame in frames:
             count += 1
             said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+            model = None
             try:
-                previous = strand.reconstruct(frame.views, **given, previous=previous)
+                with progress(f"frame {frame.number}"):
+                    model = strand.reconstruct(frame.views, **given, previous=previous)
             except strand.NotEnoughDataError as error:
                 said["error"] = shown = str(error)
             else:
-                warn(previous, f"frame {frame.number}: ")
-                said["model"] = content(previous)
-                shown = tables.describe_frame(previous)
-            print(f"frame {frame.number} at {frame.time:.3f} s: {shown}", flush=True)
+                said["model"] = content(model)
+                shown = tables.describe_frame(model)
+            line = json.dumps(said, allow_nan=False)
+            words = f"frame {frame.number} at {frame.time:.3f} s: {shown}"
+            print(line if options.json else words, flush=True)
+            if model is not None:
+                previous = model
+                warn(model, f"frame {frame.number}: ")
             if file is not None:
-                file.write(json.dumps(said, allow_nan=False).encode() + b"\n")
+                file.write(line.encode() + b"\n")
         if previous is None:
             raise strand.NotEnoughDataError(f"none of {count} frames supports an answer")
-    if options.out is not None:
+    if options.out is not None and not options.json:
         print(options.out)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 
 from strand.cli import values
+from strand.cli.answers import warn
 from strand.cli.inputs import files_read, load
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
+from strand.cli.progress import progress
 from strand.cli.solving import in_words, solve
 from strand.files import extra, require_writable
 from strand.report import page
@@ -35,8 +37,10 @@ def run(options: argparse.Namespace) -> None:
     keep_input(files_read(options, recorded), {"--out": options.out})
     require_writable(options.out)
     model = solve(options, recorded, keep_stages=True)
+    warn(model)
     given = in_words(options, recorded)
-    page.write_report(
-        model, recorded.views, options.out, title=recorded.name, given=given, truth=recorded.truth
-    )
+    with progress("page"):
+        page.write_report(
+            model, recorded.views, options.out, title=recorded.name, given=given, truth=recorded.truth
+        )
     print(options.out)

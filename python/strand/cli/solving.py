@@ -10,22 +10,15 @@ import numpy as np
 import strand
 from strand import config
 from strand.box import Bounds, extraction_range
-from strand.cli.outcome import say
 from strand.cli.progress import progress
 from strand.io.scenes import Scene
-from strand.report import tables
 
 
 def solve(options: argparse.Namespace, recorded: Scene, keep_stages: bool) -> strand.Model:
-    """Reconstruct a scene's ropes; say what is at work, and what is to be warned of."""
+    """Reconstruct a scene's ropes; say what is at work."""
     given = known(options, recorded)
-    stages = set(tables.STAGE_ARRAYS[given["config"].method])
-    if given["radius"] is not None:
-        stages.discard("radius")
-    with progress(len(stages)) as show:
-        model = strand.reconstruct(recorded.views, **given, keep_stages=keep_stages, progress=show)
-    warn(model)
-    return model
+    with progress() as show:
+        return strand.reconstruct(recorded.views, **given, keep_stages=keep_stages, progress=show)
 
 
 def known(options: argparse.Namespace, recorded: Scene | None = None) -> dict[str, Any]:
@@ -59,12 +52,6 @@ def in_words(options: argparse.Namespace, recorded: Scene) -> dict[str, str]:
 def radius_of(options: argparse.Namespace, recorded: Scene) -> float | None:
     """Return the ropes' radius, metres; None if it is not known."""
     return recorded.radius if options.radius is None else options.radius
-
-
-def warn(model: strand.Model, about: str = "") -> None:
-    """Print a model's warnings to stderr."""
-    for warning in model.warnings:
-        say(f"strand: warning: {about}{warning}")
 
 
 def _bounds(options: argparse.Namespace, recorded: Scene | None) -> Bounds | None:

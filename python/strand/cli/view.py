@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from strand.cli import values
+from strand.cli.answers import warn
 from strand.cli.inputs import files_read, load
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
@@ -35,6 +36,7 @@ def run(options: argparse.Namespace) -> None:
         keep_input(files_read(options, recorded), {"--save": options.save})
         require_writable(options.save)
     model = solve(options, recorded, keep_stages=True)
+    warn(model)
     if options.save is None:
         rerun_view.show(model, recorded.views, truth=recorded.truth)
         return
