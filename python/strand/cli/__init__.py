@@ -1,4 +1,4 @@
-"""The command line: `strand demo`, `reconstruct`, `report` and `view`. Arguments and lines of text only."""
+"""The command line: `strand reconstruct` and the other commands. Arguments and lines of text only."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     open_closed_streams()
     try:
         options = parser().parse_args(arguments)
-        options.run(options)
-        code = 0
+        code = options.run(options) or 0
     except SystemExit as error:  # help is printed, which may fail as all that is printed
         code = flushed(error.code if isinstance(error.code, int) else 2)
         raise SystemExit(code) from None

@@ -110,6 +110,19 @@ def add_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--config", type=values.path, metavar="FILE", help="a TOML file with the method's numbers"
     )
+    add_limits(command)
+    command.add_argument(
+        "--deadline",
+        type=float,
+        metavar="SECONDS",
+        help="leave out what an answer can do without after this time (default: never)",
+    )
+    # lengths such as -4mm are values, not options
+    command._negative_number_matcher = re.compile(r"^-\.?\d")
+
+
+def add_limits(command: argparse.ArgumentParser) -> None:
+    """Add what may be read of files."""
     command.add_argument(
         "--max-bytes",
         type=int,
@@ -122,11 +135,3 @@ def add_known(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="let the scene.toml name files outside of its folder, which may be any of yours",
     )
-    command.add_argument(
-        "--deadline",
-        type=float,
-        metavar="SECONDS",
-        help="leave out what an answer can do without after this time (default: never)",
-    )
-    # lengths such as -4mm are values, not options
-    command._negative_number_matcher = re.compile(r"^-\.?\d")
