@@ -84,7 +84,7 @@ def _of_recording(path: Path, held: RecordingContents) -> Advice:
     first, options, would = usable[0], [], {}
     if len(held.cameras) > 1:
         options.append(f"--topic {shlex.quote(first.topic)}")
-        would["topics"] = f"one of {len(held.cameras)}; several --topic together need --world FRAME"
+        would["topics"] = f"the first of {len(held.cameras)}; several --topic together need --world FRAME"
     would["frames"] = "the only one"
     if first.messages > 1:
         would["frames"] = f"the first of {first.messages}; --frame N for another one, --every N for many"

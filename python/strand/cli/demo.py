@@ -8,6 +8,7 @@ from pathlib import Path
 import strand
 from strand.cli import values
 from strand.cli.answers import warn
+from strand.cli.outputs import require_folder
 from strand.cli.progress import progress
 from strand.report import figures, tables
 
@@ -33,6 +34,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate the published experiment, reconstruct it by both methods, and compare them with the truth."""
+    require_folder(options.out)
     with progress("simulate"):
         made = strand.synthetic.scene("paper", seed=options.seed)
     methods = {

@@ -21,7 +21,7 @@ from strand.model import VERSION, Model
 from strand.report import tables
 
 # columns of the labels, of an output that does not say how wide it is, and the fewest that words get
-_LABEL, _WIDTH, _LEAST = 12, 100, 30
+_LABEL, _WIDTH, _LEAST = 12, 80, 30
 # topics and TF frames that are listed
 _MOST = 60
 

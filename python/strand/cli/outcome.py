@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import textwrap
 from contextlib import suppress
 from io import TextIOWrapper
 
 import strand
+
+# columns that words get on a terminal, however narrow it is
+_LEAST = 30
 
 EXIT_CODES = """\
 exit codes:
@@ -60,8 +65,13 @@ def open_closed_streams() -> None:
 
 
 def say(line: str) -> None:
-    """Print a line to stderr; that it may be full is no reason to stop."""
+    """Print a line to stderr, on a terminal between words; that it may be full is no reason to stop."""
     with suppress(OSError):
+        if sys.stderr.isatty():
+            columns = max(shutil.get_terminal_size().columns, _LEAST)
+            line = textwrap.fill(
+                line, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+            )
         print(line, file=sys.stderr, flush=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,6 +29,8 @@ def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
         raise ValueError(f"--tube: {options.tube} is what --out writes")
     for path in given:
         require_writable(path)
+    if options.figures is not None:
+        require_folder(options.figures)
     if options.out is not None and options.every is None:
         format_of(options.out)
     if options.tube is not None:
@@ -36,6 +39,21 @@ def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
         for option in ("tube", "figures"):
             if vars(options)[option] is not None:
                 raise ValueError(f"--{option}: of one frame only, and --every asks for several")
+
+
+def require_folder(path: Path) -> None:
+    """Refuse a folder that cannot be made, or not be written to.
+
+    Raises
+    ------
+    OSError
+        If it is something else, or it or what it is to be made in cannot be written.
+    """
+    there = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
+    if not os.access(there, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
 def keep_input(read: Sequence[Path], outputs: Mapping[str, Path | None], drawn: Path | None = None) -> None:

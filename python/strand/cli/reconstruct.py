@@ -84,9 +84,9 @@ def _print_tables(model: strand.Model, estimated: bool) -> None:
             f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
         )
     print(tables.describe_chains(model), end="\n\n")
-    print(tables.describe_confidence(model), end="\n\n")
+    print(tables.describe_confidence(model))
     warn(model, doubts=True)
-    print(tables.describe_timings(model), end="\n\n")
+    print(f"\n{tables.describe_timings(model)}", end="\n\n")
 
 
 def _written(options: argparse.Namespace, model: strand.Model, recorded: Scene) -> Iterator[Path]:

@@ -89,7 +89,7 @@ def test_a_recording(folder, capsys):
 def test_several_cameras(folder, capsys):
     lines = lines_of(capsys, "cameras")
     assert "  strand reconstruct cameras --topic /camera_0/depth/image_raw" in lines
-    assert "  topics      one of 2; several --topic together need --world FRAME" in lines
+    assert "  topics      the first of 2; several --topic together need --world FRAME" in lines
     lines = lines_of(capsys, "cameras", "--topic", "/camera_1/*")
     assert [line.split()[1] for line in lines if line.startswith("  depth ")] == [
         "/camera_1/depth/image_raw:"
