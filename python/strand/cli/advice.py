@@ -24,7 +24,7 @@ class Advice:
         What the file does not say.
     would : dict of str to str
         What would be done, in words, about the "topics", "frames", "world" frame, "view", "ropes", "method",
-        "radius" and "poses", where there is something to say.
+        "radius" and "poses", where there is something to say; or why it is "refused".
     """
 
     command: str | None
@@ -32,17 +32,26 @@ class Advice:
     would: dict[str, str]
 
 
-def advice(path: Path, held: Contents) -> Advice:
-    """Return what `strand reconstruct` would do with a file that holds this."""
+def advice(path: Path, held: Contents, asked: bool = False) -> Advice:
+    """Return what `strand reconstruct` would do with a file that holds this.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    held : Contents
+    asked : bool
+        Whether a recording's topics are those that were asked for.
+    """
     match held:
         case Model():
-            return Advice(None, (), {})
+            return Advice(None, (), {"refused": "it is a model, which strand.load() reads"})
         case SceneContents():
             return _of_scene(path, held)
         case SingleContents():
             return _of_single(path, held)
         case RecordingContents():
-            return _of_recording(path, held)
+            return _of_recording(path, held, asked)
 
 
 def _of_scene(path: Path, held: SceneContents) -> Advice:
@@ -77,13 +86,14 @@ def _of_single(path: Path, held: SingleContents) -> Advice:
     return Advice(_command(path, options), tuple(missing), would)
 
 
-def _of_recording(path: Path, held: RecordingContents) -> Advice:
+def _of_recording(path: Path, held: RecordingContents, asked: bool) -> Advice:
     usable = [camera for camera in held.cameras if camera.view is not None]
     if not usable:
-        return Advice(None, ("a topic whose depth can be read",), {})
+        return Advice(None, ("depth that can be read",), {"refused": "no topic shows depth that can be read"})
     first, options, would = usable[0], [], {}
-    if len(held.cameras) > 1:
+    if len(held.cameras) > 1 or asked:
         options.append(f"--topic {shlex.quote(first.topic)}")
+    if len(held.cameras) > 1:
         would["topics"] = f"the first of {len(held.cameras)}; several --topic together need --world FRAME"
     would["frames"] = "the only one"
     if first.messages > 1:

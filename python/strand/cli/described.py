@@ -59,9 +59,8 @@ def described(path: Path, held: Contents, would: Advice) -> str:
         rows.append(Row("missing", ", ".join(would.missing)))
     columns = shutil.get_terminal_size((_WIDTH, 24)).columns
     lines = [f"{path}: {kind_of(held)}, {format_of(path, held)}", *(_line(row, columns) for row in rows)]
-    if would.command is not None:
-        lines += ["", f"  {would.command}"]
-        lines += [_line(Row(label, words), columns) for label, words in would.would.items()]
+    lines += ["", f"  {would.command or 'strand reconstruct'}"]
+    lines += [_line(Row(label, words), columns) for label, words in would.would.items()]
     return "\n".join(lines)
 
 

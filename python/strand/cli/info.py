@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
                 sys.stdout.flush()
             codes.append(code_of(error))
             continue
-        would = advice(path, held)
+        would = advice(path, held, asked=options.topic is not None)
         if options.json:
             print(json.dumps(_as_json(path, held, would), allow_nan=False))
         else:

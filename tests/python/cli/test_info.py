@@ -108,20 +108,38 @@ def test_a_model(folder, capsys):
     assert lines[0] == "model.json: model, version 2"
     length = f"{strand.load('model.json').chains[0].length * 1e3:.1f}"
     assert lines[4].split() == ["1", length, "40", "4.00", "open", "0.50", "end"]
-    assert lines[5:] == ["  confidence  0.50", "  doubts      1 end", "  warnings    none"]
+    assert lines[5:] == [
+        "  confidence  0.50",
+        "  doubts      1 end",
+        "  warnings    none",
+        "",
+        "  strand reconstruct",
+        "  refused     it is a model, which strand.load() reads",
+    ]
+
+
+def test_a_recording_without_depth_is_refused(folder, capsys):
+    made = Messages()
+    entries = [("/color", 1, made.image(np.ones((2, 6), np.uint8), 1, encoding="rgb8", step=6, width=2))]
+    write(Path("colours"), "mcap", entries)
+    lines = lines_of(capsys, "colours")
+    assert lines[-1] == "  refused     no topic shows depth that can be read"
+    assert main(["reconstruct", "colours"]) == 1
+    assert "no topic shows depth" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("name", "options"),
+    ("words", "options"),
     [
         ("arc.npz", {}),
         ("cloud.ply", {"X,Y,Z": "0,0,0"}),
         ("depth.png", {"FX,FY,CX,CY": "26,26,20,15", "METRES": "0.0001"}),
         ("rope.bag", {}),
         ("cameras", {}),
+        ("cameras --topic /camera_1/*", {}),
     ],
 )
-def test_the_command_works_as_said(folder, capsys, monkeypatch, name, options):
+def test_the_command_works_as_said(folder, capsys, monkeypatch, words, options):
     given = []
 
     def reconstruct(views, **known):
@@ -129,14 +147,14 @@ def test_the_command_works_as_said(folder, capsys, monkeypatch, name, options):
         return strand.Model((), np.eye(4)[None])
 
     monkeypatch.setattr(strand, "reconstruct", reconstruct)
-    assert main(["info", "--json", name]) == 0
+    assert main(["info", "--json", *words.split()]) == 0
     said = json.loads(capsys.readouterr().out)
     command = said["reconstruct"]["command"]
     for word, value in options.items():
         command = command.replace(word, value)
     assert main(shlex.split(command)[1:]) == 0
     ((views, radius, bounds),) = given
-    assert views == (3 if name == "arc.npz" else 1)
+    assert views == (3 if words == "arc.npz" else 1)
     assert ("radius" in said["missing"]) == (radius is None)
     assert any("bounds" in one for one in said["missing"]) == (bounds is None)
 
@@ -217,7 +235,7 @@ def test_the_others_are_described_all_the_same(folder, capsys):
     assert main(["info", "empty.npz", "model.json", "no.npz", "cloud.ply"]) == 1
     out, err = capsys.readouterr()
     assert len(err.splitlines()) == 2
-    model, points, *_ = out.split("\n\n")
+    model, _, points, *_ = out.split("\n\n")
     assert model.startswith("model.json: ")
     assert points.startswith("cloud.ply: ")
 
