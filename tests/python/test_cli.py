@@ -420,10 +420,12 @@ def test_stages_and_their_times_are_shown_on_a_terminal_if_they_last(scene_npz):
     pictures = re.sub(r"\x1b\[[0-9;]*m", "", shown).split("\x1b[2K")
     rows = [re.findall(r"(first|second|third) +(\d\.\d) s", picture) for picture in pictures]
     # the first second goes by in silence, and the last picture has all three
-    assert [name for name, _ in next(filter(None, rows))] == ["first", "second"]
+    begun = next(filter(None, rows))
+    assert begun[0][0] == "first"
+    assert sum(float(seconds) for _, seconds in begun) >= 1.0
     last = [row for row in rows if row][-1]
     assert [name for name, _ in last] == ["first", "second", "third"]
-    assert 0.6 < float(last[0][1]) < 5
+    assert float(last[0][1]) >= 0.7
     # it is taken away before the answer is printed
     after = shown[shown.rindex("third") :]
     assert "\x1b[?25h" in after
