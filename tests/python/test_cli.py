@@ -441,6 +441,17 @@ def test_nothing_flashes_on_a_terminal(scene_npz):
     assert "one " not in shown
 
 
+def test_errors_break_between_words_on_a_terminal(scene_npz):
+    code, shown = on_a_terminal(PROGRAM, "reconstruct", "a.npz", "b.npz")
+    assert code == 2
+    lines = shown.splitlines()
+    assert len(lines) == 2
+    assert all(len(line) <= 80 for line in lines)
+    assert " ".join(shown.split()).startswith(
+        "strand: error: SCENE: expected one, got 2; files of several views"
+    )
+
+
 def test_a_model_as_json_is_all_of_the_output(scene_npz, tmp_path, capsys):
     out = tmp_path / "a.json"
     command = [

@@ -14,6 +14,7 @@ import numpy as np
 
 from strand.box import metres
 from strand.cli.advice import Advice
+from strand.cli.outcome import printable
 from strand.io.contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.contents import CameraContents, RecordingContents
 from strand.io.seen import Seen
@@ -58,8 +59,9 @@ def described(path: Path, held: Contents, would: Advice) -> str:
     if would.missing:
         rows.append(Row("missing", ", ".join(would.missing)))
     columns = shutil.get_terminal_size((_WIDTH, 24)).columns
-    lines = [f"{path}: {kind_of(held)}, {format_of(path, held)}", *(_line(row, columns) for row in rows)]
-    lines += ["", f"  {would.command or 'strand reconstruct'}"]
+    lines = [printable(f"{path}: {kind_of(held)}, {format_of(path, held)}")]
+    lines += [_line(row, columns) for row in rows]
+    lines += ["", f"  {printable(would.command or 'strand reconstruct')}"]
     lines += [_line(Row(label, words), columns) for label, words in would.would.items()]
     return "\n".join(lines)
 
@@ -92,8 +94,7 @@ def format_of(path: Path, held: Contents) -> str:
 
 
 def _line(row: Row, columns: int) -> str:
-    # what a file says may hold what a terminal obeys
-    said = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in row.words)
+    said = printable(row.words)
     words = [said]
     if row.wraps:
         width = max(columns - _LABEL - 2, _LEAST)

@@ -66,6 +66,7 @@ def open_closed_streams() -> None:
 
 def say(line: str) -> None:
     """Print a line to stderr, on a terminal between words; that it may be full is no reason to stop."""
+    line = printable(line)
     with suppress(OSError):
         if sys.stderr.isatty():
             columns = max(shutil.get_terminal_size().columns, _LEAST)
@@ -73,6 +74,11 @@ def say(line: str) -> None:
                 line, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
             )
         print(line, file=sys.stderr, flush=True)
+
+
+def printable(text: str) -> str:
+    """Return text with escapes for what a terminal would obey: what a file says may hold such characters."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _fail(error: object, code: int) -> int:

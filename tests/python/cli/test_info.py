@@ -248,6 +248,8 @@ def test_what_a_terminal_would_obey_is_not_printed(folder, capsys):
     write(Path("odd"), "mcap", [("/camera_info", 1, info), ("/depth", 1, image)])
     (line,) = [line for line in lines_of(capsys, "odd") if line.startswith("  depth ")]
     assert line.endswith(r"in the TF frame a\x1b]0;b\x07\nc")
+    assert main(["info", "no\x1b[2J.npz"]) == 3
+    assert capsys.readouterr().err == "strand: error: no\\x1b[2J.npz: No such file or directory\n"
 
 
 @pytest.mark.parametrize("kind", FORMATS)
