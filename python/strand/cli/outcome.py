@@ -17,9 +17,11 @@ _LEAST = 30
 EXIT_CODES = """\
 exit codes:
   0    done
-  1    the data do not support an answer; a file is damaged, not what it should be, or too large
+  1    the data do not support an answer; a file is damaged, not what it should
+       be, or too large
   2    wrong arguments, or values that are not accepted
-  3    a file is missing, or cannot be read or written; or an optional package is not installed
+  3    a file is missing, or cannot be read or written; or an optional package
+       is not installed
   130  interrupted
   141  nobody reads the output any more
 """

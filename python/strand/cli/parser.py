@@ -15,7 +15,7 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser; the options that it gives have the command to `run`."""
     whole = argparse.ArgumentParser(
         prog="strand",
-        description="Ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera data.",
+        description="Ordered 3D centrelines of strings, ropes, cables and hoses from depth\ncameras' data.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -23,7 +23,9 @@ from strand.model import content
 from strand.report import figures, tables
 
 HINT = "ropes of a recorded scene"
-DESCRIPTION = "Reconstruct the ropes of a scene."
+DESCRIPTION = """\
+Reconstruct the ropes of a scene, and print them with what speaks against them.
+`strand info SCENE` says which options it needs."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
