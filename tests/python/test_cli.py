@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import pty
 import re
@@ -101,7 +102,7 @@ def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
     _, _, _, folder = demo
     shutil.copytree(folder, tmp_path / "out")
     (tmp_path / "out" / "notes.txt").write_text("mine")
-    monkeypatch.setattr(cli.figures, "write_figures", lambda *_: [])
+    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
     assert main(["demo", "--out", str(tmp_path / "out")]) == 0
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert "model.json" in capsys.readouterr().out
@@ -113,7 +114,8 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     model = strand.load(tmp_path / "a.json")
     (chain,) = model.chains
     row = f"1 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
-    assert re.search(rf"^{row}$", out, re.MULTILINE)
+    assert re.search(rf"^{row} +{chain.confidence:.2f}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
+    assert f"\nconfidence: {model.confidence:.2f} that all ropes run as said\n" in out
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]
     assert out.splitlines()[-1] == str(tmp_path / "a.json")
     assert [line for line in err.splitlines() if "warning" not in line] == [
@@ -223,7 +225,7 @@ def test_reconstruct_draws_figures(scene_npz, tmp_path, monkeypatch, capsys):
         assert len(truth) == 1
         return [directory / "a.png"]
 
-    monkeypatch.setattr(cli.figures, "write_figures", write_figures)
+    monkeypatch.setattr(cli.demo.figures, "write_figures", write_figures)
     command = [
         "reconstruct",
         str(scene_npz),
@@ -336,7 +338,7 @@ def test_exit_codes(monkeypatch, capsys, error, code, line):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(cli, "load_scene", fail)
+    monkeypatch.setattr(cli.inputs, "load_scene", fail)
     assert main(["reconstruct", "a.npz", "-o", "a.json"]) == code
     assert capsys.readouterr().err.splitlines() == [line]
 
@@ -345,7 +347,7 @@ def test_errors_of_ours_are_not_hidden(monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "load_scene", fail)
+    monkeypatch.setattr(cli.inputs, "load_scene", fail)
     with pytest.raises(ZeroDivisionError):
         main(["reconstruct", "a.npz", "-o", "a.json"])
 
@@ -380,13 +382,27 @@ def test_closed_pipe_is_not_an_error(scene_npz, tmp_path):
     assert "Traceback" not in err
 
 
-def test_progress_bar_on_a_terminal(scene_npz, tmp_path):
+SLOW = """
+import sys, time, strand, strand.cli
+
+def reconstruct(*_, progress, **__):
+    for stage in stages.split(","):
+        progress(stage)
+        time.sleep(float(seconds))
+    return made
+
+*sys.argv, stages, seconds = sys.argv
+made = strand.Model((), __import__("numpy").eye(4)[None])
+strand.reconstruct = reconstruct
+sys.exit(strand.cli.main())
+"""
+
+
+def on_a_terminal(*command):
+    """The exit code of a command, and what it shows on a terminal of its own, step by step."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [PROGRAM, "reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json")],
-        stdout=subprocess.DEVNULL,
-        stderr=theirs,
-        env=os.environ | {"TERM": "xterm"},
+        command, stdout=theirs, stderr=theirs, env=os.environ | {"TERM": "xterm", "COLUMNS": "80"}
     )
     os.close(theirs)
     shown = b""
@@ -394,10 +410,92 @@ def test_progress_bar_on_a_terminal(scene_npz, tmp_path):
         while block := os.read(ours, 4096):
             shown += block
     os.close(ours)
-    assert process.wait() == 0
-    assert b"\x1b[" in shown
-    assert b"ends" in shown
-    assert b"strand: extract" not in shown
+    return process.wait(), shown.decode()
+
+
+def test_stages_and_their_times_are_shown_on_a_terminal_if_they_last(scene_npz):
+    command = [sys.executable, "-c", SLOW, "reconstruct", str(scene_npz)]
+    code, shown = on_a_terminal(*command, "first,second,third", "0.7")
+    assert code == 0
+    pictures = re.sub(r"\x1b\[[0-9;]*m", "", shown).split("\x1b[2K")
+    rows = [re.findall(r"(first|second|third) +(\d\.\d) s", picture) for picture in pictures]
+    # the first second goes by in silence, and the last picture has all three
+    begun = next(filter(None, rows))
+    assert begun[0][0] == "first"
+    assert sum(float(seconds) for _, seconds in begun) >= 1.0
+    last = [row for row in rows if row][-1]
+    assert [name for name, _ in last] == ["first", "second", "third"]
+    assert float(last[0][1]) >= 0.7
+    # it is taken away before the answer is printed
+    after = shown[shown.rindex("third") :]
+    assert "\x1b[?25h" in after
+    assert after.index("\x1b[?25h") < after.index("confidence")
+    assert "strand: " not in shown
+
+
+def test_nothing_flashes_on_a_terminal(scene_npz):
+    command = [sys.executable, "-c", SLOW, "reconstruct", str(scene_npz)]
+    code, shown = on_a_terminal(*command, "one", "0.1")
+    assert code == 0
+    assert "\x1b" not in shown
+    assert "one " not in shown
+
+
+def test_errors_break_between_words_on_a_terminal(scene_npz):
+    code, shown = on_a_terminal(PROGRAM, "reconstruct", "a.npz", "b.npz")
+    assert code == 2
+    lines = shown.splitlines()
+    assert len(lines) == 2
+    assert all(len(line) <= 80 for line in lines)
+    assert " ".join(shown.split()).startswith(
+        "strand: error: SCENE: expected one, got 2; files of several views"
+    )
+
+
+def test_a_model_as_json_is_all_of_the_output(scene_npz, tmp_path, capsys):
+    out = tmp_path / "a.json"
+    command = [
+        "reconstruct",
+        str(scene_npz),
+        "--ropes",
+        "2",
+        "-o",
+        str(out),
+        "--tube",
+        str(tmp_path / "a.ply"),
+    ]
+    assert main([*command, "--json"]) == 0
+    printed, err = capsys.readouterr()
+    written = json.loads(out.read_text())
+    assert printed.count("\n") == 1
+    assert json.loads(printed) | {"timings": 0} == written | {"timings": 0}
+    assert "strand: warning: found fewer ropes" in err
+    assert main(["reconstruct", "no.npz", "--json"]) == 3
+    assert capsys.readouterr() == ("", "strand: error: no.npz: No such file or directory\n")
+
+
+def test_what_speaks_against_an_answer_is_said_once_the_heaviest_first(scene_npz, monkeypatch, capsys):
+    doubts = [strand.Doubt("end", weight, "where", f"it is {weight}") for weight in np.linspace(0.9, 0.1, 15)]
+    warnings = [
+        strand.ModelWarning("branch", "a branch"),
+        strand.ModelWarning("end", "an end", None, doubts[2].amount),
+    ]
+    made = strand.Model((), np.eye(4)[None], warnings=warnings, doubts=doubts, confidence=0.25)
+    monkeypatch.setattr(strand, "reconstruct", lambda *_, **__: made)
+    assert main(["reconstruct", str(scene_npz)]) == 0
+    out, err = capsys.readouterr()
+    assert "confidence: 0.25 " in out
+    lines = err.splitlines()
+    assert lines[:4] == [
+        "strand: doubt: unsure where: it is 0.9, weight 0.9",
+        "strand: doubt: unsure where: it is 0.8428571428571429, weight 0.84",
+        "strand: warning: an end, weight 0.79",
+        "strand: doubt: unsure where: it is 0.7285714285714286, weight 0.73",
+    ]
+    assert lines[10:] == [
+        "strand: warning: a branch",
+        "strand: and 5 doubts of less weight, which the model's file has",
+    ]
 
 
 def test_the_scene_is_never_overwritten(tmp_path, capsys):
@@ -470,7 +568,9 @@ def test_missing_packages_are_named_before_the_work(words, package, monkeypatch,
 def test_view_saves_a_recording(scene_npz, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", sys)
     monkeypatch.setattr(
-        cli.rerun_view, "write_recording", lambda model, views, path, truth: path.write_text(f"{len(views)}")
+        cli.view.rerun_view,
+        "write_recording",
+        lambda model, views, path, truth: path.write_text(f"{len(views)}"),
     )
     assert main(["view", str(scene_npz), "--save", str(tmp_path / "a.rrd")]) == 0
     assert (tmp_path / "a.rrd").read_text() == "3"

@@ -52,6 +52,23 @@ def test_what_cannot_be_written_is_said_before_anything_is_done(folder, monkeypa
     assert capsys.readouterr().err.splitlines()[-1] == f"strand: error: {out}: {reason}"
 
 
+@pytest.mark.parametrize(
+    "words", [("reconstruct", "arc.npz", "--figures"), ("demo", "--out")], ids=["figures", "demo"]
+)
+def test_folders_that_cannot_be_made_are_said_before_anything_is_done(folder, monkeypatch, capsys, words):
+    def reconstruct(*_, **__):
+        raise AssertionError("too late")
+
+    monkeypatch.setattr(strand, "reconstruct", reconstruct)
+    for out in ("arc.npz", "arc.npz/drawn", "/proc/self/stat"):
+        assert cli.main([*words, out]) == 3
+        assert capsys.readouterr().err == f"strand: error: {out}: Not a directory\n"
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert cli.main([*words, "new/drawn"]) == 3
+    assert capsys.readouterr().err == "strand: error: new/drawn: Permission denied\n"
+    assert not Path("new").exists()
+
+
 def test_nothing_that_was_read_is_written_over(folder, capsys):
     Path("a.toml").touch()
     Path("link.npz").symlink_to("arc.npz")
@@ -99,7 +116,7 @@ def test_memory_that_is_exhausted_is_one_line(folder, monkeypatch, capsys):
     def load_scene(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr(cli, "load_scene", load_scene)
+    monkeypatch.setattr(cli.inputs, "load_scene", load_scene)
     assert run("arc.npz", "-o", "a.json") == 1
     assert capsys.readouterr().err == "strand: error: out of memory\n"
 

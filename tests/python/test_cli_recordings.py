@@ -34,7 +34,7 @@ def test_one_command_reconstructs_a_recording(tmp_path, capsys, kind):
     path = write(tmp_path / "rope", kind, film(SCENE, 3, kind == "ros1"))
     assert main(["reconstruct", str(path), *RADIUS]) == 0
     out, _ = capsys.readouterr()
-    ((length,),) = [re.findall(r"^\d+ +(\d+\.\d) +\d+ +4\.20 +open$", out, re.MULTILINE)]
+    ((length,),) = [re.findall(r"^\d+ +(\d+\.\d) +\d+ +4\.20 +open +\d\.\d\d", out, re.MULTILINE)]
     assert float(length) == pytest.approx(400, rel=0.05)
     assert sorted(one.name for one in tmp_path.iterdir()) == [path.relative_to(tmp_path).parts[0]]
 
@@ -89,6 +89,16 @@ def test_every_frame_is_a_line(tmp_path, capsys):
     for (_, _, model), k in zip(found[1:], (2, 1), strict=True):
         np.testing.assert_allclose(model.chains[0].points, direct(k), rtol=0, atol=1e-9)
     assert found[1][1] == START + 2 * 33_333_333
+
+
+def test_every_frame_is_a_line_of_json(tmp_path, capsys):
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    out = tmp_path / "frames.jsonl"
+    command = ["reconstruct", str(path), *KNOWN, "--every", "2", "--json"]
+    assert main([*command, "-o", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert printed == out.read_text()
+    assert [json.loads(line)["frame"] for line in printed.splitlines()] == [0, 2]
 
 
 def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):

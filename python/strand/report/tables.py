@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,6 +57,8 @@ COUNTED = {
     },
 }
 PAPER_COUNTS = (3, 7, 1)
+# so many kinds of doubt a row names: a table fits in 80 columns
+_KINDS = 2
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,8 @@ def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
 
 
 def describe_chains(model: Model) -> str:
-    """Table of the chains: length, nodes, radius, open or closed."""
+    """Table of the chains: length, nodes, radius, open or closed; confidence and doubts, if it has them."""
+    sure = any(not np.isnan(chain.confidence) for chain in model.chains)
     rows = [
         (
             f"{i}",
@@ -240,10 +243,19 @@ def describe_chains(model: Model) -> str:
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
             "closed" if chain.closed else "open",
+            *((f"{chain.confidence:.2f}", _kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains, 1)
     ]
-    return _table([("chain", "length / mm", "nodes", "radius / mm", "ends"), *rows])
+    more = ("confidence", "doubts") if sure else ()
+    return _table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
+
+
+def describe_confidence(model: Model) -> str:
+    """One line: how sure all ropes together are."""
+    if np.isnan(model.confidence):
+        return "confidence: not known, as the method does not say"
+    return f"confidence: {model.confidence:.2f} that all ropes run as said"
 
 
 def describe_frame(model: Model) -> str:
@@ -281,12 +293,22 @@ def _total(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
     return ("total", *[""] * (columns - 2), f"{sum(timings.values()) * 1e3:.1f}")
 
 
-def _table(rows: Iterable[Sequence[str]]) -> str:
-    """Columns side by side: the first one flush left, the others flush right."""
+def _kinds(chain: Chain) -> str:
+    """Kinds of a chain's doubts, the heaviest first, and how many more there are."""
+    kinds = list(dict.fromkeys(doubt.kind for doubt in chain.doubts))
+    more = [f"+{len(kinds) - _KINDS}"] if len(kinds) > _KINDS else []
+    return ", ".join(kinds[:_KINDS] + more)
+
+
+def _table(rows: Iterable[Sequence[str]], left: Container[int] = (0,)) -> str:
+    """Columns side by side: some, by their numbers, flush left, the others flush right."""
     rows = list(rows)
-    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (
-        "  ".join([row[0].ljust(first), *(c.rjust(width) for c, width in zip(row[1:], others, strict=True))])
+        "  ".join(
+            cell.ljust(width) if column in left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
     )
     return "\n".join(line.rstrip() for line in lines)

@@ -147,3 +147,21 @@ def test_tables_line_up():
         "extract  1000.0",
         "total    1000.0",
     ]
+
+
+def test_chains_that_say_how_sure_they_are():
+    doubts = [strand.Doubt(kind, 0.1, "it", "why") for kind in ("left out", "end", "end", "join", "range")]
+    chains = (
+        Chain(LINE, RADIUS, confidence=0.5, doubts=doubts),
+        Chain(LINE[:9], RADIUS, closed=True, confidence=0.987, doubts=doubts[1:4]),
+        Chain(LINE[:3], RADIUS, confidence=0.99),
+    )
+    model = Model(chains, np.eye(4)[None], confidence=0.49)
+    assert tables.describe_chains(model).splitlines() == [
+        "chain  length / mm  nodes  radius / mm    ends  confidence  doubts",
+        "1            200.0     41         4.00    open        0.50  left out, end, +2",
+        "2             80.0      9         4.00  closed        0.99  end, join",
+        "3             10.0      3         4.00    open        0.99",
+    ]
+    assert tables.describe_confidence(model) == "confidence: 0.49 that all ropes run as said"
+    assert tables.describe_confidence(model_of(LINE)).startswith("confidence: not known")

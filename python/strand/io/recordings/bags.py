@@ -21,7 +21,8 @@ from strand.io.recordings.limits import (
     most_at_once,
 )
 
-SUFFIXES = (".bag", ".mcap", ".db3")
+_FORMATS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "SQLite file of a ROS 2 bag"}
+SUFFIXES = tuple(_FORMATS)
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LAST = 1 << 62  # nanoseconds: the year 2116
 _SAME = {"tf/msg/tfMessage": TRANSFORMS}
@@ -63,6 +64,16 @@ class Bag:
     max_bytes : int
         How much of it may be in memory at once.
 
+    Attributes
+    ----------
+    topics : dict of str to str
+        The type of each topic's messages.
+    counts : dict of str to int
+        How many messages each topic has, as the index says.
+    span : (int or None, float)
+        When the first message was recorded, nanoseconds since 1970, and how many seconds the last one came
+        after it, as the index says; (None, 0) without a message.
+
     Raises
     ------
     OSError
@@ -82,7 +93,18 @@ class Bag:
         with _damage(path, None), ExitStack() as stack:
             self._reader = self._opened(stack)
             self.topics = {one.topic: one.msgtype for one in self._reader.connections}
+            self.counts = {topic: 0 for topic in self.topics}
+            for one in self._reader.connections:
+                self.counts[one.topic] += one.msgcount
+            self.span = self._span()
             self._stack = stack.pop_all()
+
+    @property
+    def format(self) -> str:
+        """What kind of bag it is."""
+        if self.path.is_dir():
+            return "ROS 2 bag"
+        return _FORMATS[self.path.suffix.lower()]
 
     def close(self) -> None:
         """Close the files."""
@@ -137,6 +159,14 @@ class Bag:
             store = _types(self._ros1)
             decode = store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
             return decode(message.data, _SAME.get(message.kind, message.kind))
+
+    def _span(self) -> tuple[int | None, float]:
+        """When it begins, nanoseconds since 1970, and how many seconds it lasts, by the index."""
+        reader = self._reader
+        if not any(self.counts.values()):
+            return None, 0.0
+        start, last = int(reader.start_time), int(reader.end_time) - 1
+        return start, max(last - start, 0) * 1e-9
 
     def _opened(self, stack: ExitStack) -> Any:
         path = GuardedPath(self.path)

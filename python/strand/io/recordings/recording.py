@@ -18,7 +18,7 @@ from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
 from strand.io.recordings.synchronization import together
 from strand.io.recordings.topics import camera_of, chosen
-from strand.io.recordings.transforms import Transforms, stamp_of
+from strand.io.recordings.transforms import TF_KINDS, Transforms, stamp_of
 from strand.io.recordings.views import view_of
 from strand.lazy import lazy
 from strand.view import View
@@ -26,7 +26,6 @@ from strand.view import View
 TOLERANCE = 0.02
 """How far apart in time the views of a frame may be, seconds: half a frame at 25 Hz."""
 
-_TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _SECOND = 10**9
 _LONG = 1e9  # seconds; longer ones are no different, and nanoseconds have to fit in 64 bits
 
@@ -291,7 +290,7 @@ class Recording:
     @lazy
     def _transforms(self) -> Transforms:
         found = Transforms(self._tolerance, self._max_bytes)
-        for message in self._bag.messages(self._bag.of_kind(*_TF)):
+        for message in self._bag.messages(self._bag.of_kind(*TF_KINDS)):
             try:
                 found.add(self._bag.decoded(message), static=message.topic.endswith("tf_static"))
             except ValueError as error:

@@ -50,10 +50,9 @@ def chosen(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
     """
     shown = bag.of_kind(*IMAGES, *CLOUDS)
     if patterns is None:
-        found = [topic for topic in bag.of_kind(*IMAGES) if _shows_depth(bag, topic)]
-        found = found or bag.of_kind(*CLOUDS)
+        found = depth_topics(bag)
         if len(found) == 1:
-            return (found[0],)
+            return found
         if not found:
             raise FileFormatError(bag.path, f"no topic shows depth; it has {listed(bag)}")
         raise ValueError(
@@ -68,6 +67,12 @@ def chosen(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
             raise ValueError(f"topics: {what}; {bag.path} has {listed(bag)}")
         topics += [topic for topic in matching if topic not in topics]
     return tuple(topics)
+
+
+def depth_topics(bag: Bag) -> tuple[str, ...]:
+    """Return the images that show depth; points if there are none."""
+    images = [topic for topic in bag.of_kind(*IMAGES) if _shows_depth(bag, topic)]
+    return tuple(images or bag.of_kind(*CLOUDS))
 
 
 def listed(bag: Bag) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from strand.checks import Array
 
+TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _BYTES = 64  # of one transform
 _FARTHEST = 1e9  # metres: the moon is nearer
 _SHOWN = 20  # frames that a message names
