@@ -77,8 +77,6 @@ def load_scene(
 
     The `scene.toml` names one file a view and says how it was taken:
 
-    .. code-block:: toml
-
         name = "knot"                  # optional: the folder's name
         radius = "4.2mm"               # optional: number in metres, or text with mm, cm or m
 

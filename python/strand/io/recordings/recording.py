@@ -178,9 +178,12 @@ class Recording:
 
         Parameters
         ----------
-        start, stop, step : int
-            The first frame, the one before which to end, and every how many, as in `range`; without a `stop`
-            up to the last one.
+        start : int
+            The first frame.
+        stop : int, optional
+            The frame before which to end; if not given, the last one is read too.
+        step : int
+            Every how many frames one is read.
 
         Raises
         ------
