@@ -357,18 +357,25 @@ class Config:
         The default method: the camera's errors, as a `strand.Sensor` or a camera's name, a key of
         `strand.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
     filter : Filter
-        Used by both.
+        Both methods: the outlier filter.
     poses : Poses
+        The default method: how well poses are known.
     tubes : Tubes
+        The default method: how tubes are traced and fitted.
     linking : Linking
-        Used by "tubes".
+        The default method: how arcs are joined.
     normals : Normals
+        The published method: section IV-B.
     registration : Registration
+        The published method: section IV-C.
     centerline : Centerline
+        The published method: section IV-D.
     tracing : Tracing
+        The published method: section V-A.
     splitting : Splitting
+        The published method: the cuts of section V-B.
     reconnection : Reconnection
-        Used by "published".
+        The published method: the joins of section V-B.
     """
 
     method: str = "tubes"
