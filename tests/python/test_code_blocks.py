@@ -1,11 +1,12 @@
-"""Every code block of the documentation runs as it stands: Python, commands, TOML.
+"""Every code block of the documentation runs as it stands: Python, commands; TOML and JSON are read.
 
-What the blocks take as given is in `code_blocks.py`. The recipes for cameras' libraries run in
-`test_recipes.py`.
+Text is what programs say. What the blocks take as given is in `code_blocks.py`. The recipes for cameras'
+libraries run in `test_recipes.py`.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sys
@@ -29,7 +30,7 @@ PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
 CARGO = read_toml(ROOT / "Cargo.toml")
 BENCHES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benches").glob("*.py"))
 
-
+# pages with commands of strand
 COMMANDS = [page for page in PAGES if any(line.startswith("strand ") for line in commands(page))]
 
 
@@ -38,7 +39,8 @@ def pages_with(language):
 
 
 def test_every_block_is_of_a_language_that_is_tested():
-    assert {block.language for page in PAGES for block in blocks(page)} == {"python", "sh", "toml"}
+    languages = {block.language for page in PAGES for block in blocks(page)}
+    assert {"python", "sh", "toml"} <= languages <= {"python", "sh", "toml", "json", "text"}
     fences = sum(len(re.findall("^ *```", (ROOT / p).read_text("utf-8"), re.MULTILINE)) for p in PAGES)
     assert fences == 2 * sum(len(blocks(page)) for page in PAGES)
 
@@ -89,10 +91,12 @@ def first_grasp(names, out, folder):
     along = truth[node + 3] - truth[node - 3]
     assert abs(x @ along) / np.linalg.norm(along) > 0.99
     np.testing.assert_allclose(np.cross(x, y), z, atol=1e-12)
-    # the fingers come down from above, and nothing else of the rope is between them
+    # the fingers come down from above, and between them is this one stretch of rope
     assert z @ names["normal"] < -0.9
-    beside = np.abs((truth - place) @ y)[np.abs((truth - place) @ x) < names["chain"].radius]
-    assert np.sort(beside)[-1] < names["chain"].radius or beside[beside > 0.01].min() > names["opening"] / 2
+    along, across, _ = np.abs((truth - place) @ names["grasp"][:3, :3]).T
+    between = np.flatnonzero((along < 0.008) & (across < names["opening"] / 2))
+    assert node in between
+    assert (np.diff(between) == 1).all()
     assert (folder / "grasp.html").exists()
 
 
@@ -186,12 +190,14 @@ def test_other_commands_have_their_targets(line):
             assert command in ("python3 -m venv .venv", ". .venv/bin/activate")
 
 
-@pytest.mark.parametrize("page", pages_with("toml"))
-def test_toml(page, tmp_path):
+@pytest.mark.parametrize("page", sorted({*pages_with("toml"), *pages_with("json")}))
+def test_data(page, tmp_path):
     for block in blocks(page):
         if block.language == "toml":
             (tmp_path / "block.toml").write_text(block.text)
             assert read_toml(tmp_path / "block.toml")
+        if block.language == "json":
+            assert json.loads(block.text)
 
 
 def test_the_scene_of_the_page_on_files_is_read(tmp_path):
