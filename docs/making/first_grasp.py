@@ -49,6 +49,7 @@ def image(names: dict[str, Any]) -> tuple[Figure, Axes]:
     axes.imshow(heights * 1e3, cmap="gray", vmin=-15.0, vmax=60.0)
     axes.set_xlim(110, 610)
     axes.set_ylim(420, 80)
+    axes.autoscale(False)
     axes.set_axis_off()
     return figure, axes
 
@@ -94,22 +95,24 @@ def grasp(names: dict[str, Any]) -> Figure:
     return figure
 
 
-def main() -> int:
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    names = walked()
+def draw(names: dict[str, Any], folder: Path) -> None:
+    """Draw one picture for each step."""
+    folder.mkdir(parents=True, exist_ok=True)
     figure, _ = image(names)
-    figure.savefig(FOLDER / "1-depth.png", **DRAWN)
+    figure.savefig(folder / "1-depth.png", **DRAWN)
     figure, axes = image(names)
     mask = names["found"].views[0].mask
     axes.imshow(np.dstack([np.full((*mask.shape, 3), (0.96, 0.52, 0.09)), 0.8 * mask]))
-    axes.set_xlim(110, 610)
-    axes.set_ylim(420, 80)
-    figure.savefig(FOLDER / "2-found.png", **DRAWN)
+    figure.savefig(folder / "2-found.png", **DRAWN)
     for name, model in (("3-one-view", "first"), ("4-three-views", "model")):
         figure, axes = image(names)
         chains(axes, names, names[model])
-        figure.savefig(FOLDER / f"{name}.png", **DRAWN)
-    grasp(names).savefig(FOLDER / "5-grasp.png", **DRAWN)
+        figure.savefig(folder / f"{name}.png", **DRAWN)
+    grasp(names).savefig(folder / "5-grasp.png", **DRAWN)
+
+
+def main() -> int:
+    draw(walked(), FOLDER)
     return 0
 
 

@@ -16,6 +16,7 @@ import code_blocks
 import numpy as np
 import pytest
 from code_blocks import PAGES, ROOT, blocks, commands, run_python, run_strand
+from first_grasp import draw
 from PIL import Image
 from scene_files import ply
 
@@ -98,6 +99,9 @@ def first_grasp(names, out, folder):
     assert node in between
     assert (np.diff(between) == 1).all()
     assert (folder / "grasp.html").exists()
+    pictures = ROOT / "docs" / "images" / "first_grasp"
+    draw(names, folder / "drawn")
+    assert {path.name for path in (folder / "drawn").iterdir()} == {path.name for path in pictures.iterdir()}
 
 
 def recipes(names, out, folder):

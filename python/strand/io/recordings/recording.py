@@ -79,7 +79,7 @@ class Recording:
         only camera's frame is the world frame.
     tolerance : float
         How far apart in time the views of a frame may be, and how long TF's first and last transforms hold
-        before and after them, seconds.
+        before and after them, seconds; 0.02 if not given.
     intrinsics : (3, 3) array_like, optional
         The pinhole matrix of all depth images, pixels; if not given, each topic's CameraInfo beside it says
         it. Rectified images ("image_rect") are seen by P, others by K.
@@ -89,7 +89,8 @@ class Recording:
     ignore_distortion : bool
         Take images of lenses that distort as they are. They are refused otherwise.
     max_bytes : int
-        How much of the file may be in memory at once, and how much a depth image may take.
+        How much of the file may be in memory at once, and how much a depth image may take; 4 GiB if not
+        given.
 
     Attributes
     ----------
