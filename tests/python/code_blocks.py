@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -200,15 +201,21 @@ def run_python(page: str, folder: Path, skipped: frozenset[str] = frozenset()) -
     return names
 
 
-def commands(page: str) -> list[str]:
-    """Return a page's shell commands, one a line, without comments."""
+def commands(page: str) -> list[tuple[str, ...]]:
+    """Return the words of a page's shell commands, without comments and redirections."""
     lines = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
-    return [shlex.join(words) for line in lines if (words := shlex.split(line, comments=True))]
+    found = []
+    for line in lines:
+        lexer = shlex.shlex(re.sub(r"\d?> ?\S+", "", line), posix=True, punctuation_chars="|&")
+        lexer.whitespace_split = True
+        parts = itertools.groupby(lexer, key=lambda word: word in ("|", "&&"))
+        found += [tuple(words) for between, words in parts if not between]
+    return found
 
 
-def run_strand(page: str, folder: Path) -> list[tuple[str, int]]:
+def run_strand(page: str, folder: Path) -> list[tuple[tuple[str, ...], int]]:
     """Run a page's commands of strand, and return each with its exit code."""
     for make in FILES.get(page, ()):
         make(folder)
     with working_in(folder):
-        return [(line, main(shlex.split(line)[1:])) for line in commands(page) if line.split()[0] == "strand"]
+        return [(words, main(words[1:])) for words in commands(page) if words[0] == "strand"]

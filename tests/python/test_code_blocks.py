@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
 import sys
 from itertools import pairwise
 
@@ -21,8 +20,8 @@ from PIL import Image
 from scene_files import ply
 
 import strand
-from strand import cli
 from strand.files import read_toml
+from strand.report import rerun_view
 
 # headings of blocks that need a camera's library, or ROS: test_recipes.py runs them with stand-ins of these
 WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED", "A ROS 2 node"})}
@@ -32,7 +31,7 @@ CARGO = read_toml(ROOT / "Cargo.toml")
 BENCHES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benches").glob("*.py"))
 
 # pages with commands of strand
-COMMANDS = [page for page in PAGES if any(line.startswith("strand ") for line in commands(page))]
+COMMANDS = [page for page in PAGES if any(words[0] == "strand" for words in commands(page))]
 
 
 def pages_with(language):
@@ -144,17 +143,16 @@ def test_known_lengths_tell_how_many_ropes(monkeypatch):
 def rerun(monkeypatch):
     """Rerun's package is too large for the tests; `test_rerun_view.py` has a stand-in of it."""
     monkeypatch.setitem(sys.modules, "rerun", sys)
-    monkeypatch.setattr(cli.rerun_view, "show", lambda *_, **__: None)
-    monkeypatch.setattr(cli.rerun_view, "write_recording", lambda model, views, path, **_: path.touch())
+    monkeypatch.setattr(rerun_view, "show", lambda *_, **__: None)
+    monkeypatch.setattr(rerun_view, "write_recording", lambda model, views, path, **_: path.touch())
 
 
 @pytest.mark.usefixtures("rerun")
 @pytest.mark.parametrize("page", COMMANDS)
 def test_commands_of_strand(page, tmp_path):
     done = run_strand(page, tmp_path)
-    assert [line for line, code in done if code] == []
-    for line, _ in done:
-        words = shlex.split(line)
+    assert [words for words, code in done if code] == []
+    for words, _ in done:
         written = [after for word, after in pairwise(words) if word in ("-o", "--tube")]
         assert [name for name in written if not (tmp_path / name).stat().st_size] == []
     if page == "README.md":
@@ -166,32 +164,31 @@ def test_commands_of_strand(page, tmp_path):
         assert [number for number, _, model in frames if model is not None] == [30, 40]
 
 
-OTHERS = sorted({line for page in PAGES for line in commands(page) if not line.startswith("strand ")})
+OTHERS = sorted({words for page in PAGES for words in commands(page) if words[0] != "strand"})
 
 
-@pytest.mark.parametrize("line", OTHERS)
-def test_other_commands_have_their_targets(line):
-    for command in re.split(r" '?&&'? ", line):
-        program, *words = shlex.split(command)
-        options = [word for word in words if word.startswith("--")]
-        if program == "./run":
-            assert re.search(rf"^{words[0]}\)$", RUN, re.MULTILINE)
-        elif program == "python":
-            assert (ROOT / words[0]).is_file()
-            assert [option for option in options if f'"{option}"' not in BENCHES] == []
-        elif program == "pytest":
-            assert (ROOT / words[0]).is_file()
-        elif program == "pip":
-            extras = re.findall(r"\.\[(\w+)\]", command)
-            assert set(extras) <= set(PROJECT["optional-dependencies"])
-            assert extras or words == ["install", "maturin"]
-        elif program == "maturin":
-            assert words[words.index("--extras") + 1] in PROJECT["optional-dependencies"]
-        elif program == "cargo":
-            assert words[0] in ("bench", "test")
-            assert "--bench" not in words or words[2] in [bench["name"] for bench in CARGO["bench"]]
-        else:
-            assert command in ("python3 -m venv .venv", ". .venv/bin/activate")
+@pytest.mark.parametrize("command", OTHERS, ids=" ".join)
+def test_other_commands_have_their_targets(command):
+    program, *words = command
+    options = [word for word in words if word.startswith("--")]
+    if program == "./run":
+        assert re.search(rf"^{words[0]}\)$", RUN, re.MULTILINE)
+    elif program == "python":
+        assert (ROOT / words[0]).is_file()
+        assert [option for option in options if f'"{option}"' not in BENCHES] == []
+    elif program == "pytest":
+        assert (ROOT / words[0]).is_file()
+    elif program == "pip":
+        extras = re.findall(r"\.\[(\w+)\]", words[1])
+        assert set(extras) <= set(PROJECT["optional-dependencies"])
+        assert extras or words == ["install", "maturin"]
+    elif program == "maturin":
+        assert words[words.index("--extras") + 1] in PROJECT["optional-dependencies"]
+    elif program == "cargo":
+        assert words[0] in ("bench", "test")
+        assert "--bench" not in words or words[2] in [bench["name"] for bench in CARGO["bench"]]
+    else:
+        assert " ".join(command) in ("python3 -m venv .venv", ". .venv/bin/activate")
 
 
 @pytest.mark.parametrize("page", sorted({*pages_with("toml"), *pages_with("json")}))
