@@ -52,7 +52,7 @@ def _check(section: object) -> None:
 
 @dataclass(frozen=True)
 class Filter:
-    """Outlier filter (section IV-A).
+    """The outlier filter of both methods (section IV-A of the paper).
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class Normals:
-    """Plane normals (section IV-B, eq. 10-14).
+    """Plane normals of the published method (section IV-B, eq. 10-14).
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Normals:
 
 @dataclass(frozen=True)
 class Registration:
-    """ICP of the views (section IV-C, eq. 15).
+    """ICP of the views in the published method (section IV-C, eq. 15).
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Registration:
 
 @dataclass(frozen=True)
 class Centerline:
-    """Axis points (section IV-D, eq. 16-18); the paper averages within two rope radii.
+    """Axis points of the published method (section IV-D, eq. 16-18); it averages within two rope radii.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Centerline:
 
 @dataclass(frozen=True)
 class Tracing:
-    """Chains through the axis points (section V-A, fig. 9-10).
+    """Chains through the axis points of the published method (section V-A, fig. 9-10).
 
     Parameters
     ----------
@@ -164,12 +164,15 @@ class Tracing:
 
 @dataclass(frozen=True)
 class Splitting:
-    """Cuts at local minima of d*, a node's distance from the rest of the rope (eq. 19-20, fig. 11-12).
+    """Cuts of the published method at minima of d*, a node's distance from the rest of the rope.
+
+    Section V-B, eq. 19-20, fig. 11-12.
 
     Parameters
     ----------
     neighborhood : float
-        Nodes this near along a chain do not count for d*, in rope radii of arc length.
+        Nodes this near along a chain do not count for d*, in rope radii of arc length. Above `threshold`, or
+        every node would seem to cross.
     threshold : float
         Minima above this are no crossings, in rope radii. Strands in contact are 2 apart.
     closure : float
@@ -199,7 +202,9 @@ class Splitting:
 
 @dataclass(frozen=True)
 class Reconnection:
-    """Ends grouped by four per crossing and paired by direction (section V-B, fig. 13).
+    """Ends grouped by four, one group for a crossing, and paired by direction, in the published method.
+
+    Section V-B, fig. 13.
 
     Parameters
     ----------
@@ -236,7 +241,7 @@ class Reconnection:
 
 @dataclass(frozen=True)
 class Poses:
-    """How well the reported poses are known: the default is a stage read off by hand.
+    """How well the default method takes the reported poses to be known: as of a stage read off by hand.
 
     Parameters
     ----------
@@ -255,21 +260,21 @@ class Poses:
 
 @dataclass(frozen=True)
 class Tubes:
-    """Tubes traced through oriented points and fitted together with the poses.
+    """Tubes of the default method: traced through the points and fitted together with the poses.
 
     Parameters
     ----------
     spacing : float
-        Length of a spline's spans, in rope radii.
+        Length of a spline's spans, in rope radii; at least 0.5.
     rounds : int
-        How often arcs are traced in all views and fitted at most, before they are linked: again only where
-        that moved the poses much.
+        How often arcs are traced in all views and fitted, at most, before they are linked; at least 1. They
+        are traced again only where the fit moved the poses much.
     min_arc : float
         Arcs shorter than this are left out, in rope radii.
     node_spacing : float
-        Distance between a chain's nodes, in rope radii.
+        Distance between a chain's nodes, in rope radii; at least 0.01.
     min_bend : float
-        The tightest bend of a rope's axis: its radius of curvature, in rope radii.
+        The tightest bend of a rope's axis: its radius of curvature, in rope radii; at least 1.
     noise : float, optional
         Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the data if
         not given.
@@ -295,14 +300,14 @@ RINGS = ("maybe", "never", "always")
 
 @dataclass(frozen=True)
 class Linking:
-    """Arcs joined to ropes by the matching of their ends that costs least.
+    """Arcs joined to ropes by the default method: by the matching of their ends that costs least.
 
     Parameters
     ----------
     free_end : float
         Cost of an end that is joined to none.
     seen_through : float
-        Cost of a join for each radius of it that lies where a camera saw nothing.
+        Cost of a join for each radius of it that lies in free space.
     gap : float
         The longest gap that is bridged, in rope radii, unless the number of ropes is given; somewhat longer
         ones where no camera could have seen the rope.
@@ -318,8 +323,8 @@ class Linking:
     min_length : float
         Ropes shorter than this are left out, in rope radii.
     rings : {"maybe", "never", "always"}
-        Whether ropes are rings: as the data show, none is (all have free ends), or all are. Then the ends
-        that are left are joined over gaps of any length, but not through what cameras saw to be empty.
+        `"maybe"`: as the data show. `"never"`: no rope is a ring, all have ends. `"always"`: all are rings;
+        the ends that are left are joined over gaps of any length, but not through free space.
     """
 
     free_end: float = 5.0
@@ -347,23 +352,30 @@ class Config:
     Parameters
     ----------
     method : {"tubes", "published"}
-        Which method: tubes fitted to the points, or the published steps.
+        Which method: `"tubes"` is the default method, `"published"` the published one.
     sensor : Sensor or str, optional
-        The camera's errors, or its name (see `strand.sensor.PRESETS`); measured in the data if not given.
-        Used by "tubes".
+        The default method: the camera's errors, as a `strand.Sensor` or a camera's name, a key of
+        `strand.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
     filter : Filter
-        Used by both.
+        Both methods: the outlier filter.
     poses : Poses
+        The default method: how well poses are known.
     tubes : Tubes
+        The default method: how tubes are traced and fitted.
     linking : Linking
-        Used by "tubes".
+        The default method: how arcs are joined.
     normals : Normals
+        The published method: section IV-B.
     registration : Registration
+        The published method: section IV-C.
     centerline : Centerline
+        The published method: section IV-D.
     tracing : Tracing
+        The published method: section V-A.
     splitting : Splitting
+        The published method: the cuts of section V-B.
     reconnection : Reconnection
-        Used by "published".
+        The published method: the joins of section V-B.
     """
 
     method: str = "tubes"

@@ -1,70 +1,40 @@
-"""The pages say what the code says: numbers of the configuration, rooms, links."""
+"""The pages say what the code says: numbers of the configuration, public names, rooms, links."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from pathlib import Path
 
 import collection
+import configuration
 import pytest
 
 import strand
-from strand import config
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 LINKS = [(page, link) for page in PAGES for link in re.findall(r"\]\((?!https?:)([^)]+)\)", page.read_text())]
-CONFIGURATION = (ROOT / "docs" / "configuration.md").read_text()
-SECTIONS = {
-    entry.name: type(getattr(strand.Config(), entry.name))
-    for entry in dataclasses.fields(strand.Config)
-    if entry.name not in ("method", "sensor")
-}
 
 
-def written(default):
-    """The value that a default in a table stands for."""
-    if default == "none":
-        return None
-    if default.startswith('`"'):
-        return default.strip('`"')
-    if match := re.fullmatch(r"([\d.]+)° \(([\d.]+)\)", default):
-        degrees, radians = map(float, match.groups())
-        assert math.radians(degrees) == pytest.approx(radians, rel=1e-3)
-        return math.radians(degrees)
-    return float(default)
+def test_the_configuration_page_says_what_the_dataclasses_say():
+    page = configuration.PAGE.read_text(encoding="utf-8")
+    assert page == configuration.written(page), "run python docs/making/configuration.py"
 
 
-def rows(text):
-    return re.findall(r"^\| `(\w+)` \| (.+?) \| .+ \|$", text, re.MULTILINE)
-
-
-def test_the_configuration_page_has_every_section_in_order():
-    headings = re.findall(r"^## `(\w+)`: (\w+)$", CONFIGURATION, re.MULTILINE)
-    assert headings == [(name, section.__name__) for name, section in SECTIONS.items()]
-    assert rows(CONFIGURATION.split("\n## ")[0]) == [("method", '`"tubes"`'), ("sensor", "none")]
-    assert (strand.Config().method, strand.Config().sensor) == ("tubes", None)
-
-
-@pytest.mark.parametrize("name", SECTIONS)
-def test_the_configuration_page_has_every_field_with_its_default(name):
-    text = re.split(r"^## ", CONFIGURATION.split(f"\n## `{name}`: ")[1], flags=re.MULTILINE)[0]
-    said = {field: written(default) for field, default in rows(text)}
-    fields = dataclasses.fields(SECTIONS[name])
-    assert len(rows(text)) == len(said)
-    assert said == {entry.name: entry.default for entry in fields}
-
-
-def test_the_examples_of_the_configuration_page_are_one(tmp_path):
-    (python,) = re.findall(r"```python\n(.*?)```", CONFIGURATION, re.DOTALL)
-    (toml,) = re.findall(r"```toml\n(.*?)```", CONFIGURATION, re.DOTALL)
-    path = tmp_path / "numbers.toml"
-    path.write_text(toml)
-    names = {}
-    exec(python.split("model =")[0], names)
-    assert names["config"] == config.load(path) != strand.Config()
+def test_the_configuration_page_has_every_field_with_its_default():
+    page = configuration.PAGE.read_text(encoding="utf-8")
+    assert "| `threshold` | 3.2 | Minima above this are no crossings, in rope radii. Strands in" in page
+    assert "| `rotation_sd` | 0.5° (0.00873) | Standard deviation of each component of the rotation" in page
+    assert '| `rings` | `"maybe"` | `"maybe"`: as the data show.' in page
+    sections = re.findall(r"^## `(\w+)`: (\w+)\n\n.+\n\n((?:\|.+\n)+)", page, re.MULTILINE)
+    assert [name for name, _, _ in sections] == [
+        entry.name for entry in dataclasses.fields(strand.Config) if entry.name not in ("method", "sensor")
+    ]
+    for name, kind, rows in sections:
+        section = getattr(strand.Config(), name)
+        assert type(section).__name__ == kind
+        assert re.findall(r"^\| `(\w+)`", rows, re.MULTILINE) == [e.name for e in dataclasses.fields(section)]
 
 
 def anchors(page):
@@ -85,10 +55,19 @@ def test_there_are_links_to_be_checked():
     assert {page.name for page, _ in LINKS} >= {"README.md", "ARCHITECTURE.md", "benchmarks.md", "method.md"}
 
 
+def test_every_public_name_is_on_an_api_page():
+    pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.md"))
+    shown = re.findall(r"^::: ([\w.]+)$", pages, re.MULTILINE)
+    assert len(shown) == len(set(shown))
+    assert {f"strand.{name}" for name in strand.__all__} - set(shown) == {"strand.__version__"}
+    assert "`strand.__version__`" in pages
+
+
 def test_the_architecture_names_every_room():
     said = (ROOT / "ARCHITECTURE.md").read_text()
     package = ROOT / "python" / "strand"
     rooms = [path for path in package.rglob("*.py") if not path.name.startswith("__")]
+    rooms += (ROOT / "docs" / "making").glob("*.py")
     assert len(rooms) > 50
     assert [path.name for path in rooms if f"{path.name}`" not in said] == []
 

@@ -10,7 +10,7 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from bag_files import START, Messages, film, millimetres, write
+from bag_files import START, Messages, millimetres
 
 import strand
 
@@ -148,31 +148,3 @@ def test_a_ros_2_node(monkeypatch):
     _, line, _ = message["markers"]
     assert line["header"] == {"stamp": {"sec": START // 10**9, "nanosec": 0}, "frame_id": "camera"}
     check(SimpleNamespace(chains=[SimpleNamespace(points=[list(p.values()) for p in line["points"]])]))
-
-
-def test_the_example_in_python_runs_as_it_stands(tmp_path, monkeypatch, capsys):
-    code = re.search(r"## In Python\n\n```python\n(.*?)```", PAGE, re.DOTALL).group(1)
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 2))
-    path.rename(tmp_path / "rope.mcap")
-    monkeypatch.chdir(tmp_path)
-    exec(code.replace('world="table"', 'world="world"'), {"BOUNDS": SCENE.bounds})
-    out = capsys.readouterr().out
-    assert out.startswith("2 ('/depth',) [17")
-    assert out.count("Model(chains: 1") == 2
-
-
-def test_the_messages_are_made_as_they_stand(paper_model):
-    code = re.search(r"## Messages\n.*?```python\n(.*?)```", PAGE, re.DOTALL).group(1)
-    made = Messages()
-    image, info = made.image(DEPTH, START), made.info(K, DEPTH.shape, START)
-    names = {
-        "strand": strand,
-        "model": paper_model,
-        "stamp": START,
-        "image": image,
-        "camera_info": info,
-        "pose": POSE,
-    }
-    exec(code, names)
-    assert len(names["path"]["poses"]) == len(paper_model.chains[0].points)
-    np.testing.assert_array_equal(names["view"].pose, POSE)

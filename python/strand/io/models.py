@@ -31,7 +31,7 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
     path : str or path-like
         The JSON file.
     max_bytes : int
-        How large it may be. What it says takes up to 25 times as much memory.
+        How large it may be: 64 MiB if not given. What it says takes up to 25 times as much memory.
 
     Returns
     -------

@@ -79,8 +79,6 @@ def load_scene(
 
     The `scene.toml` names one file a view and says how it was taken:
 
-    .. code-block:: toml
-
         name = "knot"                  # optional: the folder's name
         radius = "4.2mm"               # optional: number in metres, or text with mm, cm or m
 
@@ -145,8 +143,8 @@ def load_scene(
     depth_scale : float, optional
         Of a single depth image: metres for each unit. Floats without it are metres.
     max_bytes : int
-        How many bytes the arrays of the files, and the views that are made of them, may take together. It is
-        asked before anything is decoded.
+        How many bytes the arrays of the files, and the views that are made of them, may take together; 4 GiB
+        if not given. It is asked before anything is decoded.
     outside : bool
         Whether a `scene.toml` may name files, or links to files, outside of its folder.
 

@@ -63,8 +63,12 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
 
     Parameters
     ----------
-    model, views, truth
-        As in `write_recording`.
+    model : Model
+        With or without its stages.
+    views : sequence of View
+        What the model was made from, in the same order.
+    truth : sequence of (M, 3) array_like of float
+        True centrelines in the world frame, metres, to show beside the chains.
 
     Raises
     ------

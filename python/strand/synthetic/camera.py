@@ -193,7 +193,7 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     distance : float
         From the origin to the camera's centre, metres.
     elevation : float
-        Angle of the camera above the table z = 0, radians.
+        Angle of the camera above the table z = 0, radians; 50 degrees if not given.
 
     Returns
     -------

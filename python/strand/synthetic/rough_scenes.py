@@ -51,17 +51,13 @@ def rough(
 ) -> SyntheticScene:
     """Ropes at random, hard to see for one reason.
 
-    =======  ====================================================================================
-    kind     what is hard
-    =======  ====================================================================================
-    thin     2.5 pixels of radius
-    thick    8 pixels of radius, or 20, where a few bends fill the image: two seeds each in turn
-    missing  a third of the ropes' pixels has no depth
-    ragged   a mask with a ragged edge, too wide or too narrow, that lost a tenth of the rope in bits
-             and took as much of the table
-    bar      a bar before the rope, which hides 6 to 15 radii of it
-    hanging  no table: the rope hangs before a wall 0.4 to 1 m behind it
-    =======  ====================================================================================
+    - `thin`: 2.5 pixels of radius.
+    - `thick`: 8 pixels of radius, or 20, where a few bends fill the image: two seeds each in turn.
+    - `missing`: a third of the ropes' pixels has no depth.
+    - `ragged`: a mask with a ragged edge, too wide or too narrow, that lost a tenth of the rope in bits and
+      took as much of the table.
+    - `bar`: a bar before the rope, which hides 6 to 15 radii of it.
+    - `hanging`: no table: the rope hangs before a wall 0.4 to 1 m behind it.
 
     Ropes are some pixels wide and cross at most 4 times. Depths have a standard deviation of 0.2 to 0.4 radii
     on a surface, to which comes what the camera does at edges. All but the ragged masks are exact, or a pixel

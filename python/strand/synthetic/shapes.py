@@ -84,19 +84,15 @@ def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
     over and so on. Places farther apart than pi * radius along the rope are never nearer than
     2 * radius to each other, and no bend of the axis has a radius under 2.5 * radius.
 
-    ========  =================================================================  =========
-    name      shape                                                              crossings
-    ========  =================================================================  =========
-    straight  a straight line                                                    0
-    arc       a bend by 200 degrees                                              0
-    s         a bend to the left and one to the right                            0
-    coil      a flat spiral whose turns are 0.6 radii apart                      0
-    loop      a circle between two ends, closed over itself                      1
-    figure8   two loops, one turning left and one right; the end over the start  2
-    overhand  a trefoil knot, lying loosely                                      3
-    paper     a bight laid round the rope, a straight part, a circle that      3
-              closes over itself with the end overlapping
-    ========  =================================================================  =========
+    - `straight`: a straight line.
+    - `arc`: a bend by 200 degrees.
+    - `s`: a bend to the left and one to the right.
+    - `coil`: a flat spiral whose turns are 0.6 radii apart.
+    - `loop`: a circle between two ends, closed over itself; 1 crossing.
+    - `figure8`: two loops, one turning left and one right, the end over the start; 2 crossings.
+    - `overhand`: a trefoil knot, lying loosely; 3 crossings.
+    - `paper`: a bight laid round the rope, a straight part, a circle that closes over itself with the end
+      overlapping; 3 crossings.
 
     `paper` stands for the string of the published experiment, at the default radius and length. Its
     three crossings cannot hold both a true knot and a circle that closes over itself: the simplest

@@ -78,7 +78,7 @@ class Recording:
         only camera's frame is the world frame.
     tolerance : float
         How far apart in time the views of a frame may be, and how long TF's first and last transforms hold
-        before and after them, seconds.
+        before and after them, seconds; 0.02 if not given.
     intrinsics : (3, 3) array_like, optional
         The pinhole matrix of all depth images, pixels; if not given, each topic's CameraInfo beside it says
         it. Rectified images ("image_rect") are seen by P, others by K.
@@ -88,7 +88,8 @@ class Recording:
     ignore_distortion : bool
         Take images of lenses that distort as they are. They are refused otherwise.
     max_bytes : int
-        How much of the file may be in memory at once, and how much a depth image may take.
+        How much of the file may be in memory at once, and how much a depth image may take; 4 GiB if not
+        given.
 
     Attributes
     ----------
@@ -177,9 +178,12 @@ class Recording:
 
         Parameters
         ----------
-        start, stop, step : int
-            The first frame, the one before which to end, and every how many, as in `range`; without a `stop`
-            up to the last one.
+        start : int
+            The first frame.
+        stop : int, optional
+            The frame before which to end; if not given, the last one is read too.
+        step : int
+            Every how many frames one is read.
 
         Raises
         ------

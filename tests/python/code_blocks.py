@@ -1,0 +1,221 @@
+"""The code blocks of the documentation, and stand-ins for what they take as given: data and files."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bag_files import START, Messages, cameras, film, millimetres, write
+from PIL import Image
+from scene_files import ply
+
+import strand
+from strand.cli import main
+from strand.synthetic import SyntheticScene
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [
+    path.relative_to(ROOT).as_posix()
+    for path in (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")))
+]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: where it is, and what it holds."""
+
+    page: str
+    heading: str
+    language: str
+    text: str
+
+
+def blocks(page: str) -> list[Block]:
+    """Return the blocks of a page in order."""
+    found, heading = [], ""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for title, language, content in re.findall(r"^(?:#+ (.+)|```(\w*)\n((?s:.*?))```)$", text, re.MULTILINE):
+        heading = title or heading
+        if not title:
+            found.append(Block(page, heading, language, content))
+    return found
+
+
+# What blocks take as given.
+
+
+@cache
+def arc() -> SyntheticScene:
+    """One rope from three sides."""
+    return strand.synthetic.scene("arc", seed=0, views=3)
+
+
+@cache
+def two_ropes() -> SyntheticScene:
+    return strand.synthetic.scene(chains=strand.synthetic.random_ropes(1, 2, seed=0), views=3)
+
+
+@cache
+def arc_model() -> strand.Model:
+    return strand.reconstruct(arc().views, radius=0.0042, bounds=arc().bounds)
+
+
+def seen() -> dict[str, Any]:
+    """Views of a rope, and what comes of them."""
+    model = arc_model()
+    return {"views": arc().views, "bounds": arc().bounds, "model": model, "chain": model.chains[0]}
+
+
+def clouds() -> dict[str, Any]:
+    """Two clouds of a rope, for kernels."""
+    source, target = (view.crop(arc().bounds).world_points for view in arc().views[:2])
+    return {
+        "points": target,
+        "camera_centre": arc().views[1].viewpoint,
+        "source": source,
+        "target": target,
+    }
+
+
+def one_image() -> dict[str, Any]:
+    """A depth image with all that may come with it, and views of two ropes alone."""
+    scene = two_ropes()
+    depth = scene.depth[0] * scene.depth_scale
+    return {
+        "depth": depth,
+        "K": scene.intrinsics,
+        "pose": scene.poses[0],
+        "mask": depth > 0,
+        "image": np.zeros((*depth.shape, 3), dtype=np.uint8),
+        "views": [view.crop(scene.bounds) for view in scene.views],
+    }
+
+
+def messages() -> dict[str, Any]:
+    """Messages of a camera."""
+    made, depth = Messages(), millimetres(arc())[1]
+    return {
+        "stamp": START,
+        "image": made.image(depth, START),
+        "camera_info": made.info(arc().intrinsics, depth.shape, START),
+        "pose": arc().poses[1],
+    }
+
+
+# by page: names for its n-th block of Python, from 0 on; they stay for those that follow
+GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
+    "README.md": {1: clouds, 2: one_image},
+    "docs/configuration.md": {0: seen},
+    "docs/method.md": {0: seen, 1: one_image},
+    "docs/pictures.md": {0: seen},
+    "docs/recordings.md": {0: lambda: {"BOUNDS": arc().bounds}, 1: messages},
+    "docs/sensors.md": {0: seen},
+}
+
+
+def scene_folder(folder: Path) -> None:
+    """SCENE, a folder with a scene.toml and depth images."""
+    (folder / "SCENE").mkdir()
+    scene = arc()
+    (fx, _, cx), (_, fy, cy), _ = scene.intrinsics.tolist()
+    text = [f"[camera]\nfx = {fx}\nfy = {fy}\ncx = {cx}\ncy = {cy}\ndepth_scale = {scene.depth_scale}\n"]
+    low, high = (corner.tolist() for corner in scene.bounds)
+    text.append(f"[extract]\nlow = {low}\nhigh = {high}\n")
+    for k, (depth, pose) in enumerate(zip(scene.depth, scene.poses, strict=True)):
+        Image.fromarray(depth).save(folder / "SCENE" / f"{k}.png")
+        text.append(f'[[view]]\nfile = "{k}.png"\npose = {pose.tolist()}\n')
+    (folder / "SCENE" / "scene.toml").write_text("\n".join(text))
+
+
+def single_files(folder: Path) -> None:
+    """Point clouds and depth images, each of one view, and a camera's matrix."""
+    view = arc().views[1].crop(arc().bounds)
+    # where the camera is said to be on the command line
+    points = view.world_points - view.viewpoint + (0.0, 0.0, 0.5)
+    head = f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {len(points)}\nHEIGHT 1\n"
+    rows = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
+    (folder / "cloud.pcd").write_text(f"VERSION .7\n{head}POINTS {len(points)}\nDATA ascii\n{rows}")
+    (folder / "cloud.ply").write_bytes(ply("ascii", points=view.points))
+    matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    camera = {"width": 640, "height": 480, "intrinsic_matrix": matrix.T.ravel().tolist()}
+    (folder / "camera.json").write_text(json.dumps(camera))
+    pose = strand.synthetic.camera_pose(0.0, 0.5)
+    ropes = [strand.synthetic.shape("arc")]
+    depth = strand.synthetic.render_depth(ropes, 0.0042, matrix, pose, size=(640, 480))
+    alone = strand.synthetic.render_depth(ropes, 0.0042, matrix, pose, size=(640, 480), table=False)
+    sensed = depth + np.random.default_rng(0).normal(scale=4e-4, size=depth.shape)
+    Image.fromarray(np.round(sensed * 1e3).astype(np.uint16)).save(folder / "depth.png")
+    Image.fromarray(sensed.astype(np.float32)).save(folder / "depth.tiff")
+    Image.fromarray((255 * (alone > 0)).astype(np.uint8)).save(folder / "mask.png")
+
+
+def bags(folder: Path) -> None:
+    """Recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
+    table = [("table", "world", np.eye(4))]
+    film_placed = [("/tf_static", START, Messages().tf(table, START)), *film(arc(), 2)]
+    write(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
+    placed = [("/tf_static", START, Messages(True).tf(table, START)), *cameras(arc(), True)]
+    write(folder / "rope", "ros1", placed)
+    write(folder / "rope", "sqlite3", film(arc(), 41))
+
+
+# by page: what lies in the folder in which its blocks run
+FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
+    "README.md": (scene_folder, single_files),
+    "docs/files.md": (single_files,),
+    "docs/pictures.md": (scene_folder,),
+    "docs/recordings.md": (bags,),
+}
+
+
+@contextlib.contextmanager
+def working_in(folder: Path) -> Iterator[None]:
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def run_python(page: str, folder: Path, skipped: frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Run a page's blocks of Python in order, but those under some headings; return all names."""
+    for make in FILES.get(page, ()):
+        make(folder)
+    names: dict[str, Any] = {"strand": strand}
+    with working_in(folder):
+        for number, block in enumerate(b for b in blocks(page) if b.language == "python"):
+            names |= GIVEN.get(page, {}).get(number, dict)()
+            if block.heading not in skipped:
+                exec(compile(block.text, f"{page}, {block.heading}", "exec"), names)
+    return names
+
+
+def commands(page: str) -> list[tuple[str, ...]]:
+    """Return the words of a page's shell commands, without comments and redirections."""
+    lines = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    found = []
+    for line in lines:
+        lexer = shlex.shlex(re.sub(r"\d?> ?\S+", "", line), posix=True, punctuation_chars="|&")
+        lexer.whitespace_split = True
+        parts = itertools.groupby(lexer, key=lambda word: word in ("|", "&&"))
+        found += [tuple(words) for between, words in parts if not between]
+    return found
+
+
+def run_strand(page: str, folder: Path) -> list[tuple[tuple[str, ...], int]]:
+    """Run a page's commands of strand, and return each with its exit code."""
+    for make in FILES.get(page, ()):
+        make(folder)
+    with working_in(folder):
+        return [(words, main(words[1:])) for words in commands(page) if words[0] == "strand"]

@@ -1,0 +1,216 @@
+"""Every code block of the documentation runs as it stands: Python, commands; TOML and JSON are read.
+
+Text is what programs say. What the blocks take as given is in `code_blocks.py`. The recipes for cameras'
+libraries run in `test_recipes.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from itertools import pairwise
+
+import code_blocks
+import numpy as np
+import pytest
+from code_blocks import PAGES, ROOT, blocks, commands, run_python, run_strand
+from first_grasp import draw
+from PIL import Image
+from scene_files import ply
+
+import strand
+from strand.files import read_toml
+from strand.report import rerun_view
+
+# headings of blocks that need a camera's library, or ROS: test_recipes.py runs them with stand-ins of these
+WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED", "A ROS 2 node"})}
+RUN = (ROOT / "run").read_text(encoding="utf-8")
+PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
+CARGO = read_toml(ROOT / "Cargo.toml")
+BENCHES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benches").glob("*.py"))
+
+# pages with commands of strand
+COMMANDS = [page for page in PAGES if any(words[0] == "strand" for words in commands(page))]
+
+
+def pages_with(language):
+    return [page for page in PAGES if any(block.language == language for block in blocks(page))]
+
+
+def test_every_block_is_of_a_language_that_is_tested():
+    languages = {block.language for page in PAGES for block in blocks(page)}
+    assert {"python", "sh", "toml"} <= languages <= {"python", "sh", "toml", "json", "text"}
+    fences = sum(len(re.findall("^ *```", (ROOT / p).read_text("utf-8"), re.MULTILINE)) for p in PAGES)
+    assert fences == 2 * sum(len(blocks(page)) for page in PAGES)
+
+
+def test_blocks_that_run_elsewhere_are_there():
+    for page, headings in WITH_LIBRARIES.items():
+        assert headings <= {block.heading for block in blocks(page) if block.language == "python"}
+
+
+def readme(names, out, folder):
+    assert re.match(r"\d+ nodes, (39\d|40\d) mm, middle at \[.*\]\n", out)
+    assert len(strand.load(folder / "rope.json").chains) == 1
+    assert names["result"].fitness > 0.5
+    assert len(names["axis_points"]) > 100
+    assert max(len(chain) for chain in names["chains"]) > 10
+    assert max(len(nodes) for nodes, _ in names["arcs"]) > 10
+
+
+def configuration(names, out, folder):
+    (block,) = [block for block in blocks("docs/configuration.md") if block.language == "toml"]
+    (folder / "numbers.toml").write_text(block.text)
+    assert names["config"] == strand.config.load(folder / "numbers.toml") != strand.Config()
+
+
+def pictures(names, out, folder):
+    assert (folder / "report.html").stat().st_size > 100_000
+    assert len(list((folder / "figures").glob("*.png"))) == 8
+
+
+def recordings(names, out, folder):
+    assert out.startswith("2 ('/depth',) [17")
+    assert out.count("Model(chains: 1") == 2
+    assert len(names["path"]["poses"]) == len(names["model"].chains[0].points)
+    np.testing.assert_array_equal(names["view"].pose, names["pose"])
+
+
+def first_grasp(names, out, folder):
+    """What the page says of each step, and that a gripper would hold the rope."""
+    assert [chain.length for chain in names["first"].chains] == pytest.approx([0.361, 0.280], abs=1e-3)
+    assert names["first"].confidence == pytest.approx(0.13, abs=0.01)
+    assert [chain.length for chain in names["model"].chains] == pytest.approx([0.729], abs=1e-3)
+    assert names["model"].confidence == pytest.approx(0.99, abs=0.01)
+    (truth,) = names["scene"].truth
+    place, (x, y, z) = names["grasp"][:3, 3], names["grasp"][:3, :3].T
+    distances = np.linalg.norm(truth - place, axis=1)
+    node = distances.argmin()
+    assert distances[node] < 0.003
+    along = truth[node + 3] - truth[node - 3]
+    assert abs(x @ along) / np.linalg.norm(along) > 0.99
+    np.testing.assert_allclose(np.cross(x, y), z, atol=1e-12)
+    # the fingers come down from above, and between them is this one stretch of rope
+    assert z @ names["normal"] < -0.9
+    along, across, _ = np.abs((truth - place) @ names["grasp"][:3, :3]).T
+    between = np.flatnonzero((along < 0.008) & (across < names["opening"] / 2))
+    assert node in between
+    assert (np.diff(between) == 1).all()
+    assert (folder / "grasp.html").exists()
+    pictures = ROOT / "docs" / "images" / "first_grasp"
+    draw(names, folder / "drawn")
+    assert {path.name for path in (folder / "drawn").iterdir()} == {path.name for path in pictures.iterdir()}
+
+
+def recipes(names, out, folder):
+    assert names["distance"] < 1e-6
+    np.testing.assert_allclose(names["same_place"], names["middle"][:3, 3], atol=1e-4)
+    assert len(names["every_20_mm"]) == 21
+    assert names["long"].length > names["short"].length
+    assert len(names["poses"]) == 7
+    assert len(strand.load(folder / "rope.json").chains) == len(names["model"].chains) == 1
+    assert len(names["nodes"]) > 10
+
+
+CHECKS = {
+    "README.md": readme,
+    "docs/configuration.md": configuration,
+    "docs/first_grasp.md": first_grasp,
+    "docs/pictures.md": pictures,
+    "docs/recipes.md": recipes,
+    "docs/recordings.md": recordings,
+}
+
+
+@pytest.mark.parametrize("page", pages_with("python"))
+def test_python(page, tmp_path, capsys):
+    threads = strand.num_threads()
+    names = run_python(page, tmp_path, WITH_LIBRARIES.get(page, frozenset()))
+    assert strand.num_threads() == threads
+    CHECKS.get(page, lambda *_: None)(names, capsys.readouterr().out, tmp_path)
+
+
+def test_known_lengths_tell_how_many_ropes(monkeypatch):
+    block = next(block for block in blocks("README.md") if "length=" in block.text)
+    models, reconstruct = [], strand.reconstruct
+    monkeypatch.setattr(strand, "reconstruct", lambda *a, **known: models.append(reconstruct(*a, **known)))
+    exec(block.text, code_blocks.one_image() | {"strand": strand})
+    assert [len(model.chains) for model in models] == [1, 2]
+
+
+@pytest.fixture
+def rerun(monkeypatch):
+    """Rerun's package is too large for the tests; `test_rerun_view.py` has a stand-in of it."""
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    monkeypatch.setattr(rerun_view, "show", lambda *_, **__: None)
+    monkeypatch.setattr(rerun_view, "write_recording", lambda model, views, path, **_: path.touch())
+
+
+@pytest.mark.usefixtures("rerun")
+@pytest.mark.parametrize("page", COMMANDS)
+def test_commands_of_strand(page, tmp_path):
+    done = run_strand(page, tmp_path)
+    assert [words for words, code in done if code] == []
+    for words, _ in done:
+        written = [after for word, after in pairwise(words) if word in ("-o", "--tube")]
+        assert [name for name in written if not (tmp_path / name).stat().st_size] == []
+    if page == "README.md":
+        (chain,) = strand.load(tmp_path / "model.json").chains
+        assert np.isclose(chain.length, 0.4, rtol=0.02)
+        assert len(list((tmp_path / "figures").glob("*.png"))) == 8
+    if page == "docs/recordings.md":
+        frames = list(strand.io.models.load_frames(tmp_path / "models.jsonl"))
+        assert [number for number, _, model in frames if model is not None] == [30, 40]
+
+
+OTHERS = sorted({words for page in PAGES for words in commands(page) if words[0] != "strand"})
+
+
+@pytest.mark.parametrize("command", OTHERS, ids=" ".join)
+def test_other_commands_have_their_targets(command):
+    program, *words = command
+    options = [word for word in words if word.startswith("--")]
+    if program == "./run":
+        assert re.search(rf"^{words[0]}\)$", RUN, re.MULTILINE)
+    elif program == "python":
+        assert (ROOT / words[0]).is_file()
+        assert [option for option in options if f'"{option}"' not in BENCHES] == []
+    elif program == "pytest":
+        assert (ROOT / words[0]).is_file()
+    elif program == "pip":
+        extras = re.findall(r"\.\[(\w+)\]", words[1])
+        assert set(extras) <= set(PROJECT["optional-dependencies"])
+        assert extras or words == ["install", "maturin"]
+    elif program == "maturin":
+        assert words[words.index("--extras") + 1] in PROJECT["optional-dependencies"]
+    elif program == "cargo":
+        assert words[0] in ("bench", "test")
+        assert "--bench" not in words or words[2] in [bench["name"] for bench in CARGO["bench"]]
+    else:
+        assert " ".join(command) in ("python3 -m venv .venv", ". .venv/bin/activate")
+
+
+@pytest.mark.parametrize("page", sorted({*pages_with("toml"), *pages_with("json")}))
+def test_data(page, tmp_path):
+    for block in blocks(page):
+        if block.language == "toml":
+            (tmp_path / "block.toml").write_text(block.text)
+            assert read_toml(tmp_path / "block.toml")
+        if block.language == "json":
+            assert json.loads(block.text)
+
+
+def test_the_scene_of_the_page_on_files_is_read(tmp_path):
+    """As it stands, with files of the names that it has."""
+    (block,) = [block for block in blocks("docs/files.md") if block.language == "toml"]
+    (tmp_path / "scene.toml").write_text(block.text)
+    scene = code_blocks.arc()
+    Image.fromarray(scene.depth[0]).save(tmp_path / "view0.png")
+    Image.fromarray((255 * (scene.depth[0] > 0)).astype(np.uint8)).save(tmp_path / "view0_mask.png")
+    Image.fromarray(np.zeros((240, 320, 3), np.uint8)).save(tmp_path / "view0_color.png")
+    (tmp_path / "view1.ply").write_bytes(ply())
+    np.save(tmp_path / "view2.npy", scene.depth[2] * scene.depth_scale)
+    read = strand.load_scene(tmp_path)
+    assert (read.name, read.radius, len(read.views)) == ("knot", 0.0042, 3)
+    assert [view.mask is not None for view in read.views] == [True, False, False]

@@ -1,0 +1,83 @@
+"""What the documentation site makes of pages: links, names of headings, nothing from the network."""
+
+from __future__ import annotations
+
+import griffe
+import pytest
+from docstrings import Habits
+from site_pages import DOCS, PAGES, ROOT, anchor, on_post_page, relinked, taken
+
+import strand
+
+
+@pytest.mark.parametrize(
+    ("folder", "link", "want"),
+    [
+        (ROOT, "[a](docs/files.md#errors-and-limits)", "[a](files.md#errors-and-limits)"),
+        (ROOT, "![a](docs/images/real.png)", "![a](images/real.png)"),
+        (ROOT, "[a](CONTRIBUTING.md#workflows)", "[a](contributing.md#workflows)"),
+        (ROOT, "[pages](tests/data/README.md)", "pages (`tests/data/README.md`)"),
+        (DOCS, "[a](../SECURITY.md)", "[a](security.md)"),
+        (DOCS / "api", "[a](../../README.md)", "[a](../index.md)"),
+        (DOCS / "api", "[a](../files.md)", "[a](../files.md)"),
+        (DOCS, "[benches/measure.py](../benches/measure.py)", "`benches/measure.py`"),
+        (DOCS, "[a](#place) [b](https://kiddo.rs/a.md)", "[a](#place) [b](https://kiddo.rs/a.md)"),
+        (DOCS, "[a](../nowhere.md)", "[a](../nowhere.md)"),
+    ],
+)
+def test_links_lead_to_pages_of_the_site(folder, link, want):
+    assert relinked(link, folder, folder != ROOT) == want
+
+
+def test_every_page_at_the_root_is_in_the_site():
+    assert {path.name for path in ROOT.glob("*.md")} == set(PAGES)
+
+
+def test_headings_are_called_as_where_the_repository_is_hosted():
+    assert anchor("Where is …?") == "where-is-"
+    assert anchor("`filter`: Filter") == "filter-filter"
+
+
+def test_what_is_taken_from_the_network_is_warned_of(caplog):
+    class Page:
+        class file:
+            dest_uri = "a.html"
+
+    html = """<a href="https://a.org">a</a><img src="images/a.png"><script src="assets/a.js"></script>
+        <link rel="stylesheet" href="https://b.org/b.css"><img src="//c.org/c.png">"""
+    assert taken(html) == ["https://b.org/b.css", "//c.org/c.png"]
+    assert on_post_page(html, Page) == html
+    assert [record.getMessage() for record in caplog.records] == [
+        "a.html takes https://b.org/b.css from the network",
+        "a.html takes //c.org/c.png from the network",
+    ]
+
+
+@pytest.fixture(scope="module")
+def read():
+    """The package as the site's API pages see it."""
+    extensions = griffe.load_extensions(Habits())
+    return griffe.load("strand", extensions=extensions, allow_inspection=False)
+
+
+def test_kernels_have_their_documentation(read):
+    for name in ("icp", "estimate_normals", "IcpResult", "TubeFit", "EndObservation"):
+        said = read[f"_core.{name}"].docstring.value
+        assert said.splitlines()[0] == getattr(strand, name).__doc__.splitlines()[0]
+    assert read["_core.IcpResult.fitness"].docstring.value.startswith("float: share of")
+    assert [p.name for p in read["_core.EndObservation"].parameters][1:3] == ["view", "end"]
+    assert read["_core.estimate_normals"].parameters["variation"].default == "False"
+    assert ': one of "raise", "drop"\n' in read["_core.icp"].docstring.value
+
+
+def test_lazy_properties_are_attributes(read):
+    assert read["chain.Chain.tangents"].is_attribute
+    assert read["chain.Chain.at"].is_function
+
+
+def test_names_that_modules_of_the_same_name_hide_are_shown_alone(read):
+    hidden = [name for name in strand.synthetic.__all__ if read["synthetic"].members[name].is_module]
+    page = (DOCS / "api" / "synthetic.md").read_text(encoding="utf-8")
+    assert hidden == ["random_ropes"]
+    assert "::: strand.synthetic.random_ropes.random_ropes\n" in page
+    assert [name for name in strand.figures.__all__ if read["figures"].members[name].is_module] == []
