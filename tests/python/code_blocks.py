@@ -172,6 +172,7 @@ def bags(folder: Path) -> None:
 # by page: what lies in the folder in which its blocks run
 FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
     "README.md": (scene_folder, single_files),
+    "docs/command-line.md": (scene_folder,),
     "docs/files.md": (single_files,),
     "docs/pictures.md": (scene_folder,),
     "docs/recordings.md": (bags,),
