@@ -219,13 +219,16 @@ fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
     }
     if by > 0.0 {
         let back = 3.min(nodes.len() - 1);
-        let ahead = |end: Point, inner: Point| {
-            let d = sub(end, inner);
+        let last = nodes.len() - 1;
+        // nodes may come back to where they were, or be too near for squares to tell
+        let ahead = |end: usize, inner: &mut dyn Iterator<Item = usize>| -> Result<Point> {
+            let from = inner.map(|i| sub(nodes[end], nodes[i])).find(|&d| dot(d, d) > 0.0);
+            let d = from.ok_or_else(|| Error::not_enough("nodes", "expected nodes farther apart"))?;
             let scale = by / dot(d, d).sqrt();
-            std::array::from_fn(|k| end[k] + scale * d[k])
+            Ok(std::array::from_fn(|k| nodes[end][k] + scale * d[k]))
         };
-        let front = ahead(nodes[0], nodes[back]);
-        let rear = ahead(nodes[nodes.len() - 1], nodes[nodes.len() - 1 - back]);
+        let front = ahead(0, &mut (1..=back).rev())?;
+        let rear = ahead(last, &mut (last - back..last))?;
         nodes.insert(0, front);
         nodes.push(rear);
     }
@@ -277,6 +280,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn an_extension_needs_nodes_that_are_apart() {
+        let back = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0; 3]];
+        let curve = Spline::through(&back, 0.5, 0.3).unwrap();
+        assert!(curve.control.iter().flatten().all(|x| x.is_finite()));
+        let tiny = back.map(|p| p.map(|x| 1e-300 * x));
+        assert!(matches!(Spline::through(&tiny, 0.5, 0.3), Err(Error::NotEnoughData { .. })));
     }
 
     #[test]

@@ -215,6 +215,7 @@ def test_several_ropes_come_longest_first(numbers):
             "radius: expected a number of metres, got '4.2mm'; the command line",
         ),
         ({"ropes": 0}, ValueError, "ropes: expected at least 1"),
+        ({"ropes": 2**64}, ValueError, "ropes: expected at most 10000"),
         ({"ropes": 1.5}, TypeError, "ropes: expected a whole number"),
         ({"ropes": True}, TypeError, "ropes: expected a whole number"),
         ({"length": 0.0}, ValueError, "length: expected a positive"),

@@ -13,6 +13,7 @@ from strand.checks import positive
 
 # a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
 _SHARE, _RADII = 0.02, 1.0
+_MOST_ROPES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Prior:
                 raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
             if ropes < 1:
                 raise ValueError(f"ropes: expected at least 1, got {ropes}")
+            if ropes > _MOST_ROPES:
+                raise ValueError(f"ropes: expected at most {_MOST_ROPES}, got {ropes}")
         if length is None:
             return cls(ropes, bounds=bounds)
         each = np.asarray(length, dtype=object)

@@ -115,7 +115,10 @@ def pixels_of(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], NDAr
     """Rows and columns of an image's own points, camera frame."""
     x, y, z = points.T
     (fx, fy), (cx, cy) = image.focal, image.centre
-    return np.rint(y / z * fy + cy).astype(np.int64), np.rint(x / z * fx + cx).astype(np.int64)
+    height, width = image.depth.shape
+    # of depths that are nearly nothing rounding leaves no pixel
+    rows, columns = np.clip(y / z * fy + cy, 0, height - 1), np.clip(x / z * fx + cx, 0, width - 1)
+    return np.rint(rows).astype(np.int64), np.rint(columns).astype(np.int64)
 
 
 def _of_points(view: View) -> RopeImage:

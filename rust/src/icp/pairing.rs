@@ -17,7 +17,6 @@ use crate::parallel::go_on;
 use super::IcpOptions;
 use crate::Point;
 use crate::geometry::{RigidMotion, centroid, squared_distance};
-use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;
@@ -61,7 +60,7 @@ pub struct Pairing {
     cells: Cells,
     /// The target in the order of the cells.
     sorted: Vec<Point>,
-    tree: OnceLock<Tree>,
+    tree: OnceLock<Hierarchy>,
     batches: Vec<Batch>,
     source_points: usize,
     reach: f64,
@@ -197,12 +196,12 @@ impl Pairing {
     /// The nearest target point by the tree, which is no farther than those in `known` positions.
     #[cold]
     fn search_tree(&self, moved: Point, known: [u32; 2]) -> (u32, f64) {
-        let tree = self.tree.get_or_init(|| Tree::new(&self.sorted));
+        let tree = self.tree.get_or_init(|| Hierarchy::new(self.sorted.iter().copied()));
         let mut limit = self.reach * self.reach;
         for target in known.iter().filter_map(|&position| self.sorted.get(position as usize)) {
             limit = limit.min(1.001 * squared_distance(*target, moved));
         }
-        let nearest = tree.nearest_within(moved, limit);
+        let nearest = tree.nearest(moved, limit);
         // that others are farther than nothing is always true
         (nearest.map_or(NONE, |position| position as u32), 0.0)
     }

@@ -4,6 +4,7 @@
 //! have done to them is known, so that callers can tell which answers are sure. The points of a lane are met in the
 //! order of the cells, so sums are the same bits for any width of the instructions.
 
+use super::CROWDED;
 use super::bounds::Bounds;
 use super::cells::Cells;
 use super::cells::sweep::Sweep;
@@ -54,7 +55,20 @@ impl Around {
     /// too wide.
     #[inline(always)]
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Option<Frame> {
-        if !self.sweep.find(cells, bounds, reach) {
+        self.find_few(simd, cells, bounds, reach, CROWDED)
+    }
+
+    /// The same, or nothing where the cells there hold more than `most` points.
+    #[inline(always)]
+    pub fn find_few<S: Simd>(
+        &mut self,
+        simd: S,
+        cells: &Cells,
+        bounds: &Bounds,
+        reach: f64,
+        most: usize,
+    ) -> Option<Frame> {
+        if !self.sweep.find(cells, bounds, reach, most) {
             return None;
         }
         let frame = Frame::new(cells, bounds, reach);
@@ -62,7 +76,7 @@ impl Around {
         Some(frame)
     }
 
-    /// The same, together with the places that points carry, relative to the frame; but what is surely within reach of
+    /// What lies there where the cells are not crowded, together with the places that points carry, relative to the frame; but what is surely within reach of
     /// all of the box is only counted and summed.
     #[inline(always)]
     pub fn find_carried<S: Simd>(
@@ -73,7 +87,7 @@ impl Around {
         reach: f64,
         carried: &Carried,
     ) -> Option<Frame> {
-        if !self.sweep.find(cells, bounds, reach) {
+        if !self.sweep.find(cells, bounds, reach, CROWDED) {
             return None;
         }
         let frame = Frame::new(cells, bounds, reach);

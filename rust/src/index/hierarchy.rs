@@ -115,6 +115,57 @@ impl Hierarchy {
         );
     }
 
+    /// The nearest point within a distance, given its square, of a place: its index, of equals the least.
+    pub fn nearest(&self, center: Point, limit: f64) -> Option<usize> {
+        self.nearest_of(center, limit, |_| true, |_| true)
+    }
+
+    /// The nearest of the points at some positions, in some boxes.
+    #[inline]
+    fn nearest_of(
+        &self,
+        center: Point,
+        limit: f64,
+        has_some: impl Fn(usize) -> bool,
+        is_one: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let place = Bounds { low: center, high: center };
+        let gap = |number: usize| self.nodes[number].bounds.squared_gap(&place);
+        let mut best = (limit, usize::MAX);
+        let mut left = [(0, 0.0); DEEPEST];
+        let mut count = usize::from(!self.nodes.is_empty());
+        while count > 0 {
+            count -= 1;
+            let (mut number, mut nearest) = left[count];
+            while nearest <= best.0 && has_some(number) {
+                let node = &self.nodes[number];
+                if node.second == 0 {
+                    // points in one place are taken together, and the first in the input comes first
+                    let few = if node.is_one_place() { 1 } else { FEW };
+                    for i in node.positions().take(few) {
+                        let squared = squared_distance(self.points[i], center);
+                        let index = self.order[i] as usize;
+                        if is_one(i) && (squared < best.0 || (squared == best.0 && index < best.1)) {
+                            best = (squared, index);
+                        }
+                    }
+                    break;
+                }
+                let (one, other) = (number + 1, node.second as usize);
+                let (to_one, to_other) = (gap(one), gap(other));
+                let (first, second) = if to_other < to_one {
+                    ((other, to_other), (one, to_one))
+                } else {
+                    ((one, to_one), (other, to_other))
+                };
+                left[count] = second;
+                count += 1;
+                (number, nearest) = first;
+            }
+        }
+        (best.1 != usize::MAX).then_some(best.1)
+    }
+
     /// Boxes of at most so many points, or of points in one place, that hold all.
     fn groups(&self, most: usize) -> Vec<usize> {
         let mut groups = Vec::new();
@@ -357,36 +408,7 @@ impl<'a> Remaining<'a> {
     /// The nearest of the points that are left within a distance, given its square, of a place: its index, of equals the
     /// least.
     pub fn nearest(&self, center: Point, limit: f64) -> Option<usize> {
-        let mut best = (limit, usize::MAX);
-        if !self.nodes.is_empty() {
-            self.nearest_of(0, center, &mut best);
-        }
-        (best.1 != usize::MAX).then_some(best.1)
-    }
-
-    fn nearest_of(&self, number: usize, center: Point, best: &mut (f64, usize)) {
-        let hierarchy = self.hierarchy;
-        let (node, place) = (&hierarchy.nodes[number], Bounds { low: center, high: center });
-        if self.nodes[number] == 0 || node.bounds.squared_gap(&place) > best.0 {
-            return;
-        }
-        if node.second != 0 {
-            let (one, other) = (number + 1, node.second as usize);
-            let distance = |number: usize| hierarchy.nodes[number].bounds.squared_gap(&place);
-            let (one, other) = if distance(other) < distance(one) { (other, one) } else { (one, other) };
-            self.nearest_of(one, center, best);
-            self.nearest_of(other, center, best);
-            return;
-        }
-        // points in one place are taken together, and the first in the input comes first
-        let few = if node.is_one_place() { 1 } else { FEW };
-        for i in node.positions().take(few) {
-            let squared = squared_distance(hierarchy.points[i], center);
-            let index = hierarchy.order[i] as usize;
-            if self.points[i] && (squared < best.0 || (squared == best.0 && index < best.1)) {
-                *best = (squared, index);
-            }
-        }
+        self.hierarchy.nearest_of(center, limit, |number| self.nodes[number] > 0, |i| self.points[i])
     }
 }
 
@@ -462,6 +484,9 @@ mod tests {
             for (n, limit) in limits.into_iter().enumerate() {
                 let center = points.get(7 * n).copied().unwrap_or([0.1, 0.0, 0.0]);
                 let squared = |i: usize| squared_distance(points[i], center);
+                let nearer = |&a: &usize, &b: &usize| squared(a).total_cmp(&squared(b)).then(a.cmp(&b));
+                let of_all = (0..points.len()).filter(|&i| squared(i) <= 4.0 * limit).min_by(nearer);
+                prop_assert_eq!(hierarchy.nearest(center, 4.0 * limit), of_all);
                 let mut taken = Vec::new();
                 remaining.take(center, limit, |i| taken.push(i));
                 taken.sort_unstable();
@@ -469,8 +494,7 @@ mod tests {
                 prop_assert_eq!(taken, expected);
                 left.retain(|&i| squared(i) > limit);
                 let within = left.iter().copied().filter(|&i| squared(i) <= 4.0 * limit);
-                let nearest = within.min_by(|&a, &b| squared(a).total_cmp(&squared(b)).then(a.cmp(&b)));
-                prop_assert_eq!(remaining.nearest(center, 4.0 * limit), nearest);
+                prop_assert_eq!(remaining.nearest(center, 4.0 * limit), within.min_by(nearer));
             }
         }
     }

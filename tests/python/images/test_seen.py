@@ -63,6 +63,14 @@ def test_depth_out_of_the_extraction_range_is_not_in_the_mask_and_pixels_without
         assert 0 < left < len(inside)
 
 
+def test_depths_of_nearly_nothing_have_a_pixel_too():
+    depth = SCENE.depth[0] * SCENE.depth_scale
+    depth[::9, ::7] = 5e-324
+    views = [strand.View.from_depth(depth, SCENE.intrinsics, SCENE.poses[0])]
+    (image,) = rope_images(views, views, None)
+    assert image.mask[depth > 0.1].all()
+
+
 def test_an_image_without_a_mask_has_the_pixels_of_its_points():
     whole = dataclasses.replace(SCENE, mask=None).views
     low, high = SCENE.bounds

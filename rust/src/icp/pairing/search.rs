@@ -11,8 +11,10 @@ use crate::simd::{BATCH, Simd, Singles};
 /// The points that are kept are on a surface within this many cells of the nearest.
 const SPREAD: f64 = 0.35;
 /// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the tree.
-const FARTHEST: f64 = 8.0;
+const FARTHEST: f64 = 2.0;
 const MOST: usize = 2048;
+/// Most points in the cells that reach into the search, for each that it may meet.
+const LOOKED_AT: usize = 4;
 
 /// Finds the partners of some lanes of a batch.
 #[inline(always)]
@@ -47,7 +49,8 @@ pub(super) fn search<S: Simd>(
         for &l in &left[..count] {
             bounds.add(moved(l));
         }
-        let found = around.find(simd, cells, &bounds, search_reach.min(FARTHEST * cells.size()));
+        let near = search_reach.min(FARTHEST * cells.size());
+        let found = around.find_few(simd, cells, &bounds, near, LOOKED_AT * MOST);
         // points of a wide batch are too far apart for single precision to tell what is in reach
         let tells = |frame: &Frame| f64::from(frame.rounding) <= 0.01 * (spread * frame.unit).powi(2);
         let suits =

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
 use crate::Point;
+use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
-use crate::index::{CROWDED, SHORTEST};
 
 /// Most rows of cells that are looked at around a box.
 const MOST_ROWS: u64 = 1 << 12;
@@ -21,9 +21,9 @@ pub struct Sweep {
 
 impl Sweep {
     /// Finds the runs of points, at least all those within `reach` of a box; tells whether the cells suit that: where
-    /// they are crowded or too wide it finds nothing.
+    /// they are too wide, or hold more than `most` points, it finds nothing.
     #[inline(always)]
-    pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64) -> bool {
+    pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64, most: usize) -> bool {
         let reach = (reach * (1.0 + 1e-12)).max(SHORTEST);
         self.runs.clear();
         let [a, b, c] = cells.axes;
@@ -78,7 +78,7 @@ impl Sweep {
                 }
             }
         }
-        points <= CROWDED
+        points <= most
     }
 
     /// Finds the cells of a row by their keys.
