@@ -1,0 +1,76 @@
+"""How far apart views show the same ropes: with poses, images and units that are right, hardly at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.checks import Array, Bounds
+from strand.view import View, cropped
+
+# points of a view that are asked, and fewest that say anything; views with more than so many show more than
+# ropes
+_ASKED, _FEWEST, _MOST = 200, 30, 40_000
+
+
+def apart(views: Sequence[View], bounds: Bounds | None, most: float) -> float:
+    """Return how far apart views show ropes, in the mean of the pairs of neighbours.
+
+    That is the median distance from points of one view to the nearest of the other. Points that the other has
+    out of sight do not count.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Whose points are ropes in bounds.
+    bounds : pair of (3,) ndarray or None
+        The extraction range, metres.
+    most : float
+        Farther is as far as this, metres; a view that shows nothing in bounds is as far from the others.
+
+    Returns
+    -------
+    float
+        Metres; NaN if no two views see one place, or there is more in view than ropes.
+    """
+    shown = list(views) if bounds is None else cropped(views, bounds)
+    clouds = [view.world_points for view in shown]
+    if max(map(len, clouds)) > _MOST:
+        return float("nan")
+    count = len(views)
+    pairs = [(i, (i + 1) % count) for i in range(count if count > 2 else count - 1)]
+    found = [
+        far
+        for pair in pairs
+        for i, j in (pair, pair[::-1])
+        for far in _from_one_to_another(clouds[i], clouds[j], views[j], most)
+    ]
+    return float(np.mean(found)) if found else float("nan")
+
+
+def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:
+    asked = own[:: max(len(own) // _ASKED, 1)]
+    asked = asked[_in_sight(asked, view)]
+    if len(asked) < _FEWEST:
+        return
+    if len(other) < _FEWEST:
+        yield most
+        return
+    squares = _core.squared_distances(asked, other)
+    yield min(float(np.sqrt(np.median(squares))), most)
+
+
+def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
+    """Which points of the world lie before a view's image; of a view of points alone all may."""
+    image = view.image
+    if image is None:
+        return np.ones(len(points), dtype=bool)
+    x, y, z = ((points - view.pose[:3, 3]) @ view.pose[:3, :3]).T
+    height, width = image.depth.shape
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u = x / z * image.focal[0] + image.centre[0]
+        v = y / z * image.focal[1] + image.centre[1]
+    return np.asarray((z > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
