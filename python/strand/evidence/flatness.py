@@ -13,9 +13,11 @@ from strand.view import View
 
 # views that are looked at, points of each, and fewest
 _VIEWS, _POINTS, _FEWEST = 3, 1000, 300
+# points of a table lie in this share of the cells of a plan of so many a side; points of ropes alone do not
+_CELLS, _FILLED = 12, 0.5
 # half of the points lie as near as this to a table, of their distance; rounds of the robust fit, and the
 # deviations at which a point counts half
-_NEAR, _ROUNDS, _ODD, _ROBUST = 0.025, 10, 2.0, 1.4826
+_NEAR, _ROUNDS, _ODD, _ROBUST = 0.0125, 10, 2.0, 1.4826
 # depth is doubted where the table is so many times flatter with it over the rays' lengths; lenses and sensors
 # that bend it are nowhere near. It is certain then, and told first
 _FLATTER, _BENT = 1.5, 20.0
@@ -67,9 +69,18 @@ def table_scatters(view: View) -> tuple[float, float] | None:
     if len(z) < _FEWEST or not (z > 0).all():
         return None
     slopes = np.column_stack([np.ones(len(z)), x / z, y / z])
+    if not _side_by_side(slopes[:, 1:]):
+        return None
     rays = np.linalg.norm(slopes, axis=1)
     scatters = _scatter(slopes, 1.0 / z, z), _scatter(slopes, rays / z, z / rays)
     return scatters if min(scatters) < _NEAR else None
+
+
+def _side_by_side(plan: Array) -> bool:
+    """Whether (N, 2) places fill most of a plan."""
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    cells = np.minimum((_CELLS * (plan - low) / np.maximum(high - low, 1e-12)).astype(np.int64), _CELLS - 1)
+    return len(np.unique(cells @ [_CELLS, 1])) >= _FILLED * _CELLS**2
 
 
 def _some_points(view: View) -> Array:
