@@ -34,11 +34,12 @@ def apart(views: Sequence[View], bounds: Bounds | None, most: float) -> float:
     Returns
     -------
     float
-        Metres; NaN if no two views see one place, or there is more in view than ropes.
+        Metres; infinite if none has another's ropes in sight; NaN if fewer than two show any, or if they show
+        more than ropes.
     """
     shown = list(views) if bounds is None else cropped(views, bounds)
     clouds = [view.world_points for view in shown]
-    if max(map(len, clouds)) > _MOST:
+    if max(map(len, clouds)) > _MOST or sum(len(cloud) >= _FEWEST for cloud in clouds) < 2:
         return float("nan")
     count = len(views)
     pairs = [(i, (i + 1) % count) for i in range(count if count > 2 else count - 1)]
@@ -48,7 +49,7 @@ def apart(views: Sequence[View], bounds: Bounds | None, most: float) -> float:
         for i, j in (pair, pair[::-1])
         for far in _from_one_to_another(clouds[i], clouds[j], views[j], most)
     ]
-    return float(np.mean(found)) if found else float("nan")
+    return float(np.mean(found)) if found else float("inf")
 
 
 def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:

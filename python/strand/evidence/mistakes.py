@@ -26,8 +26,8 @@ _AGREE, _FARTHEST = 0.8, 10.0
 # a mistake is named if views are so many times farther apart with it than without
 _NEARER = 2.0
 # doubt of what is named, which is certain and told first; of views that are farther apart than this, radii,
-# for each radius more, and the most
-_NAMED, _CLEARLY, _APART, _MOST = 20.0, 2.0, 0.4, 1.5
+# for each radius more, and the most; of views that see nothing in common
+_NAMED, _CLEARLY, _APART, _MOST, _OUT_OF_SIGHT = 20.0, 2.0, 0.4, 1.5, 0.8
 # a radius is named that is this much of what was given; noise looks thinner still
 _OFF = (0.42, 0.75, 1.33, 2.4)
 # radius by which views are compared where none is known, metres
@@ -68,18 +68,18 @@ def suspected(
 def _of_views_apart(views: Sequence[View], bounds: Bounds | None, radius: float, far: float) -> list[Doubt]:
     """Name the mistake without which views agree; doubt poses if there is none, and views are far apart.
 
-    Views of which none sees what another one does, NaN apart, may look at different ropes.
+    Views of which none has another's ropes in sight may look at different ropes, but hardly do.
     """
     without = [_apart(mistake.undone(views), bounds, radius) for mistake in MISTAKES]
     least = min(range(len(MISTAKES)), key=without.__getitem__)
     shown = f"views show the ropes {_length(far, radius)} apart"
-    if math.isnan(far):
+    if not math.isfinite(far):
         shown = "no view has the ropes of another in sight"
     if without[least] < _AGREE * radius and not without[least] > far / _NEARER:
         mistake = MISTAKES[least]
         reason = f"{mistake.suspected}; {shown}, {1e3 * without[least]:.1f} mm without that"
         return [Doubt(mistake.kind, _NAMED, "where the ropes are", reason)]
-    amount = min(_APART * (far / radius - _CLEARLY), _MOST)
+    amount = _OUT_OF_SIGHT if math.isinf(far) else min(_APART * (far / radius - _CLEARLY), _MOST)
     if not amount > 0.0:
         return []
     asked = "are poses camera-to-world, in metres, of angles in radians, and each of its own image?"

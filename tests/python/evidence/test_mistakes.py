@@ -102,14 +102,19 @@ def test_views_that_disagree_for_no_usual_reason_are_doubted():
     assert suspected(images(poses=poses), images(poses=poses), SCENE.bounds, R) == []
 
 
-def test_views_of_different_places_do_not_disagree():
+def test_views_of_different_places_do_not_disagree_but_are_doubted():
     far = strand.synthetic.scene("arc", seed=1, views=1, radius=R)
     pose = far.poses[0].copy()
     pose[:3, 3] += [5.0, 0.0, 0.0]
     views = [images()[1], strand.View.from_depth(far.depth[0] * far.depth_scale, far.intrinsics, pose)]
     ropes = strand.find_ropes(views, R).views
-    assert np.isnan(apart(ropes, None, 10.0 * R))
-    assert suspected(views, ropes, None, R) == []
+    assert np.isinf(apart(ropes, None, 10.0 * R))
+    # that is unusual
+    (doubt,) = suspected(views, ropes, None, R)
+    assert doubt.reason.startswith("no view has the ropes of another in sight; are poses camera-to-world")
+    assert 0.5 < doubt.amount < 1.0
+    assert np.isnan(apart(ropes[:1], None, 10.0 * R))
+    assert suspected(views[:1], ropes[:1], None, R) == []
 
 
 def test_a_table_is_flat_in_the_depth_that_it_was_seen_in():
