@@ -9,6 +9,8 @@ import numpy as np
 from strand.doubt import Doubt
 from strand.view import View
 
+# every so many depths are looked at
+_EVERY = 97
 # at this many radii a rope is a fraction of a pixel wide, of any camera; how much doubt that is
 _FARTHEST, _TOO_FAR = 10_000.0, 5.0
 
@@ -27,7 +29,8 @@ def too_far(views: Sequence[View], radius: float) -> Doubt | None:
     Doubt or None
     """
     depths = [view.points[:, 2] if view.image is None else view.image.depth for view in views]
-    some = np.concatenate([each[each > 0][::97] for each in depths])
+    some = np.concatenate([each.ravel()[::_EVERY] for each in depths])
+    some = some[some > 0]
     if not len(some) or not np.median(some) > _FARTHEST * radius:
         return None
     reason = (
