@@ -16,6 +16,7 @@ from strand.checks import Array
 from strand.config import Config
 from strand.evidence import systematic
 from strand.evidence.confidence import confidence
+from strand.evidence.mistakes import suspected
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked, without_untold
@@ -72,7 +73,12 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
         )
         run.warnings.append(ModelWarning("unused view", message, view=number))
     found = _found(used, config, run)
-    against = [*systematic.doubts(used, found, config), *of_tubes.doubts(used, found)]
+    ropes = [whole if whole.image else own for whole, own in zip(used.whole, used.views, strict=True)]
+    against = [
+        *suspected(used.whole, ropes, used.bounds, float(used.radii.values[0]), used.views),
+        *systematic.doubts(used, found, config),
+        *of_tubes.doubts(used, found),
+    ]
     against = [doubt for doubt in against if doubt.amount > _LEAST]
     run.warnings.extend(
         ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)

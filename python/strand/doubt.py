@@ -20,6 +20,9 @@ DOUBTS = (
     "range",
     "residuals",
     "view",
+    "depth",
+    "intrinsics",
+    "viewpoint",
     "order",
     "uncovered",
     "count",
@@ -35,7 +38,8 @@ wide against the rope; "prior": the answer explains the points worse than one wi
 beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
 from what is around it; "pose": poses moved farther than they are said to be wrong; "radius": ropes look
 thicker or thinner than the radius that was given; "range": ropes leave the extraction range; "residuals":
-they are alike along stretches of rope; "view": one saw through the ropes; "order": depth hardly tells which
+they are alike along stretches of rope; "view": one saw through the ropes; "depth",
+"intrinsics", "viewpoint": these look as a usual mistake would make them; "order": depth hardly tells which
 strand is on top at a crossing; "uncovered": ropes and masks do not cover each other; "count", "length",
 "ring": the ropes are not as they are known to be; "deadline": something was left out because the deadline had
 passed.

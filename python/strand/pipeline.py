@@ -16,6 +16,7 @@ from strand.default import find_chains as find_by_default
 from strand.doubt import Doubt
 from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions, of_chains
+from strand.evidence.mistakes import explained
 from strand.evidence.prior import Prior
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.images.radius import shown_radius
@@ -151,43 +152,47 @@ def reconstruct(
     if box is not None:
         with run.stage("extract"):
             raw = cropped(views, box)
-    elif method.any_radius and not any(view.mask is not None for view in views):
-        with run.stage("find"):
-            shown = _ropes_among_things(views, radii)
-        raw, found_radius = list(shown.views), shown.radius
-        # what else points show says which space is free; of images the mask says it
-        views = tuple(view if view.image is None else own for view, own in zip(views, raw, strict=True))
-        run.warnings.extend(_left_out(shown))
-    if not any(len(view.points) for view in raw):
-        raise NotEnoughDataError(f"views: {why_empty(views, box)}")
-    if radii is None and found_radius is not None:
-        radii = Radii(np.array([found_radius]), np.array([_WIDTHS * found_radius]), free=True)
-    elif radii is None:
-        with run.stage("radius"):
-            masked = [i for i, view in enumerate(views) if view.mask is not None and len(raw[i].points)]
-            if masked and method.any_radius:
-                pictures = rope_images([raw[i] for i in masked], [views[i] for i in masked], box)
-                radii = Radii(*shown_radius(pictures), free=False, held=True)
-                message = "radius: masks alone fix it by how wide the rope looks; give it if it is known"
-                run.warnings.append(ModelWarning("radius", message))
-            else:
-                radii = Radii(*estimate_radius(raw), free=True)
-    with run.stage("filter"):
-        filtered = without_outliers(raw, float(radii.values[0]), config.filter, method.widen)
-        used = _used(views, raw, filtered, float(radii.values.min()), run)
-        misplaced = misplaced_masks(views, used, box, radii.values)
-        if len(misplaced) == len(used):
-            refuse_background(views, used, box, radii.values)
-    run.warnings.extend(
-        ModelWarning(doubt.kind, doubt.reason, None, doubt.amount, view=number) for doubt, number in misplaced
-    )
-    run.warnings.extend(surplus_labels(views, prior.ropes))
-    if radii.free and len(used) == 1:
-        radii = replace(radii, free=False, held=True)
-        message = "radius: one view alone fixes it by how wide the rope looks; give it if it is known"
-        run.warnings.append(ModelWarning("radius", message))
-    seen, whole = [filtered[number] for number in used], [views[number] for number in used]
-    found = method.find(Observed(seen, whole, used, box, radii, prior), config, run)
+        if not any(len(view.points) for view in raw):
+            raise NotEnoughDataError(f"views: {why_empty(views, box, radii)}")
+    with explained(views, box, radii):
+        if box is None and method.any_radius and not any(view.mask is not None for view in views):
+            with run.stage("find"):
+                shown = _ropes_among_things(views, radii)
+            raw, found_radius = list(shown.views), shown.radius
+            # what else points show says which space is free; of images the mask says it
+            views = tuple(view if view.image is None else own for view, own in zip(views, raw, strict=True))
+            run.warnings.extend(_left_out(shown))
+        if not any(len(view.points) for view in raw):
+            raise NotEnoughDataError(f"views: {why_empty(views, None, radii)}")
+        if radii is None and found_radius is not None:
+            radii = Radii(np.array([found_radius]), np.array([_WIDTHS * found_radius]), free=True)
+        elif radii is None:
+            with run.stage("radius"):
+                masked = [i for i, view in enumerate(views) if view.mask is not None and len(raw[i].points)]
+                if masked and method.any_radius:
+                    pictures = rope_images([raw[i] for i in masked], [views[i] for i in masked], box)
+                    radii = Radii(*shown_radius(pictures), free=False, held=True)
+                    message = "radius: masks alone fix it by how wide the rope looks; give it if it is known"
+                    run.warnings.append(ModelWarning("radius", message))
+                else:
+                    radii = Radii(*estimate_radius(raw), free=True)
+        with run.stage("filter"):
+            filtered = without_outliers(raw, float(radii.values[0]), config.filter, method.widen)
+            used = _used(views, raw, filtered, float(radii.values.min()), run)
+            misplaced = misplaced_masks(views, used, box, radii.values)
+            if len(misplaced) == len(used):
+                refuse_background(views, used, box, radii.values)
+        run.warnings.extend(
+            ModelWarning(doubt.kind, doubt.reason, None, doubt.amount, view=number)
+            for doubt, number in misplaced
+        )
+        run.warnings.extend(surplus_labels(views, prior.ropes))
+        if radii.free and len(used) == 1:
+            radii = replace(radii, free=False, held=True)
+            message = "radius: one view alone fixes it by how wide the rope looks; give it if it is known"
+            run.warnings.append(ModelWarning("radius", message))
+        seen, whole = [filtered[number] for number in used], [views[number] for number in used]
+        found = method.find(Observed(seen, whole, used, box, radii, prior), config, run)
     kept = found.chains if prior.ropes is None else found.chains[: prior.ropes]
     chains = tuple(oriented(kept, () if previous is None else previous.chains))
     against = contradictions(chains, found.chains[len(chains) :], prior, found.all_rings)

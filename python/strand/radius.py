@@ -156,6 +156,20 @@ def estimate_radius(views: Sequence[View], bounds: Bounds | None = None) -> tupl
     return radii, np.hypot(_WIDTH_SD * radii, 0.5 * footprint)
 
 
+def apparent_radius(views: Sequence[View]) -> float | None:
+    """Return the least radius that ropes look like, metres; None if no stretch of rope is clear enough.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Views of ropes alone.
+    """
+    try:
+        return float(estimate_radius(views)[0][0])
+    except NotEnoughDataError:
+        return None
+
+
 def fitted_deviation(fitted: Array, sd: Array, sigma: float) -> Array:
     """Return the standard deviations of fitted radii, with what noise does to them beside its scatter.
 

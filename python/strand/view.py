@@ -401,6 +401,16 @@ def masked(view: View, mask: NDArray[np.bool_]) -> View:
     return View._of(None, replace(image, mask=mask.astype(np.int32)), view.pose, view.dropped, colors)
 
 
+def placed(view: View, pose: Array) -> View:
+    """Return a view as if it had come with another pose, (4, 4), camera to world."""
+    return View._of(view._points, view._image, pose, view.dropped, view.colors)
+
+
+def pictured(view: View, image: DepthImage) -> View:
+    """Return a view of a depth image as if it had been made of another one, without colours."""
+    return View._of(None, image, view.pose, view.dropped, None)
+
+
 def checked_views(views: Sequence[View]) -> tuple[View, ...]:
     """Return views as a tuple.
 

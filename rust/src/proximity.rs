@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::checks::check_finite;
 use crate::error::Result;
 use crate::geometry::squared_distance;
-use crate::index::Tree;
+use crate::index::hierarchy::Hierarchy;
 use crate::{Point, parallel};
 
 /// Points of one task.
@@ -19,9 +19,9 @@ pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Ve
     check_finite("points", points)?;
     check_finite("others", others)?;
     Ok(parallel::run(|| {
-        let tree = Tree::new(others);
+        let boxes = Hierarchy::new(others.iter().copied());
         let nearest = |&p: &Point| {
-            tree.nearest_within(p, f64::INFINITY).map_or(f64::INFINITY, |i| squared_distance(p, others[i]))
+            boxes.nearest(p, f64::INFINITY).map_or(f64::INFINITY, |i| squared_distance(p, others[i]))
         };
         points.par_iter().with_min_len(POINTS_PER_TASK).map(nearest).collect()
     }))

@@ -125,7 +125,7 @@ def _of_views(views: Sequence[View], found: Found) -> Iterator[Doubt]:
             worst, where = through / returned, number
     reason = (
         f"a view, number {where} of those used, saw through {worst:.0%} of the ropes; it may be of something "
-        "else, or its pose wrong"
+        "else, or its pose wrong, such as world-to-camera"
     )
     yield Doubt("view", _THROUGH * max(worst - _SEEN_THROUGH, 0.0), "of the ropes found", reason)
     share = lost / max(shown + lost, 1)

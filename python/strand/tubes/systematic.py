@@ -11,13 +11,16 @@ from strand._core import EndObservation, TubeFit
 from strand.doubt import Doubt
 from strand.evidence.systematic import deviate
 from strand.pose import moved
-from strand.radius import Radii
+from strand.radius import Radii, apparent_radius
 from strand.stages import Found, Observed
+from strand.view import View
 
 # a radius that was given may be off by so much more than noise does to it, which pulls it by so many squares
 # of the residuals over the radius, and is not known better than to so many of them; doubt for each share, and
 # the most
 _RADIUS_OFF, _RADIUS_SD, _PULL, _PULL_SD, _THICK, _THICKEST = 0.008, 2.0, 0.4, 0.1, 20.0, 0.6
+# a radius that is farther off than this share is measured by how wide the ropes look; how much doubt that is
+_FAR_OFF, _OTHER = 0.25, 3.0
 # correlation of errors, pixels, that is as good as none
 _ALIKE = 0.3
 # ends that views see apart: what is not known of each beside its own deviation, radii, and of the residuals;
@@ -47,11 +50,11 @@ def doubts(observed: Observed, found: Found) -> list[Doubt]:
     said = [*_of_residuals(fit), *_of_ends(fit, found.ends)]
     # what points with correlated errors say of radii is less than how far these move
     if found.sensor is None or found.sensor.correlation <= _ALIKE:
-        said += _of_radii(fit, observed.radii)
+        said += _of_radii(fit, observed.radii, observed.views)
     return said
 
 
-def _of_radii(fit: TubeFit, radii: Radii) -> Iterator[Doubt]:
+def _of_radii(fit: TubeFit, radii: Radii, views: Sequence[View]) -> Iterator[Doubt]:
     """Doubt radii that were given and are not seen: the depth's scale or the focal length may be wrong."""
     if radii.free or radii.held or len(fit.radii) != len(radii.values):
         return
@@ -63,13 +66,17 @@ def _of_radii(fit: TubeFit, radii: Radii) -> Iterator[Doubt]:
         wide = (fit.sigma / given) ** 2
         off = alone - _PULL * wide
         limit = math.hypot(_RADIUS_OFF, _RADIUS_SD * alone_sd) + _PULL_SD * wide
+        amount = min(_THICK * max(abs(off) - limit, 0.0), _THICKEST)
+        if abs(off) > _FAR_OFF:
+            looks = apparent_radius(views)
+            if looks is not None and abs(looks / given - 1.0) > _FAR_OFF:
+                off, amount = looks / given - 1.0, _OTHER
         reason = (
-            f"ropes look {abs(off):.1%} {'thicker' if off > 0 else 'thinner'} than the radius that was "
-            "given; it, the depth's scale or the focal length may be wrong"
+            f"the ropes look {1e3 * max(given * (1.0 + off), 0.0):.2f} mm in radius, "
+            f"{'thicker' if off > 0 else 'thinner'} than the {1e3 * given:.2f} mm that were given; that, the "
+            "depth's scale or the focal length may be wrong"
         )
-        yield Doubt(
-            "radius", min(_THICK * max(abs(off) - limit, 0.0), _THICKEST), "where the ropes are", reason
-        )
+        yield Doubt("radius", amount, "where the ropes are", reason)
 
 
 def _of_residuals(fit: TubeFit) -> Iterator[Doubt]:

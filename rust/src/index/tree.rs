@@ -39,13 +39,6 @@ impl Tree {
         Self { places, order, starts }
     }
 
-    /// The nearest point to a place whose squared distance from it is not above `limit`: its index.
-    pub fn nearest_within(&self, center: Point, limit: f64) -> Option<usize> {
-        let query = self.places.as_ref()?.query(&center);
-        let found = query.nearest_n::<SquaredEuclidean<f64>>(NonZeroUsize::MIN).within(limit).execute();
-        found.first().and_then(|found| self.at(found.item).next())
-    }
-
     /// The `count` nearest points to a place, nearest first: their indices; fewer if there are not as many whose squared
     /// distance is not above `limit`.
     pub fn nearest(&self, center: Point, count: NonZeroUsize, limit: f64) -> impl Iterator<Item = usize> {
@@ -103,9 +96,9 @@ mod tests {
             let distinct: std::collections::BTreeSet<usize> = found.iter().copied().collect();
             prop_assert_eq!(distinct.len(), found.len());
             let nearest = expected[0];
-            let within = tree.nearest_within(center, nearest).map(|i| squared_distance(points[i], center));
-            prop_assert_eq!(within, Some(nearest));
-            prop_assert!(nearest == 0.0 || tree.nearest_within(center, nearest.next_down()).is_none());
+            let one = |limit: f64| tree.nearest(center, NonZeroUsize::MIN, limit).next();
+            prop_assert_eq!(one(nearest).map(|i| squared_distance(points[i], center)), Some(nearest));
+            prop_assert!(nearest == 0.0 || one(nearest.next_down()).is_none());
         }
     }
 
@@ -133,9 +126,8 @@ mod tests {
         let points = vec![[0.25, -1.0, 3.0]; 5000];
         let tree = Tree::new(&points);
         assert_eq!(tree.nearest([0.0; 3], NonZeroUsize::new(7).unwrap(), f64::INFINITY).count(), 7);
-        assert!(tree.nearest_within(points[0], 0.0).is_some());
+        assert_eq!(tree.nearest(points[0], NonZeroUsize::MIN, 0.0).count(), 1);
         let empty = Tree::new(&[]);
-        assert!(empty.nearest_within([0.0; 3], 1.0).is_none());
         assert_eq!(empty.nearest([0.0; 3], NonZeroUsize::MIN, f64::INFINITY).count(), 0);
     }
 }

@@ -106,10 +106,10 @@ def test_depth_that_is_off_is_doubted(scene):
 
 def test_ropes_outside_of_the_range_are_doubted(scene):
     observed, found = answered(scene, at(scene, scene.poses_true))
-    inside = replace(observed, bounds=scene.bounds)
+    inside = replace(observed, bounds=strand.Box(*scene.bounds))
     assert amounts(doubts(inside, found, Config()))["range"] == 0.0
     low, high = scene.bounds
-    above = replace(observed, bounds=(np.array([*low[:2], 1.2 * scene.radius]), high))
+    above = replace(observed, bounds=strand.Box([*low[:2], 1.2 * scene.radius], high))
     assert amounts(doubts(above, found, Config()))["range"] > 0.15
 
 

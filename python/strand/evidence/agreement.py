@@ -1,0 +1,81 @@
+"""How far apart views show the same ropes: with poses, images and units that are right, hardly at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+import strand._core as _core
+from strand.box import Box
+from strand.checks import Array
+from strand.view import View, cropped
+
+# points of a view that are asked, and fewest that say anything; views with more than so many show more than
+# ropes
+_ASKED, _FEWEST, _MOST = 200, 30, 40_000
+
+
+def apart(
+    views: Sequence[View], bounds: Box | None, most: float, shown: Sequence[View] | None = None
+) -> float:
+    """Return how far apart views show ropes, in the mean of each and the one before it.
+
+    That is the median distance from points of one view to the nearest of the other. Points that the other has
+    out of sight do not count.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Whose points are ropes in bounds.
+    bounds : Box or None
+        The extraction range, metres.
+    most : float
+        Farther is as far as this, metres; a view that shows nothing in bounds is as far from the others.
+    shown : sequence of View, optional
+        The same views with the points of ropes alone, if they are known.
+
+    Returns
+    -------
+    float
+        Metres; infinite if none has another's ropes in sight; NaN if fewer than two show any, or if they show
+        more than ropes.
+    """
+    if shown is None:
+        shown = views if bounds is None else cropped(views, bounds)
+    clouds = [view.world_points for view in shown]
+    if max(map(len, clouds)) > _MOST or sum(len(cloud) >= _FEWEST for cloud in clouds) < 2:
+        return float("nan")
+    count = len(views)
+    found = [
+        far
+        for i in range(count)
+        for far in _from_one_to_another(clouds[i], clouds[i - 1], views[i - 1], most)
+    ]
+    return float(np.mean(found)) if found else float("inf")
+
+
+def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:
+    asked = own[:: max(len(own) // _ASKED, 1)]
+    asked = asked[_in_sight(asked, view)]
+    if len(asked) < _FEWEST:
+        return
+    if len(other) < _FEWEST:
+        yield most
+        return
+    squares = _core.squared_distances(asked, other)
+    yield min(float(np.sqrt(np.median(squares))), most)
+
+
+def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
+    """Which points of the world lie before a view's image; of a view of points alone all may."""
+    image = view.image
+    if image is None:
+        return np.ones(len(points), dtype=bool)
+    x, y, z = ((points - view.pose[:3, 3]) @ view.pose[:3, :3]).T
+    height, width = image.depth.shape
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u = x / z * image.focal[0] + image.centre[0]
+        v = y / z * image.focal[1] + image.centre[1]
+    return np.asarray((z > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))

@@ -1,0 +1,40 @@
+"""Depths that are too far for ropes to be seen there: likely in millimetres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.doubt import Doubt
+from strand.view import View
+
+# every so many depths are looked at
+_EVERY = 97
+# at this many radii a rope is a fraction of a pixel wide, of any camera; how much doubt that is
+_FARTHEST, _TOO_FAR = 10_000.0, 5.0
+
+
+def too_far(views: Sequence[View], radius: float) -> Doubt | None:
+    """Doubt depths at which no rope would be seen.
+
+    Parameters
+    ----------
+    views : sequence of View
+    radius : float
+        The ropes' radius, metres.
+
+    Returns
+    -------
+    Doubt or None
+    """
+    depths = [view.points[:, 2] if view.image is None else view.image.depth for view in views]
+    some = np.concatenate([each.ravel()[::_EVERY] for each in depths])
+    some = some[some > 0]
+    if not len(some) or not np.median(some) > _FARTHEST * radius:
+        return None
+    reason = (
+        "depths look like millimetres: give depth_scale=0.001, or points * 0.001; half of them are more than "
+        f"{np.median(some):.0f} m"
+    )
+    return Doubt("depth", _TOO_FAR, "where the ropes are", reason)
