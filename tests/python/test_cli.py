@@ -71,9 +71,9 @@ def test_demo_shows_both_methods_the_default_one_first(demo):
         assert len(points) > 4
         assert all(before[1] == after[0] for before, after in pairwise(points))
         assert re.search(
-            r"^rope 1: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", said, re.MULTILINE
+            r"^rope 0: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", said, re.MULTILINE
         )
-        assert "rope 2" not in said
+        assert "rope 1" not in said
     assert re.search(r"^whole ropes +1$", default, re.MULTILINE)
     counts = re.findall(r"^([a-z ]+?) +(\d+) +(\d+)$", published, re.MULTILINE)
     assert [(name, paper) for name, _, paper in counts] == [
@@ -113,7 +113,7 @@ def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     out, err = capsys.readouterr()
     model = strand.load(tmp_path / "a.json")
     (chain,) = model.chains
-    row = f"1 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
+    row = f"0 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
     assert re.search(rf"^{row} +{chain.confidence:.2f}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
     assert f"\nconfidence: {model.confidence:.2f} that all ropes run as said\n" in out
     assert re.findall(r"^([a-z]+) +\d+\.\d$", out, re.MULTILINE) == [*STAGES, "total"]

@@ -128,7 +128,7 @@ def parse_description(table: Mapping[str, Any]) -> Description:
         depth_scale=depth_scale,
         bounds=_bounds(table["extract"]) if "extract" in table else None,
         radius=_radius(table["radius"]) if "radius" in table else None,
-        views=tuple(_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views, 1)),
+        views=tuple(_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views)),
     )
 
 

@@ -283,7 +283,7 @@ def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, 
     folder = None if outside else Path(os.path.realpath(path.parent))
     views, files = [], [path]
     for i, view in enumerate(recorded):
-        own = {key: _own_file(path, f"view {i + 1}.{key}", name, folder) for key, name in view.files.items()}
+        own = {key: _own_file(path, f"view {i}.{key}", name, folder) for key, name in view.files.items()}
         if masks is not None:
             own["mask"] = masks[i]
         views.append(_load_view(own, view.pose, description, budget))

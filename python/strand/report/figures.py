@@ -139,7 +139,7 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
         If the file cannot be written.
     """
     cloud = np.asarray(points, dtype=np.float64)
-    names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains, 1)]
+    names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
     entries = [dot("points", GREY), *line_names(names)]
     sheet = new_sheet(model, cloud, "Chains over the points", entries, elevation=False)
     sheet.points(cloud, GREY, size=2.0)
@@ -198,7 +198,7 @@ def axis_points(model: Model) -> Figure:
 def chains(model: Model) -> Figure:
     """Chains as they were traced (fig. 6 f)."""
     traced, cloud = model.stages["traced"], model.stages["axis_points"]
-    names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced, 1)]
+    names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced)]
     title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
     sheet = new_sheet(model, cloud, title, line_names(names))
     sheet.points(cloud, GREY)
@@ -236,7 +236,7 @@ def separation(model: Model) -> Figure:
         axes.set(xlim=(-1, max(len(values[i]), 2)), ylim=(0, 1.08 * highest))
         axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         axes.set_ylabel("d* / mm", fontsize=10)
-        axes.set_title(f"chain {i + 1}", loc="left", fontsize=10, pad=3, color=colour)
+        axes.set_title(f"chain {i}", loc="left", fontsize=10, pad=3, color=colour)
         if row == 0:
             axes.set_xlabel("node", fontsize=10)
     return figure
@@ -408,7 +408,7 @@ def uncertainty(model: Model) -> Figure:
         above.tick_params(labelbottom=False)
         above.set_ylabel("sd / mm", fontsize=10)
         below.set_ylabel("points", fontsize=10)
-        above.set_title(f"rope {i + 1}", loc="left", fontsize=10, pad=3)
+        above.set_title(f"rope {i}", loc="left", fontsize=10, pad=3)
         if row == 0:
             below.set_xlabel("arc length / mm", fontsize=10)
     return figure
@@ -433,7 +433,7 @@ def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
     view = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     # neighbouring views in neighbouring colours: the order of the views shows
     colours = extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
-    legend = [dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES], 1)]
+    legend = [dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES])]
     if len(clouds) > len(legend):
         legend.append(dot(f"and {len(clouds) - len(legend)} more", "none"))
     sheet = new_sheet(model, points, f"{title}: {len(points):,}", legend)

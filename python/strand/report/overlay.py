@@ -79,7 +79,7 @@ def overlay(camera: Camera, model: Model, max_bytes: int) -> str:
             parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="{colour}"/>')
             parts.append(
                 f'<text x="{u + size:.1f}" y="{v - size:.1f}" font-size="{4 * size:.1f}" '
-                f'fill="{colour}">{i + 1}</text>'
+                f'fill="{colour}">{i}</text>'
             )
     for doubt in [doubt for doubt in model.doubts if doubt.place is not None][:_MOST_DOUBTS]:
         assert doubt.place is not None

@@ -140,7 +140,7 @@ def _overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
         assert camera is not None
         drawn = overlay(camera, model, _IMAGE_BYTES // len(shown))
         made = ", made of its points" if camera.imagined else ""
-        figures.append(f"<figure>{drawn}<figcaption>view {i + 1}{made}</figcaption></figure>")
+        figures.append(f"<figure>{drawn}<figcaption>view {i}{made}</figcaption></figure>")
     some = "" if len(shown) == len(cameras) else f" {len(shown)} of {len(cameras)} views are shown."
     if len(model.chains) > MAX_CHAINS:
         some += f" The {MAX_CHAINS} longest of {len(model.chains)} chains are drawn."
@@ -154,7 +154,7 @@ def _overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
 
 def _chains(model: Model) -> str:
     rows = []
-    for i, chain in enumerate(model.chains[: _MOST_ROWS + 1], 1):
+    for i, chain in enumerate(model.chains[: _MOST_ROWS + 1]):
         sd, seen = deviations(chain), chain.points_seen
         near = [
             doubt.kind
@@ -168,6 +168,7 @@ def _chains(model: Model) -> str:
                 f"{chain.radius * 1e3:.2f}" + (f" ± {chain.radius_sd * 1e3:.2f}" if chain.radius_sd else ""),
                 f"{len(chain.points)}",
                 "closed" if chain.closed else "open",
+                "" if np.isnan(chain.confidence) else f"{chain.confidence:.2f}",
                 _millimetres(chain.points[0]),
                 _millimetres(chain.points[-1]),
                 "" if seen is None else f"{100 * np.mean(seen > 0):.0f} %",
@@ -175,8 +176,18 @@ def _chains(model: Model) -> str:
                 ", ".join(dict.fromkeys(near)),
             )
         )
-    head = ["chain", "length / mm", "radius / mm", "nodes", "ends", "first node / mm", "last node / mm"]
-    return _table([*head, "nodes seen", "sd / mm: median / greatest", "doubts near it"], rows)
+    head = ["chain", "length / mm", "radius / mm", "nodes", "ends", "confidence"]
+    return _table(
+        [
+            *head,
+            "first node / mm",
+            "last node / mm",
+            "nodes seen",
+            "sd / mm: median / greatest",
+            "doubts near it",
+        ],
+        rows,
+    )
 
 
 def _doubts(model: Model) -> str:
@@ -198,8 +209,8 @@ def _doubts(model: Model) -> str:
 
 def _views(model: Model, views: Sequence[View]) -> str:
     rows = []
-    for i, (view, pose) in enumerate(zip(views, model.poses, strict=True), 1):
-        if i > _MOST_ROWS + 1:
+    for i, (view, pose) in enumerate(zip(views, model.poses, strict=True)):
+        if i > _MOST_ROWS:
             break
         if view.image is None:
             what = "points"

@@ -100,7 +100,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
 
     nodes = np.vstack([np.zeros((0, 3)), *(chain.points for chain in model.chains)])
     middle = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    for i, (camera, points) in enumerate(zip(cameras, points_by_view(model, views), strict=True), 1):
+    for i, (camera, points) in enumerate(zip(cameras, points_by_view(model, views), strict=True)):
         log(f"points/{i}", rerun.Points3D(points, radii=rerun.Radius.ui_points(1.5)))
         if camera is None:
             continue
@@ -118,9 +118,9 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             ),
         )
         log(f"cameras/{i}/depth", rerun.DepthImage(camera.depth.astype(np.float32), meter=1.0))
-    for i, chain in enumerate(model.chains, 1):
+    for i, chain in enumerate(model.chains):
         path = np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
-        colour = tuple(bytes.fromhex(PALETTE[(i - 1) % len(PALETTE)][1:]))
+        colour = tuple(bytes.fromhex(PALETTE[i % len(PALETTE)][1:]))
         said = f"chain {i}: {chain.length * 1e3:.0f} mm"
         log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[colour], labels=[said]))
         if not chain.closed:
@@ -143,7 +143,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             "doubts",
             rerun.Points3D([d.place for d in unsure], radii=1.5 * radius, colors=[_DOUBT], labels=reasons),
         )
-    for i, line in enumerate(lines, 1):
+    for i, line in enumerate(lines):
         log(f"truth/{i}", rerun.LineStrips3D([line], radii=radius / 6, colors=[_TRUTH]))
     if model.chains and len(model.poses):
         log(

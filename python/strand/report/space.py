@@ -203,7 +203,7 @@ def _views(pen: Pen, clouds: Sequence[Array]) -> list[dict[str, Any]]:
     for k, group in enumerate(groups):
         points = np.vstack([clouds[i] for i in group])
         kept = points[spread(len(points), int(share * len(points)))]
-        name = f"view {group[0] + 1}" if len(group) == 1 else f"views {group[0] + 1} to {group[-1] + 1}"
+        name = f"view {group[0]}" if len(group) == 1 else f"views {group[0]} to {group[-1]}"
         some = f"{len(points):,}" if len(kept) == len(points) else f"{len(kept):,} of {len(points):,}"
         marker = {"color": _hue(k / max(len(groups) - 1, 1)), "size": 1.6, "opacity": 0.4}
         trace = pen.trace(kept, "markers", f"{name}: {some} points")
@@ -219,7 +219,7 @@ def _hue(part: float) -> str:
 def _lines(chains: Sequence[Chain]) -> list[_Line]:
     every = max(ceil(sum(len(chain.points) for chain in chains) / MAX_NODES), 1)
     lines = []
-    for number, chain in enumerate(chains, 1):
+    for number, chain in enumerate(chains):
         kept = np.unique(np.append(np.arange(0, len(chain.points), every), len(chain.points) - 1))
         along, sd = 1e3 * chain.arc_length[kept], deviations(chain)
         if chain.closed:
@@ -290,15 +290,15 @@ def _places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]:
     """Mark ends, crossings, doubts and joins."""
     ends = [
         (place, f"chain {i} {what}")
-        for i, chain in enumerate(model.chains, 1)
+        for i, chain in enumerate(model.chains)
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
     crossed = [
         (
             crossing.place,
-            f"chain {crossing.over[0] + 1} at {crossing.over[1] * 1e3:.0f} mm passes over "
-            f"chain {crossing.under[0] + 1} at {crossing.under[1] * 1e3:.0f} mm",
+            f"chain {crossing.over[0]} at {crossing.over[1] * 1e3:.0f} mm passes over "
+            f"chain {crossing.under[0]} at {crossing.under[1] * 1e3:.0f} mm",
         )
         for crossing in crossings(model.chains, towards)
     ]
@@ -334,7 +334,7 @@ def _truth(pen: Pen, truth: Sequence[Array]) -> list[dict[str, Any]]:
 
 def _cameras(pen: Pen, cameras: Sequence[Camera | None], depth: float) -> list[dict[str, Any]]:
     """Pyramids from each camera to the corners of its image."""
-    there = [(i, camera) for i, camera in enumerate(cameras, 1) if camera is not None][:MAX_PLACES]
+    there = [(i, camera) for i, camera in enumerate(cameras) if camera is not None][:MAX_PLACES]
     if not there:
         return []
     lines = []

@@ -224,7 +224,7 @@ def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
     """
     lines = []
     centrelines = sorted(truth, key=_length, reverse=True)
-    for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False), 1):
+    for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False)):
         error = accuracy(chain, true)
         lines.append(
             f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_length(true) * 1e3:.1f} mm "
@@ -245,7 +245,7 @@ def describe_chains(model: Model) -> str:
             "closed" if chain.closed else "open",
             *((f"{chain.confidence:.2f}", _kinds(chain)) if sure else ()),
         )
-        for i, chain in enumerate(model.chains, 1)
+        for i, chain in enumerate(model.chains)
     ]
     more = ("confidence", "doubts") if sure else ()
     return _table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))

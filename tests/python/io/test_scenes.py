@@ -165,7 +165,7 @@ def test_scene_files_hold_colour_images(tmp_path):
     with pytest.raises(FileFormatError, match="color: only depth images have colour images"):
         load_scene(tmp_path)
     (tmp_path / "scene.toml").write_text(text.replace('"c0.png"', "3"))
-    with pytest.raises(FileFormatError, match=r"view 1\.color: expected a file's name"):
+    with pytest.raises(FileFormatError, match=r"view 0\.color: expected a file's name"):
         load_scene(tmp_path)
 
 
@@ -311,10 +311,10 @@ def test_a_description_names_no_files_outside_of_its_folder(tmp_path):
     for name in ("../secret.npy", str(tmp_path / "secret.npy"), "link.npy", "../scene/../secret.npy"):
         scene_of(folder, name)
         with pytest.raises(
-            FileFormatError, match=r"scene\.toml: view 1\.file: .* is outside of the scene's folder"
+            FileFormatError, match=r"scene\.toml: view 0\.file: .* is outside of the scene's folder"
         ) as caught:
             load_scene(folder)
-        assert (caught.value.file, caught.value.place) == (str(folder / "scene.toml"), "view 1.file")
+        assert (caught.value.file, caught.value.place) == (str(folder / "scene.toml"), "view 0.file")
         assert len(load_scene(folder, outside=True).views[0].points) == len(POINTS)
     for name in ("own.npy", "../scene/b.npy", "./b.npy"):
         assert len(load_scene(scene_of(folder, name)).views[0].points) == len(POINTS)
@@ -368,5 +368,5 @@ def test_descriptions_that_used_to_end_otherwise(tmp_path, text):
     np.save(tmp_path / "a.npy", POINTS)
     with pytest.raises(FileFormatError, match=r"scene\.toml: "):
         load_scene(scene_of(tmp_path, "a.npy", text, "turntable_deg = 30" if "turn" in text else IDENTITY))
-    with pytest.raises(FileFormatError, match=r"view 1\.file: expected a file's name"):
+    with pytest.raises(FileFormatError, match=r"view 0\.file: expected a file's name"):
         load_scene(scene_of(tmp_path, r"a\u0000.npy"))

@@ -143,9 +143,9 @@ def test_it_shows_chains_points_doubts_and_cameras_where_they_are(paper_model, r
     about = unpacked(drawn["customdata"])[:-1]
     np.testing.assert_allclose(about[:, 1], 1e3 * chain.arc_length, rtol=1e-5, atol=1e-3)
     np.testing.assert_allclose(about[:, 2], 1e3 * space.deviations(chain), rtol=1e-5)
-    assert f"chain 1: {chain.length * 1e3:.0f} mm" in traces
+    assert f"chain 0: {chain.length * 1e3:.0f} mm" in traces
     clouds = paper_model.stages["registered"]
-    for i, cloud in enumerate(clouds, 1):
+    for i, cloud in enumerate(clouds):
         assert len(unpacked(traces[f"view {i}: {len(cloud):,} points"]["y"])) == len(cloud)
     with_place = [d for d in paper_model.doubts if d.place is not None]
     assert len(traces.get("doubts: " + str(len(with_place)), {"text": []})["text"]) == len(with_place)
@@ -222,7 +222,7 @@ def test_views_of_points_and_odd_models(browser, tmp_path, chains):
     write_report(model, views, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text("utf-8")
     assert f"{len(chains)} {'chain' if len(chains) == 1 else 'chains'}" in text
-    assert "view 1, made of its points" in text
+    assert "view 0, made of its points" in text
     if not chains:
         browser.events.clear()
         browser.open(tmp_path / "a.html")

@@ -53,14 +53,14 @@ def test_all_is_told_and_the_file_is_written_whole(paper, paper_model, tmp_path)
     told = Recording.last.told
     assert (tmp_path / "a.rrd").read_bytes() == b"RRF" + str(len(told)).encode()
     assert not Recording.last.spawned
-    np.testing.assert_array_equal(told["chains/1"][0].values[0][0], paper_model.chains[0].points)
-    np.testing.assert_array_equal(told["points/3"][0].values[0], paper_model.stages["registered"][2])
-    transform, pinhole = told["cameras/2"]
+    np.testing.assert_array_equal(told["chains/0"][0].values[0][0], paper_model.chains[0].points)
+    np.testing.assert_array_equal(told["points/2"][0].values[0], paper_model.stages["registered"][2])
+    transform, pinhole = told["cameras/1"]
     np.testing.assert_array_equal(transform.translation, paper_model.poses[1, :3, 3])
     assert pinhole.resolution == [320, 240]
-    np.testing.assert_allclose(told["cameras/2/depth"][0].values[0], paper.views[1].image.depth, rtol=1e-6)
-    assert len(told["truth/1"][0].values[0][0]) == len(paper.truth[0])
-    assert {"ends/1", "crossings", "next_view"} <= set(told)
+    np.testing.assert_allclose(told["cameras/1/depth"][0].values[0], paper.views[1].image.depth, rtol=1e-6)
+    assert len(told["truth/0"][0].values[0][0]) == len(paper.truth[0])
+    assert {"ends/0", "crossings", "next_view"} <= set(told)
 
 
 @pytest.mark.usefixtures("rerun")
@@ -84,7 +84,7 @@ def test_a_viewer_that_does_not_start_is_an_error_of_strand(paper, paper_model, 
 def test_models_without_chains_and_views_without_points(tmp_path):
     model = strand.Model((), np.eye(4)[None])
     write_recording(model, [strand.View(np.empty((0, 3)))], tmp_path / "a.rrd")
-    assert set(Recording.last.told) == {"points/1"}
+    assert set(Recording.last.told) == {"points/0"}
     with pytest.raises(ValueError, match="views: expected the 1"):
         write_recording(model, [strand.View(np.ones((1, 3)))] * 2, tmp_path / "b.rrd")
     assert not (tmp_path / "b.rrd").exists()

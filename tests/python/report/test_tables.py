@@ -128,8 +128,8 @@ def test_stages_are_needed():
 def test_accuracy_lines_pair_the_longest_with_the_longest():
     lines = tables.describe_accuracy(model_of(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
     assert lines == [
-        "rope 1: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
-        "rope 2: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+        "rope 0: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
+        "rope 1: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
     ]
 
 
@@ -139,8 +139,8 @@ def test_tables_line_up():
     )
     assert tables.describe_chains(model).splitlines() == [
         "chain  length / mm  nodes  radius / mm    ends",
-        "1            200.0     41         4.00    open",
-        "2             80.0      9         4.00  closed",
+        "0            200.0     41         4.00    open",
+        "1             80.0      9         4.00  closed",
     ]
     assert tables.describe_timings(model).splitlines() == [
         "stage        ms",
@@ -159,9 +159,9 @@ def test_chains_that_say_how_sure_they_are():
     model = Model(chains, np.eye(4)[None], confidence=0.49)
     assert tables.describe_chains(model).splitlines() == [
         "chain  length / mm  nodes  radius / mm    ends  confidence  doubts",
-        "1            200.0     41         4.00    open        0.50  left out, end, +2",
-        "2             80.0      9         4.00  closed        0.99  end, join",
-        "3             10.0      3         4.00    open        0.99",
+        "0            200.0     41         4.00    open        0.50  left out, end, +2",
+        "1             80.0      9         4.00  closed        0.99  end, join",
+        "2             10.0      3         4.00    open        0.99",
     ]
     assert tables.describe_confidence(model) == "confidence: 0.49 that all ropes run as said"
     assert tables.describe_confidence(model_of(LINE)).startswith("confidence: not known")
