@@ -17,6 +17,8 @@ const FEWEST: usize = 10;
 const TIP: usize = 2;
 /// An end lies over or under a strand if the opposite order costs more than this.
 const LIES_OVER: f64 = 8.0;
+/// Ropes are at most this much longer than they look: else their depth is that of other things.
+const STEEPEST: f64 = 20.0;
 /// Least and most noise, radii.
 const NOISE: (f64, f64) = (0.15, 2.0);
 
@@ -34,7 +36,7 @@ pub struct Lifted {
 /// Gives polylines of a view's image their depth.
 ///
 /// A smoothing spline of median depths, which leaves out where strands hide each other until it is known which is on
-/// top. None if no polyline has a depth.
+/// top. None if no polyline has a depth, or they all but run along the rays.
 pub fn lift(
     view: &RopeView,
     chains: &[Vec<Place2>],
@@ -132,6 +134,10 @@ pub fn lift(
     };
     let nodes: Vec<Vec<Point>> = ranges.iter().map(|r| r.clone().map(lifted).collect()).collect();
     let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc_length(nodes)).collect();
+    let length: f64 = arcs.iter().map(|arc| arc[arc.len() - 1]).sum();
+    if length > STEEPEST * STEP * radius * places.len() as f64 {
+        return None;
+    }
     let place = |i: usize| {
         let chain = numbers[i] as usize;
         let arc = &arcs[chain];

@@ -214,3 +214,20 @@ def test_fits_of_mad_numbers_are_refused(change, named):
         given[place] = value
     with pytest.raises(ValueError, match=f"^{named}"):
         images.fit(*given)
+
+
+def test_readings_whose_depth_jumps_to_and_fro_are_no_ropes():
+    mask = np.zeros((96, 256), bool)
+    mask[44:52, 20:236] = True
+    depth = np.where(mask, 0.49, 0.5)
+    camera, errors = ((400.0, 400.0), (128.0, 48.0)), (None, 4.0, 0.5, 0.0)
+    table, sd = ((0.0, 0.0, -1.0), -0.5), (0.01, 0.01)
+
+    def fitted(depth):
+        images = strand._core.RopeImages([depth], [mask], [camera], [np.eye(4)], 0.005)
+        readings = images.readings(1, 2, [0])
+        return images.fit([(0, chains) for _, _, chains, _ in readings], table, 0, sd, errors, 5, False)
+
+    assert fitted(depth)[0] is not None
+    far = mask & (np.arange(256) // 24 % 2 == 1)
+    assert set(fitted(np.where(far, 2.0, depth))) == {None}
