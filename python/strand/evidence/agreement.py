@@ -15,10 +15,16 @@ from strand.view import View, cropped
 # points of a view that are asked, and fewest that say anything; views with more than so many show more than
 # ropes
 _ASKED, _FEWEST, _MOST = 200, 30, 40_000
+# cosine between directions of sight beyond which views show opposite sides of a rope
+_OPPOSITE = -0.8
 
 
 def apart(
-    views: Sequence[View], bounds: Box | None, most: float, shown: Sequence[View] | None = None
+    views: Sequence[View],
+    bounds: Box | None,
+    most: float,
+    shown: Sequence[View] | None = None,
+    opposite: float | None = None,
 ) -> float:
     """Return how far apart views show ropes, in the mean of each and the one before it.
 
@@ -35,6 +41,9 @@ def apart(
         Farther is as far as this, metres; a view that shows nothing in bounds is as far from the others.
     shown : sequence of View, optional
         The same views with the points of ropes alone, if they are known.
+    opposite : float, optional
+        How far apart views of opposite sides count as, metres: they show nothing in common. If it is not
+        given they are left out, and are not apart if there are no others.
 
     Returns
     -------
@@ -48,11 +57,16 @@ def apart(
     if max(map(len, clouds)) > _MOST or sum(len(cloud) >= _FEWEST for cloud in clouds) < 2:
         return float("nan")
     count = len(views)
-    found = [
-        far
-        for i in range(count)
-        for far in _from_one_to_another(clouds[i], clouds[i - 1], views[i - 1], most)
-    ]
+    across = [_facing(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
+    found, against = [], 0
+    for i in range(count):
+        if across[i] @ across[i - 1] < _OPPOSITE:
+            against += 1
+            found += [] if opposite is None else [opposite]
+        else:
+            found += _from_one_to_another(clouds[i], clouds[i - 1], views[i - 1], most)
+    if against and not found:
+        return 0.0
     return float(np.mean(found)) if found else float("inf")
 
 
@@ -69,13 +83,29 @@ def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> I
 
 
 def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
-    """Which points of the world lie before a view's image; of a view of points alone all may."""
+    """Which points of the world lie before a view's image; of a view of points, no farther out than these."""
     image = view.image
+    seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
     if image is None:
-        return np.ones(len(points), dtype=bool)
-    x, y, z = ((points - view.pose[:3, 3]) @ view.pose[:3, :3]).T
+        own, asked = _directions(view.points), _directions(seen)
+        middle = own.mean(axis=0)
+        return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
+    x, y, z = seen.T
     height, width = image.depth.shape
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u = x / z * image.focal[0] + image.centre[0]
         v = y / z * image.focal[1] + image.centre[1]
     return np.asarray((z > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
+
+
+def _directions(points: Array) -> Array:
+    """(N, 3) Unit vectors from a camera to points of its frame."""
+    return np.asarray(points / np.maximum(np.linalg.norm(points, axis=1), np.finfo(float).tiny)[:, None])
+
+
+def _facing(cloud: Array, view: View) -> Array:
+    """(3,) The direction in which a view sees its ropes, world frame."""
+    if not len(cloud):
+        return np.zeros(3)
+    towards = cloud.mean(axis=0) - view.viewpoint
+    return np.asarray(towards / max(float(np.linalg.norm(towards)), np.finfo(float).tiny))

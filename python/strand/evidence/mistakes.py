@@ -61,7 +61,7 @@ def suspected(
     list of Doubt
         What is contradicted by most is first.
     """
-    signs = too_far(whole, radius), bent_tables(whole), seen_all_around(whole)
+    signs = too_far(shown or whole, radius), bent_tables(whole), seen_all_around(whole)
     found = [doubt for doubt in signs if doubt is not None]
     far = apart(views, bounds, _FARTHEST * radius, shown) if len(views) > 1 else math.nan
     if len(views) > 1 and not found and not far <= _AGREE * radius:
@@ -96,7 +96,8 @@ def _apart(views: Sequence[View | None], bounds: Box | None, radius: float) -> f
     """How far apart views are, metres; infinite if some are missing or none sees what another one does."""
     if any(view is None for view in views):
         return math.inf
-    far = apart([view for view in views if view is not None], bounds, _FARTHEST * radius)
+    most = _FARTHEST * radius
+    far = apart([view for view in views if view is not None], bounds, most, opposite=most)
     return math.inf if math.isnan(far) else far
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand._core import NotEnoughDataError
 from strand.box import Box
 from strand.checks import Array
 from strand.lazy import lazy
@@ -131,6 +132,10 @@ def _of_points(view: View) -> RopeImage:
     frame = np.column_stack([aside, np.cross(forward, aside), forward])
     x, y, z = (points @ frame).T
     ahead = z > 0
+    if not ahead.any():
+        raise NotEnoughDataError(
+            "views: the points are too far from their camera to be told apart, in metres"
+        )
     slopes = np.column_stack([x[ahead] / z[ahead], y[ahead] / z[ahead]])
     low, high = slopes.min(axis=0), slopes.max(axis=0)
     focal = _focal(slopes - low, float((high - low).max()))
