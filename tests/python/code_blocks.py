@@ -117,6 +117,7 @@ GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
     "README.md": {1: clouds, 2: one_image},
     "docs/configuration.md": {0: seen},
     "docs/method.md": {0: seen, 1: one_image},
+    "docs/mistakes.md": {0: seen, 1: one_image},
     "docs/pictures.md": {0: seen},
     "docs/recordings.md": {0: lambda: {"BOUNDS": arc().bounds}, 1: messages},
     "docs/sensors.md": {0: seen},

@@ -107,7 +107,7 @@ def test_a_model(folder, capsys):
     lines = lines_of(capsys, "model.json")
     assert lines[0] == "model.json: model, version 2"
     length = f"{strand.load('model.json').chains[0].length * 1e3:.1f}"
-    assert lines[4].split() == ["1", length, "40", "4.00", "open", "0.50", "end"]
+    assert lines[4].split() == ["0", length, "40", "4.00", "open", "0.50", "end"]
     assert lines[5:] == [
         "  confidence  0.50",
         "  doubts      1 end",
