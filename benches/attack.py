@@ -314,7 +314,7 @@ def mad_array(array: np.ndarray, chance: random.Random) -> object:
         )
     if way == 9:
         # words are not whole numbers
-        kind = "O" if array.dtype.kind == "U" else chance.choice(KINDS)
+        kind = "O" if array.dtype.kind in "UO" else chance.choice(KINDS)
         with np.errstate(all="ignore"):
             return array.astype(kind)
     if way == 10:

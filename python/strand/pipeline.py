@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.box import Bounds, extraction_range
+from strand.box import Bounds, Box, extraction_range
 from strand.checks import flag, positive, to_millimetres
 from strand.config import Config
 from strand.default import find_chains as find_by_default
@@ -18,7 +18,7 @@ from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions, of_chains
 from strand.evidence.mistakes import explained
 from strand.evidence.prior import Prior
-from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
+from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
 from strand.images.radius import shown_radius
 from strand.images.seen import rope_images
 from strand.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
@@ -89,9 +89,9 @@ def reconstruct(
         (the published method needs one).
     bounds : pair of (3,) array_like, or Box, optional
         The extraction range, metres: low and high corner of a box along the axes of the world frame, or a
-        `strand.Box`, which may be turned. If it is
-        not given, and no view has a mask, the default method finds the ropes among other things on a table
-        (see `strand.find_ropes`); where there is no table, everything is taken for ropes.
+        `strand.Box`, which may be turned. If it is not given or holds a table, and no view has a mask, the
+        default method finds the ropes among other things on the table (see `strand.find_ropes`); where there
+        is no table, everything is taken for ropes.
     ropes : int, optional
         How many ropes there are; as many as the data show if not given. The default method then bridges gaps
         of any length until no more chains are left than that (see `Chain.bridged`).
@@ -134,8 +134,8 @@ def reconstruct(
     strand.NotEnoughDataError
         If no view has points in the extraction range, or they make no chain.
     strand.NoRopeError
-        If there are no bounds and no masks, and what stands on the table is no rope; it is a
-        `NotEnoughDataError`.
+        If there are no masks, and bounds that leave a table out are not given either, and what stands on the
+        table is no rope; it is a `NotEnoughDataError`.
     """
     begun = time.monotonic()
     config = Config() if config is None else config
@@ -155,12 +155,17 @@ def reconstruct(
         if not any(len(view.points) for view in raw):
             raise NotEnoughDataError(f"views: {why_empty(views, box, radii)}")
     with explained(views, box, radii):
-        if box is None and method.any_radius and not any(view.mask is not None for view in views):
+        among_things = method.any_radius and not any(view.mask is not None for view in views)
+        if among_things and (box is None or on_table(views, raw)):
             with run.stage("find"):
-                shown = _ropes_among_things(views, radii)
+                shown = _ropes_among_things(views, radii, box)
             raw, found_radius = list(shown.views), shown.radius
+            if box is not None:
+                raw = cropped(raw, box)
             # what else points show says which space is free; of images the mask says it
-            views = tuple(view if view.image is None else own for view, own in zip(views, raw, strict=True))
+            views = tuple(
+                view if view.image is None else own for view, own in zip(views, shown.views, strict=True)
+            )
             run.warnings.extend(_left_out(shown))
         if not any(len(view.points) for view in raw):
             raise NotEnoughDataError(f"views: {why_empty(views, None, radii)}")
@@ -267,12 +272,13 @@ def _checked(
     return views, radii, method
 
 
-def _ropes_among_things(views: tuple[View, ...], radii: Radii | None) -> FoundRopes:
+def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box | None) -> FoundRopes:
     """Find ropes on a table; strands side by side look like one, and are told from it by their radius."""
     try:
-        return find_ropes(views, None if radii is None else radii.values.tolist())
+        return find_ropes(views, None if radii is None else radii.values.tolist(), box)
     except NoRopeError:
-        if radii is None or no_ropes(views, float(radii.values.max())) is not None:
+        shown = views if box is None else cropped(views, box)
+        if radii is None or no_ropes(shown, float(radii.values.max())) is not None:
             raise
         return FoundRopes(views, None, (None,) * len(views), ())
 

@@ -92,6 +92,7 @@ def test_intrinsics_of_an_image_of_another_size():
 def test_no_points_at_all():
     assert "no view has a point; are all depths 0 or not finite?" in message(images(0.0 * DEPTH))
     assert "no view has a point" in message([strand.View(np.empty((0, 3)))], None)
+    assert "no view has a point" in message([strand.View.from_depth(np.empty((1, 0)), K)], None)
 
 
 def test_masks_without_a_point_are_named():

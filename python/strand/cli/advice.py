@@ -110,6 +110,8 @@ def _method(masked: bool, bounded: bool, images: bool) -> dict[str, str]:
     """Say what counts as rope, and how it is worked on."""
     inside = [*(["the bounds"] if bounded else []), *(["the masks"] if masked else [])]
     ropes = f"what is inside {' and '.join(inside)}"
+    if bounded and not masked:
+        ropes += "; if that is a table, ropes on it"
     if not inside:
         ropes = (
             "no bounds and no masks: a table is looked for, and ropes on it; without a table everything is "

@@ -13,7 +13,7 @@ from strand.box import Box
 from strand.doubt import Doubt
 from strand.evidence.agreement import apart
 from strand.evidence.distance import too_far
-from strand.evidence.field_of_view import seen_all_around
+from strand.evidence.field_of_view import seen_all_around, seen_from_one_place
 from strand.evidence.flatness import bent_tables
 from strand.evidence.principal_point import off_centre
 from strand.evidence.undone import MISTAKES
@@ -61,7 +61,8 @@ def suspected(
     list of Doubt
         What is contradicted by most is first.
     """
-    signs = too_far(shown or whole, radius), bent_tables(whole), seen_all_around(whole)
+    around = seen_all_around(whole) or seen_from_one_place(whole)
+    signs = too_far(shown or whole, radius), bent_tables(whole), around
     found = [doubt for doubt in signs if doubt is not None]
     far = apart(views, bounds, _FARTHEST * radius, shown) if len(views) > 1 else math.nan
     if len(views) > 1 and not found and not far <= _AGREE * radius:

@@ -26,7 +26,9 @@ def off_centre(views: Sequence[View]) -> Doubt | None:
     Doubt or None
     """
     images = {
-        (view.image.centre, view.image.depth.shape): view.image for view in views if view.image is not None
+        (view.image.centre, view.image.depth.shape): view.image
+        for view in views
+        if view.image is not None and view.image.depth.size
     }
     if len(images) != 1:
         return None

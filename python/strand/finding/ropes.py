@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strand._core import NotEnoughDataError
+from strand.box import Bounds, Box, extraction_range
 from strand.checks import Array
-from strand.finding.standing import tabletop
+from strand.finding.standing import table_in, tabletop
 from strand.finding.strips import LeftOut, rope_strips
 from strand.finding.widths import strip_lengths, strip_radius
 from strand.images.seen import RopeImage, rope_images
@@ -18,6 +20,9 @@ from strand.view import View, checked_views, masked
 
 # ropes show at least so many radii of length in some view
 _SHORTEST = 14.0
+# a table in an extraction range takes this share of an image's pixels; of so many, where there is no image;
+# points that are looked at first
+_PART, _PIXELS, _LOOK = 0.04, 200_000, 30_000
 
 
 class NoRopeError(NotEnoughDataError):
@@ -48,7 +53,11 @@ class FoundRopes:
     left_out: tuple[LeftOut, ...]
 
 
-def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = None) -> FoundRopes:
+def find_ropes(
+    views: Sequence[View],
+    radius: float | Sequence[float] | None = None,
+    bounds: Bounds | None = None,
+) -> FoundRopes:
     """Tell ropes on a table from the table and from other things on it.
 
     In each view the plane that most points lie on is the table, however it is tilted. What stands above it is
@@ -61,6 +70,9 @@ def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = N
     radius : float or sequence of float, optional
         The ropes' radius, or the radii of ropes that differ, metres; found by how wide strips are if not
         given.
+    bounds : pair of (3,) array_like, or Box, optional
+        Where ropes are sought on the table, metres, as for `strand.reconstruct`; anywhere if not given. The
+        table is found by all that a view shows.
 
     Returns
     -------
@@ -71,11 +83,12 @@ def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = N
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If there are no views or the radius is not positive.
+        If there are no views, the radius is not positive or the bounds are no box.
     strand.NoRopeError
         If there is a table, and no rope on it.
     """
     views = checked_views(views)
+    box = None if bounds is None else extraction_range(bounds)
     given = None if radius is None else Radii.given(radius).values
     asked = [k for k, view in enumerate(views) if view.mask is None and len(view.points)]
     images = rope_images([views[k] for k in asked], [views[k] for k in asked], None)
@@ -84,14 +97,15 @@ def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = N
     tables: list[tuple[Array, float] | None] = [None] * len(views)
     if not tops:
         return FoundRopes(tuple(views), None, tuple(tables), ())
-    widths = strip_radius([top.image for top in tops.values()])
+    inside = {k: True if box is None else _held(top.image, box) for k, top in tops.items()}
+    widths = strip_radius([replace(top.image, mask=top.image.mask & inside[k]) for k, top in tops.items()])
     thin, thick = (widths, widths) if given is None else (float(given.min()), float(given.max()))
     left_out: list[LeftOut] = []
     shown = []
     for k, top in tops.items():
         mask, others = rope_strips(top, thin, thick, k)
-        left_out += others
-        shown.append(replace(top.image, mask=mask))
+        left_out += [thing for thing in others if box is None or box.holds(thing.place)]
+        shown.append(replace(top.image, mask=mask & inside[k]))
         tables[k] = (top.normal, top.offset)
         found[k] = _only(views[k], shown[-1])
     own = strip_radius(shown)
@@ -99,6 +113,37 @@ def find_ropes(views: Sequence[View], radius: float | Sequence[float] | None = N
     if longest < _SHORTEST * own or not any(len(found[k].points) for k in tops):
         raise NoRopeError(f"views: {_why_none(left_out, longest, own)}")
     return FoundRopes(tuple(found), widths, tuple(tables), tuple(left_out))
+
+
+def on_table(views: Sequence[View], within: Sequence[View]) -> bool:
+    """Tell whether an extraction range holds a table: most of what one view shows in it lies on one.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Without masks.
+    within : sequence of View
+        The same views, cropped.
+    """
+    most = max(range(len(views)), key=lambda k: len(within[k].points))
+    view, own = views[most], within[most]
+    size = _PIXELS if view.image is None else view.image.depth.size
+    # a quick look first
+    if len(own.points) < _PART * size or table_in(own.points[:: max(len(own.points) // _LOOK, 1)]) is None:
+        return False
+    (image,) = rope_images([own], [view], None)
+    top = tabletop(image)
+    if top is None:
+        return False
+    return bool(2 * np.count_nonzero(image.mask & top.image.mask) < np.count_nonzero(image.mask))
+
+
+def _held(image: RopeImage, box: Box) -> NDArray[np.bool_]:
+    """(H, W) Which pixels show what is in an extraction range."""
+    rows, columns = np.nonzero(image.depth > 0)
+    found = np.zeros_like(image.mask)
+    found[rows, columns] = box.holds(image.world(rows, columns, image.depth[rows, columns]))
+    return found
 
 
 def _only(view: View, image: RopeImage) -> View:

@@ -65,20 +65,37 @@ def tabletop(image: RopeImage) -> Tabletop | None:
     step = max(len(rows) // _POINTS, 1)
     rows, columns = rows[::step], columns[::step]
     centre = image.pose[:3, 3]
-    points = image.world(rows, columns, image.depth[rows, columns]) - centre
+    found = table_in(image.world(rows, columns, image.depth[rows, columns]) - centre)
+    if found is None:
+        return None
+    normal, from_camera = found
+    offset = from_camera + float(normal @ centre)
+    v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
+    above = np.where(seen, image.world(v, u, image.depth) @ normal - offset, 0.0)
+    return Tabletop(replace(image, mask=_standing(above, seen, -from_camera)), normal, offset, above)
+
+
+def table_in(points: Array) -> tuple[Array, float] | None:
+    """Return the plane that most points lie on, if they lie side by side there, farther than ropes do.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        From where the camera is, metres.
+
+    Returns
+    -------
+    ((3,) ndarray, float) or None
+        Its unit normal n towards the camera, and n.x, metres.
+    """
     if not len(points) or np.abs(points).max() > _FARTHEST:
         return None
     found = largest_plane(points)
     if found is None or found[2] < _SHARE:
         return None
-    normal, from_camera, _ = found
-    offset = from_camera + float(normal @ centre)
-    away = np.abs(points @ normal - from_camera)
-    if not _is_wide(points[away < _LOWEST * 5.0 * np.linalg.norm(points, axis=1)], normal):
-        return None
-    v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
-    above = np.where(seen, image.world(v, u, image.depth) @ normal - offset, 0.0)
-    return Tabletop(replace(image, mask=_standing(above, seen, -from_camera)), normal, offset, above)
+    normal, offset, _ = found
+    on_plane = np.abs(points @ normal - offset) < _LOWEST * 5.0 * np.linalg.norm(points, axis=1)
+    return (normal, offset) if _is_wide(points[on_plane], normal) else None
 
 
 def _is_wide(points: Array, normal: Array) -> bool:

@@ -38,6 +38,8 @@ _STEP = 0.5
 _BRIDGED = 2.0
 # readings of each view, and how much more than the best a reading may cost to be fitted; two always are
 READINGS, _MORE = 6, 12.0
+# ropes that were found otherwise are not so many times as long as what is read, or they are noise
+_LONGER = 4.0
 # steps of a fit
 _STEPS = 8
 
@@ -112,6 +114,31 @@ def likely_readings(
         for place, reading in enumerate(found[: 2 * most])
         if place < 2 or reading.cost < found[0].cost + more
     ]
+
+
+def may_be_ropes(chains: Sequence[Array], readings: Sequence[Reading]) -> bool:
+    """Tell whether ropes that were found otherwise are worth a fit.
+
+    A fit of all that was found in noise would take many times as long as the others.
+
+    Parameters
+    ----------
+    chains : sequence of (M, 2) ndarray
+        Columns and rows of the ropes' nodes, pixels.
+    readings : sequence of Reading
+
+    Returns
+    -------
+    bool
+        Whether there are any, and they are not much longer than what is read.
+    """
+    read = max((_length(reading.chains) for reading in readings), default=np.inf)
+    return bool(chains) and _length(chains) < _LONGER * read
+
+
+def _length(chains: Sequence[Array]) -> float:
+    """Length of polylines together, in their unit."""
+    return float(sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in chains))
 
 
 def fitted(

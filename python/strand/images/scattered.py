@@ -21,6 +21,7 @@ from strand.images.comparison import (
     contradiction_of,
     fitted,
     likely_readings,
+    may_be_ropes,
     refitted,
 )
 from strand.images.ends import ends_moved
@@ -149,10 +150,11 @@ def read_scattered(
         tubes: list[Array] = []
         if len(masked) > _TUBES and not run.late("tubes in averaged depths"):
             tubes = _tubes(observed, masked[_TUBES], table, config, run)
+    read = [reading for those in readings for reading in those]
     for ropes in (others, tubes):
-        if ropes:
-            found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
-            readings = [[*read, found] for read in readings]
+        found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
+        if may_be_ropes(found.chains, read):
+            readings = [[*those, found] for those in readings]
     scene = _Scene(table, held, noise, radius, Errors(), config)
     with run.stage("explain"):
         best = _best(scene, known, readings, run)

@@ -11,8 +11,8 @@ const WINDING: usize = 4;
 const STRETCH: usize = 8;
 /// Flips of both of two neighbours are tried for this many crossings at most.
 const MOST_DOUBLE: usize = 24;
-/// Solutions that are tried at most to better the orders of all crossings together.
-const MOST_SOLVED: usize = 4000;
+/// Work of bettering the orders of all crossings together, at most: samples times crossings of each solution.
+const MOST_WORK: usize = 100_000_000;
 /// A crossing whose sides differ by more than this alone is left as it is.
 const CLEAR: f64 = 20.0;
 
@@ -201,9 +201,10 @@ impl Evidence<'_> {
         let mut order = start;
         let mut best = cost(&order, 3);
         let mut margins = alone.clone();
-        let mut solved = 0;
+        let each = self.start.len() * overlaps.len();
+        let mut work = 0;
         for _ in 0..2 * overlaps.len() {
-            if solved > MOST_SOLVED {
+            if work > MOST_WORK {
                 break;
             }
             let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
@@ -216,7 +217,7 @@ impl Evidence<'_> {
                     other[k] = other[k].map(|first| !first);
                 }
                 let more = cost(&other, 3) - best;
-                solved += 1;
+                work += each;
                 if let [k] = flips[..] {
                     margins[k] = more;
                 }

@@ -58,7 +58,7 @@ def test_a_scene(folder, capsys):
     assert "  truth       1 centreline" in lines
     assert lines[-5:] == [
         "  strand reconstruct arc.npz",
-        "  ropes       what is inside the bounds",
+        "  ropes       what is inside the bounds; if that is a table, ropes on it",
         "  method      tubes first, readings of images where these are unsure",
         "  radius      4.2 mm, as the scene says",
         "  poses       start from those of the scene; views are fitted to each other",

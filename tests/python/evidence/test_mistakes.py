@@ -8,7 +8,7 @@ import pytest
 import strand
 from strand.evidence.agreement import apart
 from strand.evidence.distance import too_far
-from strand.evidence.field_of_view import seen_all_around
+from strand.evidence.field_of_view import seen_all_around, seen_from_one_place
 from strand.evidence.flatness import bent_tables, table_scatters
 from strand.evidence.mistakes import explained, suspected
 from strand.evidence.principal_point import off_centre
@@ -148,6 +148,18 @@ def test_points_all_around_their_camera_are_doubted():
     doubt = seen_all_around([strand.View(view.points), inside])
     assert doubt.kind == "viewpoint"
     assert "view 1 lie all around" in doubt.reason
+
+
+def test_views_from_one_place_that_look_elsewhere_are_doubted():
+    made = strand.synthetic.scene("arc", views=3)
+    doubt = seen_from_one_place([strand.View(view.world_points + 0.3) for view in made.views])
+    assert doubt.kind == "viewpoint"
+    assert "views 0, 1 and 2 are said to be from one place" in doubt.reason
+    # one camera that stays, another one, and two ropes apart, are right
+    points, noise = made.views[0].points, np.random.default_rng(0).normal(scale=1e-3, size=(2, 320 * 240, 3))
+    still = [strand.View(points + more[: len(points)]) for more in noise]
+    ropes = [strand.View(part) for part in np.array_split(made.views[0].crop(made.bounds).points, 2)]
+    assert seen_from_one_place([*still, strand.View(made.views[1].points, made.poses[1]), *ropes]) is None
 
 
 def test_a_principal_point_of_another_image_is_doubted():

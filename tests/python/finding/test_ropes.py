@@ -64,6 +64,40 @@ def test_a_rope_among_things_is_reconstructed_with_nothing_told(scene, request):
     assert "find" in model.timings
 
 
+@pytest.mark.parametrize("scene", ["one", "three"])
+def test_bounds_that_hold_the_table_do_no_harm(scene, request):
+    made = request.getfixturevalue(scene)
+    model = strand.reconstruct(made.views, bounds=made.bounds)
+    assert "find" in model.timings
+    assert right(made, model)
+    assert model.chains[0].confidence >= 0.5
+
+
+def test_bounds_whose_floor_is_the_table():
+    made = strand.synthetic.scene("overhand", views=2, noise=0.0005, size=(480, 360))
+    low, high = made.bounds
+    model = strand.reconstruct(made.views, made.radius, ((*low[:2], 0.0), high))
+    assert "find" in model.timings
+    assert right(made, model)
+    # of bounds that leave the table out nothing is changed
+    assert "find" not in strand.reconstruct(made.views, made.radius, made.bounds).timings
+
+
+def test_ropes_are_sought_within_bounds(one):
+    rope = one.truth[0]
+    middle = np.median(rope, axis=0)
+    half = strand.Box(middle - (0.0, 1.0, 1.0), middle + 1.0)
+    found = strand.find_ropes(one.views, one.radius, half)
+    (everywhere,) = strand.find_ropes(one.views, one.radius).views
+    (view,) = found.views
+    assert half.holds(view.world_points).all()
+    assert set(map(tuple, view.points)) <= set(map(tuple, everywhere.points))
+    assert len(view.points) > 0.2 * len(everywhere.points)
+    assert all(half.holds(thing.place) for thing in found.left_out)
+    with pytest.raises(strand.NoRopeError):
+        strand.find_ropes(one.views, bounds=strand.Box(rope.max(axis=0) + 0.1, rope.max(axis=0) + 0.2))
+
+
 def test_points_without_an_image_do_as_well(one):
     model = strand.reconstruct([strand.View(view.points, view.pose) for view in one.views])
     assert right(one, model)
