@@ -14,14 +14,18 @@ from strand.files import FileFormatError, read_bytes, read_json
 MOST_BYTES = 1 << 16
 
 
+# what JSON calls the principal point beside the focal lengths fx and fy: most programs, and RealSense's
+_CENTRES = (("cx", "cy"), ("ppx", "ppy"))
+
+
 def read_intrinsics(path: str | os.PathLike[str]) -> Array:
     """Read a pinhole matrix.
 
     Parameters
     ----------
     path : str or path-like
-        A `.json` file with an `intrinsic_matrix` of nine numbers, column by column, as Open3D writes it; any
-        other is text, the matrix row by row.
+        A `.json` file with `fx`, `fy`, `cx` and `cy` (or `ppx` and `ppy`), or with an `intrinsic_matrix` of
+        nine numbers, column by column, as Open3D writes it; any other is text, the matrix row by row.
 
     Returns
     -------
@@ -36,15 +40,28 @@ def read_intrinsics(path: str | os.PathLike[str]) -> Array:
         If it cannot be read.
     """
     json = Path(path).suffix.lower() == ".json"
-    content: Any = read_json(path, MOST_BYTES) if json else read_bytes(path, MOST_BYTES).split()
     try:
         if json:
-            content = content["intrinsic_matrix"]
-        numbers = [float(one) for one in content]
-        if len(numbers) != 9:
-            raise ValueError(f"got {len(numbers)}")
-        matrix = np.reshape(numbers, (3, 3))
-        return pinhole("intrinsics", matrix.T if json else matrix)
+            return pinhole("intrinsics", _of_json(read_json(path, MOST_BYTES)))
+        return pinhole("intrinsics", _nine(read_bytes(path, MOST_BYTES).split()))
     except (KeyError, OverflowError, TypeError, ValueError) as error:
-        reason = f"expected the nine numbers of a pinhole matrix ({error})"
+        wanted = "fx, fy, cx and cy, or an intrinsic_matrix" if json else "a matrix"
+        reason = f"expected the numbers of a pinhole camera: {wanted} of nine numbers ({error})"
         raise FileFormatError(path, reason) from error
+
+
+def _of_json(content: Any) -> Array:
+    if "intrinsic_matrix" in content:
+        return _nine(content["intrinsic_matrix"]).T
+    for centre in _CENTRES:
+        if all(name in content for name in centre):
+            fx, fy, cx, cy = (float(content[name]) for name in ("fx", "fy", *centre))
+            return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    raise ValueError(f"got {', '.join(map(repr, content)) or 'nothing'}"[:200])
+
+
+def _nine(content: Any) -> Array:
+    numbers = [float(one) for one in content]
+    if len(numbers) != 9:
+        raise ValueError(f"got {len(numbers)}")
+    return np.reshape(numbers, (3, 3))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import open3d as o3d
 import pytest
@@ -20,15 +22,27 @@ def test_matrices_that_numpy_and_open3d_wrote(tmp_path):
         np.testing.assert_array_equal(read_intrinsics(tmp_path / name), K)
 
 
+@pytest.mark.parametrize("centre", ["c", "pp"])
+def test_focal_lengths_and_principal_point_by_name(tmp_path, centre):
+    camera = {"width": 640, "fx": 600.5, "fy": 601.25, f"{centre}x": 320, f"{centre}y": 240}
+    (tmp_path / "k.json").write_text(json.dumps(camera))
+    np.testing.assert_array_equal(read_intrinsics(tmp_path / "k.json"), K)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "reason"),
     [
-        ("k.txt", "1 2 3 4", r"nine numbers of a pinhole matrix \(got 4\)"),
+        ("k.txt", "1 2 3 4", r"a matrix of nine numbers \(got 4\)"),
         ("k.txt", "1 0 0 0 1 0 0 0 a", "nine numbers"),
         ("k.txt", "1 0 0 0 -1 0 0 0 1", "fx, fy > 0"),
         ("k.txt", "", "got 0"),
-        ("k.json", "[1, 2]", "nine numbers"),
-        ("k.json", "{}", "nine numbers"),
+        ("k.json", "[1, 2]", "got 1, 2"),
+        ("k.json", "7", "nine numbers"),
+        ("k.json", "{}", "got nothing"),
+        ("k.json", '{"fx": 600, "fy": 600, "cx": 320}', "got 'fx', 'fy', 'cx'"),
+        ("k.json", '{"fx": 600, "cx": 320, "cy": 240}', "'fy'"),
+        ("k.json", '{"fx": 600, "fy": [1], "cx": 320, "cy": 240}', "fx, fy, cx and cy"),
+        ("k.json", '{"fx": 600, "fy": "NaN", "cx": 320, "cy": 240}', "finite numbers"),
         ("k.json", '{"intrinsic_matrix": 5}', "nine numbers"),
         ("k.json", '{"intrinsic_matrix": [[1], 0, 0, 0, 1, 0, 0, 0, 1]}', "nine numbers"),
         ("k.json", '{"intrinsic_matrix": [1', "truncated, or not JSON"),
