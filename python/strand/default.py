@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.checks import Array
 from strand.config import Config
@@ -20,6 +19,7 @@ from strand.evidence.mistakes import suspected
 from strand.images.comparison import Reading, explained
 from strand.images.method import PLAIN, Read, answer, read
 from strand.images.raised import all_masked, without_untold
+from strand.images.scatter import depth_scatter
 from strand.images.scattered import read_scattered
 from strand.model import ModelWarning
 from strand.sheets import no_ropes
@@ -33,9 +33,8 @@ _SURE = 0.35
 # where the noise is narrower than this, in radii, as tubes find it and neighbours show it, tubes are taken at
 # their word
 _WIDE = 0.3
-# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes; every
-# so many rows are asked
-_SCATTERED, _EVERY = 0.55, 7
+# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes
+_SCATTERED = 0.55
 # a reading that finds so much more noise than depths scatter by, in radii, is wrong
 _MISREAD = 0.2
 # where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
@@ -118,7 +117,7 @@ def _with_all_poses(found: Found, used: Observed, observed: Observed) -> Found:
 
 def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     radius = float(observed.radii.values[0])
-    scatter = _scatter(observed) / radius
+    scatter = depth_scatter(observed.whole, observed.views, _WIDE * radius) / radius
     if scatter > _SCATTERED:
         try:
             what = read_scattered(observed, config, run, scatter * radius)
@@ -191,24 +190,6 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
     if run.late("the comparison with tubes in the points"):
         return _accepted(found, images_run, run)
     return _better(what, tubes, tubes_run, observed, config, run)
-
-
-def _scatter(observed: Observed) -> float:
-    """Return how far depths scatter about their neighbours' in the median view, metres; 0 without images."""
-    images = [view.image for view in observed.whole if view.image is not None]
-    if len(images) < len(observed.whole):
-        return 0.0
-    bends = _core.depth_bends(
-        [image.depth for image in images],
-        [(image.focal, image.centre) for image in images],
-        [view.points for view in observed.views],
-        _EVERY,
-    )
-    # of normal noise: the median's size, and a second difference has six times the variance of a depth
-    found = 1.4826 * np.array(bends) / 6.0**0.5
-    # what is around the ropes may be rough
-    wide = _WIDE * float(observed.radii.values[0])
-    return float(np.median([min(around, own) if 0.0 < own < wide else around for around, own in found]))
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:

@@ -16,10 +16,11 @@ from strand.default import find_chains as find_by_default
 from strand.doubt import Doubt
 from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions, of_chains
-from strand.evidence.mistakes import explained
+from strand.evidence.mistakes import explained, thinnest
 from strand.evidence.prior import Prior
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
 from strand.images.radius import shown_radius
+from strand.images.scatter import depth_scatter
 from strand.images.seen import rope_images
 from strand.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
 from strand.model import Model, ModelWarning
@@ -35,6 +36,8 @@ from strand.view import View, checked_views, cropped
 _HURRIED = 0.3
 # standard deviation of a radius that was found by how wide strips are, as a part of it
 _WIDTHS = 0.1
+# where depths scatter by less than this, in radii, height tells ropes from their table
+_WIDE = 0.3
 # a mask of which less than this share has depth has little
 _LITTLE = 0.2
 
@@ -156,7 +159,7 @@ def reconstruct(
             raise NotEnoughDataError(f"views: {why_empty(views, box, radii)}")
     with explained(views, box, radii):
         among_things = method.any_radius and not any(view.mask is not None for view in views)
-        if among_things and (box is None or on_table(views, raw)):
+        if among_things and (box is None or _holds_a_table(views, raw, thinnest(radii))):
             with run.stage("find"):
                 shown = _ropes_among_things(views, radii, box)
             raw, found_radius = list(shown.views), shown.radius
@@ -281,6 +284,12 @@ def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box |
         if radii is None or no_ropes(shown, float(radii.values.max())) is not None:
             raise
         return FoundRopes(views, None, (None,) * len(views), ())
+
+
+def _holds_a_table(views: Sequence[View], raw: Sequence[View], radius: float) -> bool:
+    """Tell whether bounds hold a table that ropes stand out of: noise that is wide for them hides them."""
+    wide = _WIDE * radius
+    return on_table(views, raw) and depth_scatter(views, raw, wide) < wide
 
 
 def _left_out(found: FoundRopes) -> list[ModelWarning]:

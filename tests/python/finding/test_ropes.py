@@ -79,8 +79,10 @@ def test_bounds_whose_floor_is_the_table():
     model = strand.reconstruct(made.views, made.radius, ((*low[:2], 0.0), high))
     assert "find" in model.timings
     assert right(made, model)
-    # of bounds that leave the table out nothing is changed
+    # of bounds that leave the table out nothing is changed, nor where noise hides the rope's height
     assert "find" not in strand.reconstruct(made.views, made.radius, made.bounds).timings
+    noisy = strand.synthetic.scene("arc", views=1, noise=0.003)
+    assert "find" not in strand.reconstruct(noisy.views, noisy.radius, ((*low[:2], 0.0), high)).timings
 
 
 def test_ropes_are_sought_within_bounds(one):
