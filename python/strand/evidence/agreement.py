@@ -53,9 +53,10 @@ def apart(
     """
     if shown is None:
         shown = views if bounds is None else cropped(views, bounds)
-    clouds = [view.world_points for view in shown]
-    if max(map(len, clouds)) > _MOST or sum(len(cloud) >= _FEWEST for cloud in clouds) < 2:
+    sizes = [len(view.points) for view in shown]
+    if max(sizes) > _MOST or sum(size >= _FEWEST for size in sizes) < 2:
         return float("nan")
+    clouds = [view.world_points for view in shown]
     count = len(views)
     across = [_facing(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
     found, against = [], 0

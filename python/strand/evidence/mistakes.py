@@ -65,7 +65,9 @@ def suspected(
     signs = too_far(shown or whole, radius), bent_tables(whole), around
     found = [doubt for doubt in signs if doubt is not None]
     far = apart(views, bounds, _FARTHEST * radius, shown) if len(views) > 1 else math.nan
-    if len(views) > 1 and not found and not far <= _AGREE * radius:
+    # without bounds, views of more than ropes say nothing of how far apart they are, whatever is undone
+    silent = math.isnan(far) and bounds is None
+    if len(views) > 1 and not found and not silent and not far <= _AGREE * radius:
         found += _of_views_apart(views, bounds, radius, far)
     # views that agree have intrinsics that are right
     elsewhere = None if far <= _AGREE * radius else off_centre(whole)
