@@ -32,6 +32,9 @@ class Advice:
     would: dict[str, str]
 
 
+_NOTHING = Advice(None, ("points",), {"refused": "it holds no point"})
+
+
 def advice(path: Path, held: Contents, asked: bool = False) -> Advice:
     """Return what `strand reconstruct` would do with a file that holds this.
 
@@ -46,6 +49,10 @@ def advice(path: Path, held: Contents, asked: bool = False) -> Advice:
     match held:
         case Model():
             return Advice(None, (), {"refused": "it is a model, which strand.load() reads"})
+        case SceneContents(views=views) if not any(view.points for view in views):
+            return _NOTHING
+        case SingleContents(view=view) if not view.points:
+            return _NOTHING
         case SceneContents():
             return _of_scene(path, held)
         case SingleContents():

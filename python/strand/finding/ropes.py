@@ -165,5 +165,6 @@ def _why_none(left_out: list[LeftOut], longest: float, radius: float) -> str:
         if longest > 0.0
         else "nothing that stands on it is a strip of one width"
     )
-    things = f", and {len(left_out)} things were left out" if left_out else ""
+    count = len(left_out)
+    things = f", and {count} thing{'s were' if count > 1 else ' was'} left out" if count else ""
     return f"no rope on the table: {strips}{things}; if there is one, give bounds around it, or masks"

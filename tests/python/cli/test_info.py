@@ -103,6 +103,15 @@ def test_several_cameras(folder, capsys):
     assert capsys.readouterr().err == err
 
 
+def test_points_of_which_none_is_finite(tmp_path, capsys):
+    np.savetxt(tmp_path / "cloud.xyz", np.full((5, 3), np.nan))
+    assert main(["info", str(tmp_path / "cloud.xyz")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "  points      0; 5 not finite" in lines
+    assert "  missing     points" in lines
+    assert lines[-1] == "  refused     it holds no point"
+
+
 def test_a_model(folder, capsys):
     lines = lines_of(capsys, "model.json")
     assert lines[0] == "model.json: model, version 2"
