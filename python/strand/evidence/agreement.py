@@ -61,7 +61,8 @@ def apart(
     across = [_facing(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
     found, against = [], 0
     for i in range(count):
-        if across[i] @ across[i - 1] < _OPPOSITE:
+        # of one rope opposite sides are as near each other as it is thick
+        if across[i] @ across[i - 1] < _OPPOSITE and _between(clouds[i], clouds[i - 1]) < most:
             against += 1
             found += [] if opposite is None else [opposite]
         else:
@@ -72,15 +73,25 @@ def apart(
 
 
 def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:
-    asked = own[:: max(len(own) // _ASKED, 1)]
+    asked = _some(own)
     asked = asked[_in_sight(asked, view)]
     if len(asked) < _FEWEST:
         return
     if len(other) < _FEWEST:
         yield most
         return
-    squares = _core.squared_distances(asked, other)
-    yield min(float(np.sqrt(np.median(squares))), most)
+    yield min(_between(asked, other), most)
+
+
+def _some(points: Array) -> Array:
+    return points[:: max(len(points) // _ASKED, 1)]
+
+
+def _between(own: Array, other: Array) -> float:
+    """Median distance from points to the nearest of others, metres; infinite if there are none of either."""
+    if not len(own) or not len(other):
+        return float("inf")
+    return float(np.sqrt(np.median(_core.squared_distances(_some(own), other))))
 
 
 def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
