@@ -19,6 +19,7 @@ from strand.evidence.confidence import confidence, contradictions, of_chains
 from strand.evidence.mistakes import explained, thinnest
 from strand.evidence.prior import Prior
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
+from strand.images.errors import neighbours_alike
 from strand.images.radius import shown_radius
 from strand.images.scatter import depth_scatter
 from strand.images.seen import rope_images
@@ -38,6 +39,8 @@ _HURRIED = 0.3
 _WIDTHS = 0.1
 # where depths scatter by less than this, in radii, height tells ropes from their table
 _WIDE = 0.3
+# from this on errors of neighbouring pixels are so much alike that they look like ropes
+_ALIKE = 0.5
 # a mask of which less than this share has depth has little
 _LITTLE = 0.2
 
@@ -289,7 +292,11 @@ def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box |
 def _holds_a_table(views: Sequence[View], raw: Sequence[View], radius: float) -> bool:
     """Tell whether bounds hold a table that ropes stand out of: noise that is wide for them hides them."""
     wide = _WIDE * radius
-    return on_table(views, raw) and depth_scatter(views, raw, wide) < wide
+    if not on_table(views, raw) or depth_scatter(views, raw, wide) >= wide:
+        return False
+    seen = [k for k, view in enumerate(raw) if len(view.points)]
+    images = rope_images([raw[k] for k in seen], [views[k] for k in seen], None)
+    return neighbours_alike(images) < _ALIKE
 
 
 def _left_out(found: FoundRopes) -> list[ModelWarning]:

@@ -100,7 +100,7 @@ def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
     seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
     if image is None:
         own, asked = _directions(view.points), _directions(seen)
-        middle = own.mean(axis=0)
+        middle = own.sum(axis=0)
         return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
     x, y, z = seen.T
     height, width = image.depth.shape
