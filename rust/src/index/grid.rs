@@ -5,14 +5,17 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
+use super::CROWDED;
 use super::hierarchy::Hierarchy;
 use super::sort::sort_words;
-use super::{CROWDED, WIDE};
 use crate::Point;
 use crate::geometry::squared_distance;
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;
+
+/// Cells that are this many times as wide as the radius would hold many points that are not in reach.
+const WIDE: f64 = 2.0;
 
 /// Points sorted by the cells of a uniform grid, whose cells are at least one search radius wide.
 ///
@@ -25,10 +28,11 @@ pub struct Grid {
     /// Keys of the cells that hold points, ascending, and where each one's points start.
     keys: Vec<u64>,
     starts: Vec<usize>,
-    /// The points in order of their cells, and each one's index in the input.
+    /// The points in order of their cells, or of the hierarchy's boxes where cells are wide, and each one's index in
+    /// the input.
     points: Vec<Point>,
     order: Vec<u32>,
-    /// Whether cells are much wider than the radius; then the hierarchy is searched.
+    /// Whether cells are much wider than the radius; then there are none, and the hierarchy is searched.
     wide: bool,
     /// Of the points in the grid's order.
     hierarchy: OnceLock<Hierarchy>,
@@ -89,9 +93,16 @@ impl Grid {
             starts: Vec::new(),
             points: Vec::new(),
             order: Vec::new(),
-            wide: cell > (WIDE * radius).max(WIDE * f64::MIN_POSITIVE),
+            wide: cell > WIDE * radius,
             hierarchy: OnceLock::new(),
         };
+        if grid.wide {
+            let mut hierarchy = Hierarchy::new(points.iter().copied());
+            grid.order = hierarchy.take_order();
+            grid.points = grid.gather(points);
+            grid.hierarchy = OnceLock::from(hierarchy);
+            return grid;
+        }
         let mut last = None;
         for (position, (key, i)) in grid.sorted(points, high).into_iter().enumerate() {
             if last != Some(key) {
@@ -141,17 +152,6 @@ impl Grid {
         self.hierarchy.get_or_init(|| Hierarchy::new(self.points.iter().copied()))
     }
 
-    /// The points within the radius of a place, each a run of its own, as the hierarchy tells them.
-    #[cold]
-    fn runs_in_hierarchy(&self, center: Point) -> Vec<Range<usize>> {
-        let mut runs = Vec::new();
-        self.hierarchy().visit(center, self.radius * self.radius, |position, _, _| {
-            runs.push(position..position + 1);
-            true
-        });
-        runs
-    }
-
     /// Whether searches may meet very many points, in the radius or out of it.
     pub fn is_crowded(&self) -> bool {
         self.wide || self.starts.windows(2).any(|pair| pair[1] - pair[0] > CROWDED / 8)
@@ -189,7 +189,7 @@ impl Grid {
         let center = self.points[position];
         let (few, many);
         let runs = if self.wide {
-            many = self.runs_in_hierarchy(center);
+            many = self.hierarchy().runs_near(center, self.radius * self.radius);
             &many[..]
         } else {
             few = Sweep::default().runs(self, key(self.cell(center)));
@@ -203,7 +203,7 @@ impl Grid {
         let cells = |k: usize| (center[k] - self.low[k]) * self.inverse_cell;
         let (few, many);
         let runs = if self.wide {
-            many = self.runs_in_hierarchy(center);
+            many = self.hierarchy().runs_near(center, self.radius * self.radius);
             &many[..]
         } else {
             // farther outside than a cell there are no neighbours, nor a number for the cell

@@ -94,25 +94,33 @@ impl Hierarchy {
         }
     }
 
-    /// Calls `visit` with the index in the input of each point within a distance, given its square, of a place, the point
-    /// itself and its squared distance. Stops when `visit` returns false.
-    pub fn visit(&self, center: Point, limit: f64, mut visit: impl FnMut(usize, Point, f64) -> bool) {
+    /// Renumbers the points in the order of the boxes; returns the index in the input of each.
+    pub fn take_order(&mut self) -> Vec<u32> {
+        let count = self.order.len() as u32;
+        std::mem::replace(&mut self.order, (0..count).collect())
+    }
+
+    /// Runs of positions in the order of the boxes that hold all points within a distance, given its square, of a place,
+    /// ascending, and few others.
+    pub fn runs_near(&self, center: Point, limit: f64) -> Vec<Range<usize>> {
         let place = Bounds { low: center, high: center };
-        let mut going = true;
+        let mut runs: Vec<Range<usize>> = Vec::new();
         self.divide_by(
             |bounds| bounds.squared_gap(&place) > limit,
             |number| {
                 let node = &self.nodes[number];
-                if node.second != 0 {
-                    return !going;
+                if node.second != 0 && node.bounds.squared_span(&place) > limit {
+                    return false;
                 }
-                for i in node.positions() {
-                    let (p, squared) = (self.points[i], squared_distance(self.points[i], center));
-                    going = going && (squared > limit || visit(self.order[i] as usize, p, squared));
+                let positions = node.positions();
+                match runs.last_mut() {
+                    Some(last) if last.end == positions.start => last.end = positions.end,
+                    _ => runs.push(positions),
                 }
                 true
             },
         );
+        runs
     }
 
     /// The nearest point within a distance, given its square, of a place: its index, of equals the least.
@@ -444,12 +452,10 @@ mod tests {
             for &center in points.iter().chain(&[[0.3, 0.1, -0.2]]) {
                 let expected: Vec<usize> =
                     (0..points.len()).filter(|&j| squared_distance(points[j], center) <= limit).collect();
-                let mut found = Vec::new();
-                hierarchy.visit(center, limit, |i, p, squared| {
-                    assert!(p == points[i] && squared == squared_distance(p, center));
-                    found.push(i);
-                    true
-                });
+                let runs = hierarchy.runs_near(center, limit);
+                prop_assert!(runs.windows(2).all(|pair| pair[0].end < pair[1].start));
+                let mut found: Vec<usize> = runs.into_iter().flatten().map(|i| hierarchy.order()[i] as usize).collect();
+                found.retain(|&j| squared_distance(points[j], center) <= limit);
                 found.sort_unstable();
                 prop_assert_eq!(&found, &expected);
             }
@@ -497,16 +503,5 @@ mod tests {
                 prop_assert_eq!(remaining.nearest(center, 4.0 * limit), within.min_by(nearer));
             }
         }
-    }
-
-    #[test]
-    fn visiting_stops_when_it_is_told_to() {
-        let hierarchy = Hierarchy::new((0..100).map(|i| [f64::from(i), 0.0, 0.0]));
-        let mut count = 0;
-        hierarchy.visit([50.0, 0.0, 0.0], 400.0, |_, _, _| {
-            count += 1;
-            count < 7
-        });
-        assert_eq!(count, 7);
     }
 }
