@@ -288,24 +288,31 @@ impl Sums {
         self.near.extend(around.positions().map(|position| sub(cells.point(position), frame.origin)));
         self.counts = self.count_below(simd, limits);
         if S::MANY_REGISTERS {
-            self.add_halves::<S, true, true>(simd, limits);
+            self.add_terms::<S, true, true, 0, 9>(simd, limits);
         } else {
-            self.add_halves::<S, true, false>(simd, limits);
-            self.add_halves::<S, false, true>(simd, limits);
+            // so few at a time that none of the sums leaves its register
+            self.add_terms::<S, true, false, 0, 5>(simd, limits);
+            self.add_terms::<S, true, false, 5, 9>(simd, limits);
+            self.add_terms::<S, false, true, 0, 5>(simd, limits);
+            self.add_terms::<S, false, true, 5, 9>(simd, limits);
         }
         self.smallest = 1e-3 * frame.extent * frame.extent;
     }
 
-    /// Sums in the lanes of the first half, of the second, or of both.
+    /// Sums some of the terms, from one number up to another, in the lanes of the first half, of the second, or of both.
     #[inline(always)]
-    fn add_halves<S: Simd, const FIRST: bool, const SECOND: bool>(&mut self, simd: S, limits: &Singles) {
+    fn add_terms<S: Simd, const FIRST: bool, const SECOND: bool, const FROM: usize, const TO: usize>(
+        &mut self,
+        simd: S,
+        limits: &Singles,
+    ) {
         let limits = simd.load(limits);
         let (mut first, mut second) = ([simd.splat_half(0.0); 9], [simd.splat_half(0.0); 9]);
         for (&[x, y, z], squares) in self.near.iter().zip(&self.squares[..self.count]) {
             let mask = simd.le(simd.load(squares), limits);
             let terms = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z];
-            for (i, term) in terms.into_iter().enumerate() {
-                let term = simd.splat_half(term);
+            for i in FROM..TO {
+                let term = simd.splat_half(terms[i]);
                 if FIRST {
                     first[i] = simd.add_half_if(simd.half::<false>(mask), first[i], term);
                 }
@@ -314,7 +321,7 @@ impl Sums {
                 }
             }
         }
-        for i in 0..9 {
+        for i in FROM..TO {
             if FIRST {
                 self.sums[i][..LANES].copy_from_slice(&simd.store_half(first[i]));
             }

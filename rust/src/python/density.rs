@@ -32,7 +32,8 @@ pub(super) fn squared_distances<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let points = Points::new("points", points, "(N, 3)")?;
     let others = Points::new("others", others, "(M, 3)")?;
-    list(py, released(py, move || proximity::squared_distances(&points, &others))??)
+    let count = points.len() + others.len();
+    list(py, released_if_many(py, count, move || proximity::squared_distances(&points, &others))??)
 }
 
 /// (M, 3) Variances of the points within `reach` of each of some places along their principal axes, the least first, m^2; NaN

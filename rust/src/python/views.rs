@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{FloatArray, Points, motion, motions, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, constant, constant_points, list};
-use super::released::{released, released_if_many};
+use super::released::{CHEAP, released, released_if_many};
 use crate::{DepthView, Pinhole, Point, crop, depth, parallel};
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
@@ -17,7 +17,8 @@ pub(super) fn copy_depth<'py>(
 ) -> PyResult<(PointsArray<'py>, usize)> {
     let image = FloatArray::new("depth", depth)?;
     let (shape, image) = (image.image_shape("depth")?, image.into_values());
-    let (copy, dropped) = released_if_many(py, image.len(), move || depth::cleaned(image, farthest))??;
+    let (copy, dropped) =
+        released_if_many(py, image.len() / CHEAP, move || depth::cleaned(image, farthest))??;
     Ok((constant(py, copy, shape)?, dropped))
 }
 
@@ -40,7 +41,8 @@ pub(super) fn unproject<'py>(
     let image = FloatArray::new("depth", depth)?;
     let ([_, width], camera) = (image.image_shape("depth")?, Pinhole { focal, center });
     let pixels = image.slice().len();
-    let points = released_if_many(py, pixels, move || depth::unproject(image.slice(), width, camera))?;
+    let points =
+        released_if_many(py, pixels / CHEAP, move || depth::unproject(image.slice(), width, camera))?;
     constant_points(py, points)
 }
 
