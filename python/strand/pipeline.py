@@ -18,6 +18,7 @@ from strand.emptiness import mask_without_points, why_empty
 from strand.evidence.confidence import confidence, contradictions, of_chains
 from strand.evidence.mistakes import explained, thinnest
 from strand.evidence.prior import Prior
+from strand.evidence.table_edge import over_the_edge
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
 from strand.images.errors import neighbours_alike
 from strand.images.radius import shown_radius
@@ -154,7 +155,8 @@ def reconstruct(
     run = Run(progress)
     if deadline is not None:
         run.deadline = begun + positive("deadline", deadline)
-    raw, found_radius = list(views), None
+    raw, found_radius, shown = list(views), None, None
+    everything = views
     if box is not None:
         with run.stage("extract"):
             raw = cropped(views, box)
@@ -207,6 +209,8 @@ def reconstruct(
     kept = found.chains if prior.ropes is None else found.chains[: prior.ropes]
     chains = tuple(oriented(kept, () if previous is None else previous.chains))
     against = contradictions(chains, found.chains[len(chains) :], prior, found.all_rings)
+    if shown is not None:
+        against += over_the_edge(chains, everything, shown.tables)
     run.warnings.extend(
         ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount, about) for doubt, about in against
     )
@@ -282,9 +286,9 @@ def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box |
     """Find ropes on a table; strands side by side look like one, and are told from it by their radius."""
     try:
         return find_ropes(views, None if radii is None else radii.values.tolist(), box)
-    except NoRopeError:
+    except NoRopeError as error:
         shown = views if box is None else cropped(views, box)
-        if radii is None or no_ropes(shown, float(radii.values.max())) is not None:
+        if radii is None or not error.low_things or no_ropes(shown, float(radii.values.max())) is not None:
             raise
         return FoundRopes(views, None, (None,) * len(views), ())
 

@@ -25,6 +25,19 @@ impl<T: Copy> Image<T> {
 }
 
 impl Image<bool> {
+    /// Fills holes, those of the sizes that are chosen. What touches the border is outside.
+    pub fn fill_holes(&mut self, chosen: impl Fn(usize) -> bool) {
+        let found = blobs(self, false, false);
+        let mut outside = vec![false; found.sizes.len()];
+        for run in &found.runs {
+            outside[run.blob] |=
+                run.begin == 0 || run.end == self.width || run.row == 0 || run.row + 1 == self.height;
+        }
+        for run in found.runs.iter().filter(|run| !outside[run.blob] && chosen(found.sizes[run.blob])) {
+            self.values[run.row * self.width..][run.begin..run.end].fill(true);
+        }
+    }
+
     /// Turns blobs of a value to the other, those of the sizes that are chosen; as for [`blobs`].
     pub fn turn_blobs(&mut self, of: bool, diagonal: bool, chosen: impl Fn(usize) -> bool) {
         let found = blobs(self, of, diagonal);

@@ -82,7 +82,7 @@ impl Silhouette {
         let mut inside = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale, 0.5);
         let area = radius_px * radius_px * (scale * scale) as f64;
         let filled = (HOLE + ragged * RAGGED_HOLE) * area;
-        inside.turn_blobs(false, false, |size| (size as f64) < filled);
+        inside.fill_holes(|size| (size as f64) < filled);
         inside.turn_blobs(true, true, |size| (size as f64) < SPECK * area);
         if !inside.values.contains(&true) {
             return None;

@@ -114,6 +114,16 @@ def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
     assert not list(tmp_path.glob(".strand-*"))
 
 
+def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsys):
+    messages = [message for message in film(SCENE, 1) if "info" not in message[0]]
+    path = write(tmp_path / "rope", "mcap", messages)
+    assert main(["reconstruct", str(path), *KNOWN]) == 1
+    assert "no CameraInfo" in capsys.readouterr().err
+    (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics
+    assert main(["reconstruct", str(path), *KNOWN, "--intrinsics", f"{fx},{fy},{cx},{cy}"]) == 0
+    assert "open" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [

@@ -16,7 +16,7 @@ from strand.io.recordings.recording import TOLERANCE
 from strand.io.scenes import Scene, load_scene
 
 _OF_RECORDINGS = ("topic", "frame", "every", "world", "tolerance", "ignore_distortion")
-_OF_FILES = ("viewpoint", "camera_frame", "intrinsics", "mask")
+_OF_FILES = ("viewpoint", "camera_frame", "mask")
 
 
 def load(options: argparse.Namespace) -> Scene:
@@ -60,6 +60,7 @@ def open_recording(options: argparse.Namespace) -> Recording:
         options.topic,
         world=options.world,
         tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+        intrinsics=_matrix_of(options.intrinsics),
         depth_scale=options.depth_scale,
         ignore_distortion=options.ignore_distortion,
         max_bytes=options.max_bytes,

@@ -36,7 +36,8 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         "--intrinsics",
         type=values.intrinsics,
         metavar="FX,FY,CX,CY",
-        help="the camera of a single depth image, pixels; or a file with its 3 x 3 matrix",
+        help="the camera of a single depth image, or of a recording without CameraInfo, pixels; or a file "
+        "with its 3 x 3 matrix",
     )
     command.add_argument(
         "--depth-scale",

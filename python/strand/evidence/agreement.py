@@ -53,8 +53,7 @@ def apart(
     """
     if shown is None:
         shown = views if bounds is None else cropped(views, bounds)
-    sizes = [len(view.points) for view in shown]
-    if max(sizes) > _MOST or sum(size >= _FEWEST for size in sizes) < 2:
+    if more_than_ropes(shown) or sum(len(view.points) >= _FEWEST for view in shown) < 2:
         return float("nan")
     clouds = [view.world_points for view in shown]
     count = len(views)
@@ -70,6 +69,11 @@ def apart(
     if against and not found:
         return 0.0
     return float(np.mean(found)) if found else float("inf")
+
+
+def more_than_ropes(shown: Sequence[View]) -> bool:
+    """Tell whether a view shows so much that most of it is no rope."""
+    return max(len(view.points) for view in shown) > _MOST
 
 
 def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:

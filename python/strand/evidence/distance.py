@@ -28,8 +28,14 @@ def too_far(views: Sequence[View], radius: float) -> Doubt | None:
     -------
     Doubt or None
     """
-    depths = [view.points[:, 2] if view.image is None else view.image.depth for view in views]
-    some = np.concatenate([each.ravel()[::_EVERY] for each in depths])
+    # of points of a world only the distance from the camera is known
+    depths = [
+        np.linalg.norm(view.points[::_EVERY], axis=1)
+        if view.image is None
+        else view.image.depth.ravel()[::_EVERY]
+        for view in views
+    ]
+    some = np.concatenate(depths)
     some = some[some > 0]
     if not len(some) or not np.median(some) > _FARTHEST * radius:
         return None

@@ -11,13 +11,13 @@ import numpy as np
 from strand._core import NotEnoughDataError
 from strand.box import Box
 from strand.doubt import Doubt
-from strand.evidence.agreement import apart
+from strand.evidence.agreement import apart, more_than_ropes
 from strand.evidence.distance import too_far
 from strand.evidence.field_of_view import seen_all_around, seen_from_one_place
 from strand.evidence.flatness import bent_tables
 from strand.evidence.principal_point import off_centre
 from strand.evidence.undone import MISTAKES
-from strand.finding.ropes import find_ropes
+from strand.finding.ropes import find_ropes, on_table
 from strand.radius import Radii, apparent_radius
 from strand.view import View, cropped
 
@@ -64,11 +64,13 @@ def suspected(
     around = seen_all_around(whole) or seen_from_one_place(whole)
     signs = too_far(shown or whole, radius), bent_tables(whole), around
     found = [doubt for doubt in signs if doubt is not None]
-    far = apart(views, bounds, _FARTHEST * radius, shown) if len(views) > 1 else math.nan
-    # without bounds, views of more than ropes say nothing of how far apart they are, whatever is undone
-    silent = math.isnan(far) and bounds is None
+    inside = shown or (views if bounds is None else cropped(views, bounds))
+    far = apart(views, bounds, _FARTHEST * radius, inside) if len(views) > 1 else math.nan
+    # views of more than ropes say nothing of how far apart these are, whatever is undone
+    silent = more_than_ropes(inside) or (bounds is None and math.isnan(far))
     if len(views) > 1 and not found and not silent and not far <= _AGREE * radius:
-        found += _of_views_apart(views, bounds, radius, far)
+        # tables are not as near each other as ropes
+        found += [] if on_table(whole, inside) else _of_views_apart(views, bounds, radius, far)
     # views that agree have intrinsics that are right
     elsewhere = None if far <= _AGREE * radius else off_centre(whole)
     return found if elsewhere is None else [*found, elsewhere]
@@ -144,13 +146,13 @@ def explained(views: Sequence[View], bounds: Box | None, radii: Radii | None) ->
 
 def _of_radius(views: Sequence[View], bounds: Box | None, radii: Radii) -> list[str]:
     """Say which radius ropes look like, if they look like none that was given."""
-    if bounds is not None:
-        looks = apparent_radius([view for view in cropped(views, bounds) if len(view.points)] or views)
-    elif any(view.mask is not None for view in views):
-        looks = apparent_radius(views)
+    inside = views if bounds is None else cropped(views, bounds)
+    has_masks = any(view.mask is not None for view in views)
+    if has_masks or (bounds is not None and not on_table(views, inside)):
+        looks = apparent_radius([view for view in inside if len(view.points)] or views)
     else:
         try:
-            looks = find_ropes(views).radius
+            looks = find_ropes(views, bounds=bounds).radius
         except NotEnoughDataError:
             looks = None
     if looks is None:

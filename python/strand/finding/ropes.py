@@ -26,7 +26,18 @@ _PART, _PIXELS, _LOOK = 0.04, 200_000, 30_000
 
 
 class NoRopeError(NotEnoughDataError):
-    """What stands on the table is no rope."""
+    """What stands on the table is no rope.
+
+    Attributes
+    ----------
+    low_things : bool
+        Whether as much as a rope stands there no higher than ropes do: strands that lie side by side look
+        like one thing that is wide.
+    """
+
+    def __init__(self, message: str, low_things: bool = False) -> None:
+        super().__init__(message)
+        self.low_things = low_things
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +122,8 @@ def find_ropes(
     own = strip_radius(shown)
     longest = max(float(strip_lengths(image, own).max(initial=0.0)) for image in shown)
     if longest < _SHORTEST * own or not any(len(found[k].points) for k in tops):
-        raise NoRopeError(f"views: {_why_none(left_out, longest, own)}")
+        low_things = any(_area(image) > 2.0 * _SHORTEST * thin**2 for image in shown)
+        raise NoRopeError(f"views: {_why_none(left_out, longest, own, box)}", low_things)
     return FoundRopes(tuple(found), widths, tuple(tables), tuple(left_out))
 
 
@@ -158,7 +170,12 @@ def _only(view: View, image: RopeImage) -> View:
     return View(view.points[inside], view.pose, colors=colors)
 
 
-def _why_none(left_out: list[LeftOut], longest: float, radius: float) -> str:
+def _area(image: RopeImage) -> float:
+    """Area of what a mask shows as it is seen, square metres."""
+    return float(np.sum(image.depth[image.mask] ** 2) / (image.focal[0] * image.focal[1]))
+
+
+def _why_none(left_out: list[LeftOut], longest: float, radius: float, box: Box | None) -> str:
     """Say what there is instead of a rope."""
     strips = (
         f"the longest strip of one width is {1e3 * longest:.0f} mm long and {2e3 * radius:.0f} mm wide"
@@ -167,4 +184,5 @@ def _why_none(left_out: list[LeftOut], longest: float, radius: float) -> str:
     )
     count = len(left_out)
     things = f", and {count} thing{'s were' if count > 1 else ' was'} left out" if count else ""
-    return f"no rope on the table: {strips}{things}; if there is one, give bounds around it, or masks"
+    bounds = "bounds around it" if box is None else "bounds that leave the table out"
+    return f"no rope on the table: {strips}{things}; if there is one, give {bounds}, or masks"

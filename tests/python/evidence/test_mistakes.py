@@ -178,6 +178,37 @@ def test_a_rope_cannot_be_seen_from_too_far():
     assert "depth_scale=0.001" in too_far(images(1e3 * DEPTH), R).reason
 
 
+def test_points_of_a_world_in_millimetres_are_too_far_too():
+    view = strand.View.from_world(1e3 * images()[0].world_points, 1e3 * POSES[0, :3, 3])
+    # a camera above the table looks down: z is negative
+    assert np.median(view.points[:, 2]) < 0
+    assert "millimetres" in too_far([view], R).reason
+
+
+def test_views_of_different_places_from_opposite_sides_do_not_show_one_rope():
+    """As angles in degrees make them: directions are any."""
+    points = SCENE.truth[0] + np.random.default_rng(0).normal(scale=R / 2, size=SCENE.truth[0].shape)
+    middle, up = points.mean(axis=0), np.array([0.0, 0.0, 0.5])
+    one = strand.View.from_world(points, middle + up)
+    same, elsewhere = (strand.View.from_world(points + d, middle + d - up) for d in (0.0, [3.0, 0.0, 0.0]))
+    assert apart([one, same], None, 10.0 * R) == 0.0
+    assert not apart([one, elsewhere], None, 10.0 * R) < R
+
+
+@pytest.mark.parametrize("height", [0.05, 0.1])
+def test_an_empty_table_in_bounds_is_no_mistake(height):
+    far = [np.array([[5.0, 5.0, R], [5.1, 5.0, R]])]
+    rng = np.random.default_rng(0)
+    depth = [strand.synthetic.render_depth(far, R, K, pose) for pose in POSES]
+    views = images([np.where(d > 0, d + rng.normal(0.0, 0.3e-3, d.shape), 0.0) for d in depth])
+    for radius in (None, R):
+        with pytest.raises(strand.NoRopeError) as refused:
+            strand.reconstruct(views, radius, bounds=([-0.15, -0.15, -0.05], [0.15, 0.15, height]))
+        for blamed in ("along the rays", "poses", "look like", "in radius"):
+            assert blamed not in str(refused.value)
+        assert "bounds that leave the table out" in str(refused.value)
+
+
 def test_an_error_says_the_radius_that_ropes_look_like():
     with pytest.raises(strand.NoRopeError) as caught, explained(images(), BOUNDS, Radii.given(2.0 * R)):
         raise strand.NoRopeError("views: nothing")

@@ -137,6 +137,15 @@ def test_each_chain_has_doubts_of_its_own(paper_model):
     assert chain.doubts == paper_model.doubts
 
 
+@pytest.mark.parametrize("scatter", [0.3e-3, 0.7e-3])
+def test_a_bare_table_is_no_rope_of_a_given_radius(scatter):
+    depth = 0.5 + np.random.default_rng(0).normal(scale=scatter, size=(240, 320))
+    view = strand.View.from_depth(depth, [[400, 0, 160], [0, 400, 120], [0, 0, 1]])
+    with pytest.raises(strand.NoRopeError, match="no rope on the table") as refused:
+        strand.reconstruct([view], 0.004)
+    assert not refused.value.low_things
+
+
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e3, 1e30, 1e60, 1e90])
 @pytest.mark.filterwarnings("error")
 def test_a_bare_table_is_refused_in_any_unit(scale):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import strand
+import strand._core as _core
 from strand._core import NotEnoughDataError, convolved
 from strand.evidence.prior import Prior
 from strand.images.radius import shown_radius
@@ -35,6 +36,13 @@ def test_a_mask_without_rope_shows_no_radius():
     (image,) = rope_images(made.views, made.views, None)
     with pytest.raises(NotEnoughDataError, match="no rope"):
         shown_radius([dataclasses.replace(image, mask=np.zeros_like(image.mask))])
+
+
+@pytest.mark.parametrize("columns", [200, 500, 640])
+def test_a_mask_of_most_of_an_image_is_as_wide_as_it_is(columns):
+    mask = np.zeros((480, 640), bool)
+    mask[:, :columns] = True
+    assert _core.shown_radius(mask) == pytest.approx(min(columns, 480) / 2, rel=0.02)
 
 
 def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
