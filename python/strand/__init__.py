@@ -32,6 +32,7 @@ from strand.io.scenes import load_scene
 from strand.model import Alternative, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
 from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
+from strand.queries import Nearest, RayHits, Sweeps
 from strand.radius import estimate_radius
 from strand.sensor import Sensor
 from strand.tubes.registration import register_views
@@ -51,11 +52,14 @@ __all__ = [
     "LeftOut",
     "Model",
     "ModelWarning",
+    "Nearest",
     "NoRopeError",
     "NotEnoughDataError",
+    "RayHits",
     "Recording",
     "Sensor",
     "StrandError",
+    "Sweeps",
     "TubeFit",
     "View",
     "__version__",

@@ -15,6 +15,7 @@ __all__ = [
     "RopeImages",
     "StrandError",
     "TubeFit",
+    "TubeQueries",
     "Visibility",
     "__version__",
     "apparent_radii",
@@ -83,6 +84,28 @@ class Visibility:
     def free(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
     def occluded(self, places: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
     def seen_through(self, places: ArrayLike, direction: ArrayLike, radius: float) -> NDArray[np.bool_]: ...
+
+@final
+class TubeQueries:
+    def __new__(
+        cls, nodes: Sequence[ArrayLike], arc_lengths: Sequence[ArrayLike], radii: Sequence[float]
+    ) -> TubeQueries: ...
+    def __getnewargs__(
+        self,
+    ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], list[float]]: ...
+    def signed_distances(self, points: ArrayLike) -> NDArray[np.float64]: ...
+    def nearest(
+        self, points: ArrayLike
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def ray_hits(
+        self, origins: ArrayLike, directions: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def swept_spheres(
+        self, starts: ArrayLike, ends: ArrayLike, radius: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]: ...
+    def swept_boxes(
+        self, starts: ArrayLike, ends: ArrayLike, half_sizes: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]: ...
 
 @final
 class EndObservation:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand._core import TubeQueries
 from strand.checks import (
     Array,
     as_array,
@@ -304,6 +306,45 @@ class Chain:
             return self._nearest_on_curve(self.curve, point, float(self.arc_length[i] + t[i] * self._spacing))
         return float(self._knots[i] + t[i] * (self._knots[i + 1] - self._knots[i])), float(distance[i])
 
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """Distance of points from the rope's surface, negative inside.
+
+        The surface is that of all balls of the radius around the straight segments between nodes, and around
+        the ends: the distance from the axis minus the radius. Outside it is exact. Inside it is at most the
+        way out: where the rope touches itself or bends closely the surface of the other strand is farther.
+        `Model.signed_distance` asks all chains.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like of float
+            World frame, metres.
+
+        Returns
+        -------
+        (N,) ndarray
+            Metres.
+
+        Raises
+        ------
+        TypeError
+            If `points` does not hold floating point numbers.
+        ValueError
+            If its shape is wrong, or a coordinate is not finite.
+        """
+        return self._tube.signed_distances(points)
+
+    @lazy
+    def _tube(self) -> TubeQueries:
+        return tube_queries([self])
+
+    def _arcs(self) -> tuple[Array, Array]:
+        """Return the nodes of the path, and the arc length at each, as in `at`."""
+        if self.curve is None:
+            return self._path, self._knots
+        # the last step of a closed chain is not one of the curve's
+        closing = np.diff(self._knots[-2:]) if self.closed else np.empty(0)
+        return self._path, np.append(self.arc_length, self.length + closing)
+
     @property
     def _spacing(self) -> float:
         """Arc length between the nodes of a smooth curve."""
@@ -318,3 +359,10 @@ class Chain:
             slope = max(1.0 - float(offset @ bend), 0.1)
             s = float(np.clip(s + offset @ tangent / slope, 0.0, curve.length))
         return s, float(np.linalg.norm(point - curve.at([s])[0][0]))
+
+
+def tube_queries(chains: Sequence[Chain]) -> TubeQueries:
+    """Return what answers queries against the tubes of chains."""
+    paths = [chain._arcs() for chain in chains]
+    radii = [chain.radius for chain in chains]
+    return TubeQueries([nodes for nodes, _ in paths], [arcs for _, arcs in paths], radii)

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from strand.chain import Chain
+from strand._core import TubeQueries
+from strand.chain import Chain, tube_queries
 from strand.checks import (
     Array,
     finite_array,
@@ -27,7 +29,9 @@ from strand.config import METHODS
 from strand.doubt import DOUBTS, Doubt
 from strand.files import plain, write_bytes, write_json
 from strand.io.export import csv_of, format_of, mesh_of, polylines_of
+from strand.lazy import lazy
 from strand.next_view import best_camera
+from strand.queries import Nearest, RayHits, Sweeps
 from strand.report.notebook import model_html
 from strand.sensor import Sensor
 
@@ -267,6 +271,146 @@ class Model:
             place = chain.points[len(chain.points) // 2 if seen is None else int(seen.argmin())]
         radius = self.chains[0].radius
         return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
+
+    @lazy
+    def _tubes(self) -> TubeQueries:
+        """All chains' tubes in one hierarchy, built when it is first asked."""
+        return tube_queries(self.chains)
+
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """Distance of points from the ropes' surfaces, negative inside.
+
+        The least over all chains of `Chain.signed_distance`: exact outside, and at most the way out inside,
+        where ropes touch each other.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like of float
+            World frame, metres.
+
+        Returns
+        -------
+        (N,) ndarray
+            Metres; infinite if there is no chain.
+
+        Raises
+        ------
+        TypeError
+            If `points` does not hold floating point numbers.
+        ValueError
+            If its shape is wrong, or a coordinate is not finite.
+        """
+        return self._tubes.signed_distances(points)
+
+    def nearest(self, points: ArrayLike) -> Nearest:
+        """Closest places of the axes to points: of the chain whose surface is nearest.
+
+        Axes are the straight segments between nodes, as for all queries; `Chain.nearest` follows the smooth
+        curve of one chain. They are apart by an eighth of the curvature times the square of the nodes'
+        spacing.
+
+        Parameters
+        ----------
+        points : (N, 3) array_like of float
+            World frame, metres.
+
+        Returns
+        -------
+        Nearest
+
+        Raises
+        ------
+        TypeError
+            If `points` does not hold floating point numbers.
+        ValueError
+            If its shape is wrong, or a coordinate is not finite.
+        """
+        return Nearest(*self._tubes.nearest(points))
+
+    def ray_hits(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
+        """Where rays first meet a rope's surface; exact, up to rounding.
+
+        A ray that starts in a tube meets it at once; its normal is then that of the place of the axis in
+        whose tube it is deepest.
+
+        Parameters
+        ----------
+        origins : (N, 3) array_like of float
+            World frame, metres.
+        directions : (N, 3) array_like
+            Of any length but 0.
+
+        Returns
+        -------
+        RayHits
+
+        Raises
+        ------
+        TypeError
+            If an array does not hold numbers of its kind.
+        ValueError
+            If shapes are wrong or differ, a number is not finite, or a direction is zero.
+        """
+        return RayHits(*self._tubes.ray_hits(origins, directions))
+
+    def swept_spheres(self, starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> Sweeps:
+        """When spheres that move touch a rope, and how near they come; exact, up to rounding.
+
+        Each moves straight and evenly from its start to its end, and goes through what it touches. A touch
+        counts as contact. One that stays in place has its contact at 0.
+
+        Parameters
+        ----------
+        starts, ends : (N, 3) array_like of float
+            The centres, world frame, metres.
+        radius : float or (N,) array_like
+            Of all spheres or each, metres, not negative.
+
+        Returns
+        -------
+        Sweeps
+
+        Raises
+        ------
+        TypeError
+            If an array does not hold numbers of its kind.
+        ValueError
+            If shapes are wrong or differ, a number is not finite, or a radius is negative.
+        """
+        return Sweeps(*self._tubes.swept_spheres(starts, ends, radius))
+
+    def swept_boxes(self, starts: ArrayLike, ends: ArrayLike, half_sizes: ArrayLike) -> Sweeps:
+        """When boxes that move and turn touch a rope, and how near they come.
+
+        Each box' centre moves straight and evenly from its start to its end, while the box turns evenly
+        about one axis, the shorter way round. (Where it turns by half a circle, both ways are as short, and
+        it is not said which it goes.) It goes through what it touches.
+
+        Answers are on the safe side, by a slack of at most 1e-6 m and 1e-5 of the way that its corners turn:
+        the clearance is at most that much too small, and contact is where the surfaces are nearer than that.
+        So a contact may be said to be too early, and never too late.
+
+        Parameters
+        ----------
+        starts, ends : (N, 4, 4) array_like
+            Box-to-world poses; the box is around the origin of its frame, along its axes. Metres.
+        half_sizes : (3,) or (N, 3) array_like
+            Half of the sides of all boxes or each, metres, not negative.
+
+        Returns
+        -------
+        Sweeps
+            The clearance is no less than minus the chain's radius: its axis is in the box then.
+
+        Raises
+        ------
+        TypeError
+            If an array does not hold numbers.
+        ValueError
+            If shapes are wrong or differ, a number is not finite, a pose is no rigid motion, or a half size
+            is negative.
+        """
+        return Sweeps(*self._tubes.swept_boxes(starts, ends, half_sizes))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all.

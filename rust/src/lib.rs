@@ -58,6 +58,7 @@ mod polyline;
 mod proximity;
 #[cfg(feature = "python")]
 mod python;
+mod queries;
 mod readings;
 mod relief;
 mod silhouette;

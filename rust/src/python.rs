@@ -12,6 +12,7 @@ mod image_fit;
 mod images;
 mod masks;
 mod normals;
+mod queries;
 mod released;
 mod tubes;
 mod views;
@@ -85,6 +86,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<image_fit::ImageFit>()?;
     module.add_class::<images::RopeImages>()?;
     module.add_class::<visibility::Visibility>()?;
+    module.add_class::<queries::TubeQueries>()?;
     module.add_function(wrap_pyfunction!(views::copy_depth, module)?)?;
     module.add_function(wrap_pyfunction!(views::constant_copy, module)?)?;
     module.add_function(wrap_pyfunction!(views::unproject, module)?)?;

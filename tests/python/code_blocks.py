@@ -119,6 +119,7 @@ GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
     "docs/method.md": {0: seen, 1: one_image},
     "docs/mistakes.md": {0: seen, 1: one_image},
     "docs/pictures.md": {0: seen},
+    "docs/queries.md": {0: seen},
     "docs/recordings.md": {0: lambda: {"BOUNDS": arc().bounds}, 1: messages},
     "docs/sensors.md": {0: seen},
 }

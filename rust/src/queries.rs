@@ -1,0 +1,233 @@
+//! What a planner asks of ropes: distances, rays and swept bodies against their tubes.
+//!
+//! A tube is a union of capsules: all that is within the chain's radius of the straight segments between its nodes.
+//! The capsules of all chains lie in one hierarchy of boxes, which is built once. Each query is answered for itself, so
+//! answers are the same bits for any number of threads.
+
+mod boxes;
+mod capsule;
+mod hierarchy;
+mod least;
+mod rays;
+
+use rayon::prelude::*;
+
+use crate::Point;
+use crate::checks::{check_finite, check_positive, check_same_length};
+use crate::error::{Error, Result};
+use crate::geometry::{RigidMotion, normalized, squared_distance, sub};
+use crate::parallel::{self, go_on};
+use boxes::BoxMotion;
+use capsule::Capsule;
+use hierarchy::Hierarchy;
+use rays::Line;
+
+/// Queries that a thread answers in one go; as few are answered where they are asked.
+const LOT: usize = 128;
+
+/// One chain's tube.
+pub struct Path<'a> {
+    /// At least two places in order, no two in a row equal; of a closed chain the first again at the end.
+    pub nodes: &'a [Point],
+    /// Arc length at each node, metres.
+    pub arc_length: &'a [f64],
+    /// Metres.
+    pub radius: f64,
+}
+
+/// A place on a chain's axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// The chain's number.
+    pub chain: usize,
+    /// Arc length, metres.
+    pub s: f64,
+    /// Metres.
+    pub point: Point,
+}
+
+/// Where a ray meets a tube.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Along the ray, metres.
+    pub distance: f64,
+    /// The place of the axis that the ray's is beside.
+    pub place: Place,
+    /// Unit vector out of the tube.
+    pub normal: Point,
+}
+
+/// What becomes of a body that moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sweep {
+    /// The first time of contact, from 0 to 1; infinite if there is none.
+    pub time: f64,
+    /// The least distance of the body from a tube on its whole way, metres; below 0 where it is in a tube.
+    pub clearance: f64,
+    /// Where on the axis that first contact is; if there is none, that least distance.
+    pub place: Place,
+}
+
+/// Tubes of several chains, for queries.
+pub struct TubeQueries {
+    hierarchy: Hierarchy,
+}
+
+impl TubeQueries {
+    /// Sorts the segments of all chains.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if coordinates are not finite, arc lengths are fewer or more than nodes,
+    /// nodes in a row are equal, or a radius is not positive.
+    pub fn new(paths: &[Path<'_>]) -> Result<Self> {
+        let mut capsules = Vec::new();
+        for (chain, path) in paths.iter().enumerate() {
+            check_finite("nodes", path.nodes)?;
+            check_positive("radii", path.radius)?;
+            check_same_length("arc_length", path.arc_length.len(), "nodes", path.nodes.len())?;
+            for (ends, arc) in path.nodes.windows(2).zip(path.arc_length.windows(2)) {
+                let capsule = Capsule::new([ends[0], ends[1]], [arc[0], arc[1]], path.radius, chain);
+                capsules
+                    .push(capsule.ok_or_else(|| Error::invalid("nodes", "expected no two equal in a row"))?);
+            }
+        }
+        Ok(Self { hierarchy: Hierarchy::new(capsules) })
+    }
+
+    /// For each point the least of its distances from an axis minus that tube's radius, metres; infinite without chains.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
+    pub fn signed_distances(&self, points: &[Point]) -> Result<Vec<f64>> {
+        check_finite("points", points)?;
+        Ok(each(points.len(), |i| {
+            self.hierarchy.nearest(points[i]).map_or(f64::INFINITY, |(value, _)| value)
+        }))
+    }
+
+    /// For each point the place of the axis in whose tube it is deepest, or whose tube is nearest, and its distance from there,
+    /// metres.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
+    pub fn nearest(&self, points: &[Point]) -> Result<Vec<Option<(Place, f64)>>> {
+        check_finite("points", points)?;
+        Ok(each(points.len(), |i| {
+            let place = self.nearest_place(points[i])?;
+            Some((place, squared_distance(points[i], place.point).sqrt()))
+        }))
+    }
+
+    /// Where each ray first meets a tube: at once, if it starts in one.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a direction is zero.
+    pub fn ray_hits(&self, origins: &[Point], directions: &[Point]) -> Result<Vec<Option<Hit>>> {
+        check_finite("origins", origins)?;
+        check_finite("directions", directions)?;
+        check_same_length("directions", directions.len(), "origins", origins.len())?;
+        if let Some(row) = directions.iter().position(|&d| d == [0.0; 3]) {
+            let reason =
+                format!("expected vectors that are not zero, but row {row} is {:?}", directions[row]);
+            return Err(Error::invalid("directions", reason));
+        }
+        Ok(each(origins.len(), |i| {
+            let line = Line::ray(origins[i], directions[i]);
+            let (distance, capsule) = self.hierarchy.first(&line, 0.0)?;
+            let at = line.at(distance);
+            let place = if distance > 0.0 { capsule.beside(at) } else { self.nearest_place(at)? };
+            let out = sub(at, place.point);
+            // on the axis itself every way out is as near
+            let normal = if out == [0.0; 3] { line.direction().map(|x| -x) } else { normalized(out) };
+            Some(Hit { distance, place, normal })
+        }))
+    }
+
+    /// What becomes of spheres that move straight and evenly from a start to an end; exact, up to rounding.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a radius is negative.
+    pub fn swept_spheres(
+        &self,
+        starts: &[Point],
+        ends: &[Point],
+        radii: &[f64],
+    ) -> Result<Vec<Option<Sweep>>> {
+        check_finite("starts", starts)?;
+        check_finite("ends", ends)?;
+        check_same_length("ends", ends.len(), "starts", starts.len())?;
+        check_same_length("radius", radii.len(), "starts", starts.len())?;
+        radii.iter().try_for_each(|&radius| check_not_negative("radius", radius))?;
+        Ok(each(starts.len(), |i| {
+            let radius = radii[i];
+            let (least, approach, closest) = self.hierarchy.closest(starts[i], sub(ends[i], starts[i]))?;
+            let clearance = least - radius;
+            if clearance > 0.0 {
+                return Some(Sweep { time: f64::INFINITY, clearance, place: closest.place(approach.along) });
+            }
+            let line = Line::between(starts[i], ends[i]);
+            let (time, place) = match self.hierarchy.first(&line, radius) {
+                Some((distance, capsule)) if distance > 0.0 => {
+                    (line.share(distance), capsule.beside(line.at(distance)))
+                }
+                Some(_) => (0.0, self.nearest_place(starts[i])?),
+                // a touch that rounding took away
+                None => (approach.time, closest.place(approach.along)),
+            };
+            Some(Sweep { time, clearance, place })
+        }))
+    }
+
+    /// What becomes of boxes that move from a pose to another, see [`BoxMotion`]; on the safe side by at most
+    /// its slack.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ or a half size is negative or not finite.
+    pub fn swept_boxes(
+        &self,
+        starts: &[RigidMotion],
+        ends: &[RigidMotion],
+        half_sizes: &[Point],
+    ) -> Result<Vec<Option<Sweep>>> {
+        check_finite("half_sizes", half_sizes)?;
+        check_same_length("ends", ends.len(), "starts", starts.len())?;
+        check_same_length("half_sizes", half_sizes.len(), "starts", starts.len())?;
+        half_sizes.as_flattened().iter().try_for_each(|&half| check_not_negative("half_sizes", half))?;
+        Ok(each(starts.len(), |i| {
+            let motion = BoxMotion::new(&starts[i], &ends[i], half_sizes[i]);
+            let (clearance, closest_at, closest) = self.hierarchy.clearance_of_box(&motion)?;
+            let met = if clearance > motion.slack() { None } else { self.hierarchy.first_of_box(&motion) };
+            let (at, capsule) = met.unwrap_or((closest_at, closest));
+            let place = capsule.place(motion.nearest(at, capsule).along);
+            Some(Sweep { time: met.map_or(f64::INFINITY, |(time, _)| time), clearance, place })
+        }))
+    }
+
+    fn nearest_place(&self, point: Point) -> Option<Place> {
+        self.hierarchy.nearest(point).map(|(_, capsule)| capsule.beside(point))
+    }
+}
+
+/// Answers to so many queries, in order: many of them in parallel.
+fn each<T: Send>(count: usize, answer: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    if count <= LOT {
+        return (0..count).map(answer).collect();
+    }
+    let answer = |i: usize| {
+        if i % LOT == 0 {
+            go_on();
+        }
+        answer(i)
+    };
+    parallel::run(|| (0..count).into_par_iter().with_min_len(LOT).map(answer).collect())
+}
+
+/// Refuses a length below zero, or as large as no coordinate may be.
+fn check_not_negative(name: &'static str, value: f64) -> Result<()> {
+    if value == 0.0 {
+        Ok(())
+    } else {
+        check_positive(name, value)
+            .map_err(|_| Error::invalid(name, format!("expected finite numbers >= 0, got {value:?}")))
+    }
+}

@@ -1,0 +1,125 @@
+//! A capsule: all that is within a radius of a segment of a chain's axis.
+
+use super::Place;
+use super::least::least_place;
+use crate::Point;
+use crate::geometry::{advance, dot, squared_distance, sub};
+
+/// A segment of an axis, and what is within a radius of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Capsule {
+    pub start: Point,
+    /// Unit vector.
+    pub along: Point,
+    pub length: f64,
+    pub radius: f64,
+    /// Arc length at its start, and how much of it there is for each metre.
+    arc: f64,
+    pace: f64,
+    chain: u32,
+    /// Among the capsules of all chains.
+    pub number: u32,
+}
+
+/// The place of a capsule's axis that is nearest to a moving point.
+#[derive(Debug, Clone, Copy)]
+pub struct Approach {
+    /// The square of their distance.
+    pub squared: f64,
+    /// The place, metres from the axis' start.
+    pub along: f64,
+    /// The time, from 0 to 1.
+    pub time: f64,
+}
+
+impl Capsule {
+    /// Around the segment from one place to another; none if it has no length.
+    pub fn new(ends: [Point; 2], arc: [f64; 2], radius: f64, chain: usize) -> Option<Self> {
+        let step = sub(ends[1], ends[0]);
+        let length = dot(step, step).sqrt();
+        (length > 0.0).then(|| Self {
+            start: ends[0],
+            along: step.map(|x| x / length),
+            length,
+            radius,
+            arc: arc[0],
+            pace: (arc[1] - arc[0]) / length,
+            chain: chain as u32,
+            number: 0,
+        })
+    }
+
+    /// A place on its axis, so many metres from the start.
+    #[inline]
+    pub fn at(&self, along: f64) -> Point {
+        advance(self.start, along, self.along)
+    }
+
+    /// The place of its axis nearest to a point, in metres from the start.
+    #[inline]
+    pub fn foot(&self, point: Point) -> f64 {
+        dot(sub(point, self.start), self.along).clamp(0.0, self.length)
+    }
+
+    /// The square of a point's distance from its axis.
+    #[inline]
+    pub fn squared_distance(&self, point: Point) -> f64 {
+        squared_distance(point, self.at(self.foot(point)))
+    }
+
+    /// Where its axis is nearest to a point that moves straight and evenly.
+    #[inline]
+    pub fn approach(&self, start: Point, step: Point) -> Approach {
+        let at = |time: f64| advance(start, time, step);
+        let slope = |time: f64| {
+            let point = at(time);
+            dot(step, sub(point, self.at(self.foot(point))))
+        };
+        let (beside, pace) = (dot(sub(start, self.start), self.along), dot(step, self.along));
+        let time = least_place(slope, [-beside / pace, (self.length - beside) / pace]);
+        let point = at(time);
+        let along = self.foot(point);
+        Approach { squared: squared_distance(point, self.at(along)), along, time }
+    }
+
+    /// A place of its axis as one of its chain's.
+    pub fn place(&self, along: f64) -> Place {
+        Place { chain: self.chain as usize, s: self.arc + self.pace * along, point: self.at(along) }
+    }
+
+    /// The place of its axis that a point is beside.
+    pub fn beside(&self, point: Point) -> Place {
+        self.place(self.foot(point))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn segments_are_nearest_where_many_places_of_both_say_so(
+            ends in prop::array::uniform4(prop::array::uniform3(-1.0f64..1.0)), parallel in any::<bool>(),
+        ) {
+            let [a, b, start, mut step] = ends;
+            if parallel {
+                step = sub(b, a);
+            }
+            let capsule = Capsule::new([a, b], [3.0, 5.0], 0.1, 7).unwrap();
+            let found = capsule.approach(start, step);
+            let least = (0..=2000)
+                .map(|k| capsule.squared_distance(advance(start, f64::from(k) / 2000.0, step)))
+                .fold(f64::INFINITY, f64::min)
+                .sqrt();
+            let size = dot(step, step).sqrt();
+            prop_assert!(found.squared.sqrt() <= least + 1e-12);
+            prop_assert!(found.squared.sqrt() >= least - size / 4000.0);
+            let place = capsule.place(found.along);
+            prop_assert!(place.chain == 7 && (3.0..=5.0 + 1e-12).contains(&place.s));
+            let apart = squared_distance(place.point, advance(start, found.time, step));
+            prop_assert!((apart - found.squared).abs() < 1e-12);
+        }
+    }
+}

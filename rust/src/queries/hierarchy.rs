@@ -1,0 +1,195 @@
+//! Boxes of capsules within boxes, halved across their longest side, and the searches through them.
+
+use super::boxes::{BoxMotion, segment_to_box};
+use super::capsule::{Approach, Capsule};
+use super::rays::Line;
+use crate::Point;
+use crate::geometry::dot;
+use crate::index::bounds::Bounds;
+
+/// Boxes of so few capsules are not divided.
+const FEW: usize = 4;
+/// Boxes are halved, so 2³² capsules are not as deep.
+const DEEPEST: usize = 40;
+
+/// A binary tree of boxes around capsules' axes.
+pub struct Hierarchy {
+    /// Each box's first half follows it.
+    nodes: Vec<Node>,
+    /// Those of a box one behind the other.
+    capsules: Vec<Capsule>,
+}
+
+struct Node {
+    /// Around the axes.
+    bounds: Bounds,
+    /// The largest.
+    radius: f64,
+    first: u32,
+    end: u32,
+    /// The second half; 0 where the box is not divided.
+    second: u32,
+}
+
+/// Whether a distance, given its square, from an axis is more than `best` from what is at a radius around it.
+#[inline(always)]
+fn is_beyond(squared: f64, radius: f64, best: f64) -> bool {
+    let reach = best + radius;
+    reach < 0.0 || squared > reach * reach
+}
+
+impl Hierarchy {
+    /// Sorts at most 2³² capsules, and numbers them as they are given.
+    pub fn new(mut capsules: Vec<Capsule>) -> Self {
+        for (number, capsule) in capsules.iter_mut().enumerate() {
+            capsule.number = number as u32;
+        }
+        let mut nodes = Vec::with_capacity(capsules.len());
+        if !capsules.is_empty() {
+            divide(&mut capsules, 0, &mut nodes);
+        }
+        Self { nodes, capsules }
+    }
+
+    /// The least of a point's distances from an axis minus the radius around it, and whose it is.
+    pub fn nearest(&self, point: Point) -> Option<(f64, &Capsule)> {
+        let place = Bounds { low: point, high: point };
+        let found = self.search(
+            |node| node.bounds.squared_gap(&place),
+            |squared, node, best| is_beyond(squared, node.radius, best),
+            |capsule, best| {
+                let squared = capsule.squared_distance(point);
+                (!is_beyond(squared, capsule.radius, best)).then(|| (squared.sqrt() - capsule.radius, ()))
+            },
+        );
+        found.map(|(least, (), capsule)| (least, capsule))
+    }
+
+    /// The same of a point that moves straight and evenly, with the place and the time.
+    pub fn closest(&self, start: Point, step: Point) -> Option<(f64, Approach, &Capsule)> {
+        self.search(
+            |node| squared_distance_to_box(start, step, &node.bounds, [0.0; 3]),
+            |squared, node, best| is_beyond(squared, node.radius, best),
+            |capsule, best| {
+                let found = capsule.approach(start, step);
+                (!is_beyond(found.squared, capsule.radius, best))
+                    .then(|| (found.squared.sqrt() - capsule.radius, found))
+            },
+        )
+    }
+
+    /// The distance at which a line first enters a capsule that is wider by some length, and which.
+    pub fn first(&self, line: &Line, wider: f64) -> Option<(f64, &Capsule)> {
+        let found = self.search(
+            |node| line.enters_box(&node.bounds, [node.radius + wider; 3]),
+            |enters, _, best| enters > best || enters.is_infinite(),
+            |capsule, _| line.enters(capsule, wider).map(|distance| (distance, ())),
+        );
+        found.map(|(distance, (), capsule)| (distance, capsule))
+    }
+
+    /// The clearance of a moving box, the time of it, and from which capsule.
+    pub fn clearance_of_box(&self, motion: &BoxMotion) -> Option<(f64, f64, &Capsule)> {
+        let (start, step) = motion.way();
+        self.search(
+            |node| squared_distance_to_box(start, step, &node.bounds, motion.reach),
+            |squared, node, best| is_beyond(squared, node.radius, best),
+            |capsule, best| Some(motion.clearance(capsule, best)),
+        )
+    }
+
+    /// The first time at which a moving box touches a capsule, and which.
+    pub fn first_of_box(&self, motion: &BoxMotion) -> Option<(f64, &Capsule)> {
+        let found = self.search(
+            |node| motion.line.enters_box(&node.bounds, motion.reach.map(|x| x + node.radius)),
+            |enters, _, best| enters.is_infinite() || motion.line.share(enters) > best,
+            |capsule, best| motion.first_contact(capsule, best.min(1.0)).map(|time| (time, ())),
+        );
+        found.map(|(time, (), capsule)| (time, capsule))
+    }
+
+    /// The capsule for which `ask` tells the least value, of equals the first in number, with what else it tells.
+    ///
+    /// `ask` gets the least value so far, and need not tell a larger one. A box' `key` is asked once; boxes of smaller keys
+    /// are gone through first, and none that is `out`, given that value.
+    #[inline]
+    fn search<T>(
+        &self,
+        key: impl Fn(&Node) -> f64,
+        out: impl Fn(f64, &Node, f64) -> bool,
+        mut ask: impl FnMut(&Capsule, f64) -> Option<(f64, T)>,
+    ) -> Option<(f64, T, &Capsule)> {
+        let mut found: Option<(f64, T, &Capsule)> = None;
+        let mut best = f64::INFINITY;
+        let mut left = [(0, 0.0); DEEPEST];
+        let mut count = 0;
+        if let Some(root) = self.nodes.first() {
+            left[0] = (0, key(root));
+            count = 1;
+        }
+        while count > 0 {
+            count -= 1;
+            let (mut number, mut mine) = left[count];
+            while !out(mine, &self.nodes[number], best) {
+                let node = &self.nodes[number];
+                if node.second == 0 {
+                    for capsule in &self.capsules[node.first as usize..node.end as usize] {
+                        let Some((value, more)) = ask(capsule, best) else { continue };
+                        let first = |held: &(f64, T, &Capsule)| capsule.number < held.2.number;
+                        if value < best || (value == best && found.as_ref().is_some_and(first)) {
+                            best = value;
+                            found = Some((value, more, capsule));
+                        }
+                    }
+                    break;
+                }
+                let (one, other) = (number + 1, node.second as usize);
+                let (to_one, to_other) = (key(&self.nodes[one]), key(&self.nodes[other]));
+                let (near, far) = if to_other < to_one {
+                    ((other, to_other), (one, to_one))
+                } else {
+                    ((one, to_one), (other, to_other))
+                };
+                left[count] = far;
+                count += 1;
+                (number, mine) = near;
+            }
+        }
+        found
+    }
+}
+
+/// The square of the distance of a straight way from a box that is wider by some lengths to each side.
+#[inline]
+fn squared_distance_to_box(start: Point, step: Point, bounds: &Bounds, wider: Point) -> f64 {
+    let from_middle = std::array::from_fn(|k| start[k] - 0.5 * (bounds.low[k] + bounds.high[k]));
+    let half = std::array::from_fn(|k| 0.5 * (bounds.high[k] - bounds.low[k]) + wider[k]);
+    let (_, off) = segment_to_box(from_middle, step, half);
+    dot(off, off)
+}
+
+/// Puts capsules in order of their boxes.
+fn divide(capsules: &mut [Capsule], first: u32, nodes: &mut Vec<Node>) {
+    let (mut bounds, mut middles, mut radius) = (Bounds::NONE, Bounds::NONE, 0.0_f64);
+    for capsule in capsules.iter() {
+        bounds.add(capsule.at(0.0));
+        bounds.add(capsule.at(capsule.length));
+        middles.add(capsule.at(0.5 * capsule.length));
+        radius = radius.max(capsule.radius);
+    }
+    let number = nodes.len();
+    nodes.push(Node { bounds, radius, first, end: first + capsules.len() as u32, second: 0 });
+    if capsules.len() <= FEW {
+        return;
+    }
+    let side = |k: usize| middles.high[k] - middles.low[k];
+    let longest = (1..3).fold(0, |longest, k| if side(k) > side(longest) { k } else { longest });
+    let place = |capsule: &Capsule| capsule.at(0.5 * capsule.length)[longest];
+    let half = capsules.len() / 2;
+    // of equals the first in number, so that the order is the same whatever the selection did
+    capsules.select_nth_unstable_by(half, |a, b| place(a).total_cmp(&place(b)).then(a.number.cmp(&b.number)));
+    let (one, other) = capsules.split_at_mut(half);
+    divide(one, first, nodes);
+    nodes[number].second = nodes.len() as u32;
+    divide(other, first + half as u32, nodes);
+}
