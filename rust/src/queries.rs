@@ -196,7 +196,8 @@ impl TubeQueries {
         Ok(each(starts.len(), |i| {
             let motion = BoxMotion::new(&starts[i], &ends[i], half_sizes[i]);
             let (clearance, closest_at, closest) = self.hierarchy.clearance_of_box(&motion)?;
-            let met = if clearance > motion.slack() { None } else { self.hierarchy.first_of_box(&motion) };
+            let met =
+                if clearance > motion.slack() { None } else { self.hierarchy.first_of_box(&motion, closest) };
             let (at, capsule) = met.unwrap_or((closest_at, closest));
             let place = capsule.place(motion.nearest(at, capsule).along);
             Some(Sweep { time: met.map_or(f64::INFINITY, |(time, _)| time), clearance, place })
