@@ -215,7 +215,7 @@ fn each<T: Send>(count: usize, answer: impl Fn(usize) -> T + Sync + Send) -> Vec
         return (0..count).map(answer).collect();
     }
     let answer = |i: usize| {
-        if i % LOT == 0 {
+        if i.is_multiple_of(LOT) {
             go_on();
         }
         answer(i)
