@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import config, figures, msgs, synthetic
+from strand import config, export, figures, msgs, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -23,6 +23,8 @@ from strand.box import Box
 from strand.chain import Chain
 from strand.config import Config
 from strand.doubt import Doubt
+from strand.export.capsules import Capsules
+from strand.export.spheres import Spheres
 from strand.files import FileFormatError
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.finding.strips import LeftOut
@@ -41,6 +43,7 @@ from strand.view import View
 __all__ = [
     "Alternative",
     "Box",
+    "Capsules",
     "Chain",
     "Config",
     "Doubt",
@@ -58,6 +61,7 @@ __all__ = [
     "RayHits",
     "Recording",
     "Sensor",
+    "Spheres",
     "StrandError",
     "Sweeps",
     "TubeFit",
@@ -68,6 +72,7 @@ __all__ = [
     "count_neighbors",
     "estimate_normals",
     "estimate_radius",
+    "export",
     "figures",
     "find_ropes",
     "fit_tubes",

@@ -27,6 +27,10 @@ from strand.checks import (
 )
 from strand.config import METHODS
 from strand.doubt import DOUBTS, Doubt
+from strand.export.capsules import Capsules, capsules_of
+from strand.export.mjcf import mjcf_of
+from strand.export.spheres import Spheres, spheres_of
+from strand.export.urdf import urdf_of
 from strand.files import plain, write_bytes, write_json
 from strand.io.export import csv_of, format_of, mesh_of, polylines_of
 from strand.lazy import lazy
@@ -456,6 +460,127 @@ class Model:
         """
         format_of(path, ("ply",))
         write_bytes(path, mesh_of([chain.tube(sides) for chain in self.chains]))
+
+    def capsules(self, error: float) -> Capsules:
+        """Return the ropes as capsules for collision checks.
+
+        A rope's tube is all that lies within its radius of its centreline: its ends are round. Capsules have
+        the rope's radius, and their axes end on the centreline. A point of their surface is no more than
+        `error` nearer to or farther from the centreline than the radius, and a point of the tube's surface so
+        from the axes. Capsules with a radius `error` larger hold the whole rope.
+
+        Parameters
+        ----------
+        error : float
+            Metres. The smaller it is, the more capsules there are, about as one over its root.
+
+        Returns
+        -------
+        Capsules
+            Along the ropes, rope by rope.
+
+        Raises
+        ------
+        TypeError
+            If `error` is not a number.
+        ValueError
+            If it is not positive and finite, or less than a thousandth of a radius.
+        """
+        return capsules_of(self.chains, error)
+
+    def spheres(self, error: float) -> Spheres:
+        """Return the ropes as spheres for collision checks, of the ropes' radius.
+
+        A point of their surface is no more than `error` nearer to or farther from the centreline than the
+        radius. Spheres with a radius `error` larger hold the whole rope; its ends are round as in `capsules`.
+
+        Parameters
+        ----------
+        error : float
+            Metres. From a radius on, spheres only touch each other.
+
+        Returns
+        -------
+        Spheres
+            Along the ropes, rope by rope.
+
+        Raises
+        ------
+        TypeError
+            If `error` is not a number.
+        ValueError
+            If it is not positive and finite, or less than a hundredth of a radius.
+        """
+        return spheres_of(self.chains, error)
+
+    def to_mjcf(
+        self,
+        path: str | os.PathLike[str],
+        version: int = 4,
+        *,
+        spacing: float | None = None,
+        density: float = 1000.0,
+        young: float = 1e6,
+    ) -> None:
+        """Write the ropes as a model of MuJoCo, whole or not at all: they bend, fall and touch.
+
+        Each lies where it was seen, and rests in that shape. The file is a model, and can be an `include` of
+        another one. There the integrator must stay what the file says.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, whose name ends with `.xml`; one that exists is replaced.
+        version : int
+            3: a `composite` cable of capsules with ball joints, `rope_0_B_first` to `rope_0_B_last`, for
+            MuJoCo 3. 4: a `flexcomp` rod `rope_0` whose edges keep their lengths, for MuJoCo 4, which has
+            no cables.
+        spacing : float, optional
+            How long segments are along the rope, metres, at least 2.5 radii; three radii if not given.
+            Segments are straight between places of the centreline.
+        density : float
+            kg/m^3. A rope's mass is that of its length and radius.
+        young : float
+            Young's modulus against bending, Pa; against twist a third of it counts. A rope of strands bends
+            far more easily than its material: 1e6 is a soft rope.
+
+        Raises
+        ------
+        TypeError
+            If a number is of the wrong kind.
+        ValueError
+            If the name ends otherwise, a number is not positive, `version` is neither 3 nor 4, or `spacing`
+            is too small.
+        OSError
+            If the file cannot be written.
+        """
+        format_of(path, ("xml",))
+        write_bytes(path, mjcf_of(self.chains, version, spacing, density, young))
+
+    def to_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
+        """Write the ropes as a URDF, whole or not at all: rigid, for what must not be touched.
+
+        Each rope is a link `rope_0`, fixed to the link `world`, whose frame is the world frame. Its shapes
+        are cylinders and spheres, as many readers know no capsules. Links have no mass: they do not move.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file, whose name ends with `.urdf`; one that exists is replaced.
+        error : float
+            As in `capsules`, metres.
+
+        Raises
+        ------
+        TypeError
+            If `error` is not a number.
+        ValueError
+            If the name ends otherwise, or `error` is not positive or too small.
+        OSError
+            If the file cannot be written.
+        """
+        format_of(path, ("urdf",))
+        write_bytes(path, urdf_of(self.chains, error))
 
 
 def content(model: Model) -> dict[str, Any]:

@@ -24,6 +24,7 @@ Message = dict[str, Any]
 
 _LINE_STRIP, _SPHERE_LIST = 4, 7  # constants of visualization_msgs/Marker
 _ADD, _DELETE_ALL = 0, 3
+_SPHERE, _CYLINDER = 2, 3  # constants of shape_msgs/SolidPrimitive
 _FLOAT32 = 7  # constant of sensor_msgs/PointField
 # messages with depth, and the fields that are read
 _SIZE = ("height", "width", "is_bigendian", "data")
@@ -108,6 +109,53 @@ def marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str 
             ends = [nodes[0], nodes[-1]]
             markers.append(_marker(head, f"{name}_ends", i, _SPHERE_LIST, ends, ball, color))
     return {"markers": markers}
+
+
+def planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) -> Message:
+    """moveit_msgs/PlanningScene of a model: a difference that adds a collision object for each chain.
+
+    Objects are `rope_0`, `rope_1`, ...; one that is there already is replaced. MoveIt knows no capsule: each
+    is a cylinder, with spheres at its ends.
+
+    Parameters
+    ----------
+    model : Model
+    error : float
+        How far shapes may be from the ropes, metres, as in `Model.capsules`.
+    frame_id : str
+        The TF frame that is the world frame.
+    stamp : int
+        When it was seen, nanoseconds since 1970.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is of the wrong kind, `error` is too small, or `stamp` is negative.
+    """
+    if not isinstance(model, Model):
+        raise TypeError(f"model: expected a Model, got {type(model).__name__}")
+    head, capsules = _header(frame_id, stamp), model.capsules(error)
+    axes = capsules.stop - capsules.start
+    objects = []
+    for number, chain in enumerate(model.chains):
+        shapes, poses = [], []
+        mine = np.flatnonzero(capsules.chain == number)
+        for i in mine:
+            size = [float(capsules.lengths[i]), chain.radius]
+            shapes.append({"type": _CYLINDER, "dimensions": size})
+            middle = 0.5 * (capsules.start[i] + capsules.stop[i])
+            poses.append({"position": _place(middle), "orientation": _upright(axes[i] / size[0])})
+        for place in np.vstack([capsules.start[mine[:1]], capsules.stop[mine]]):
+            shapes.append({"type": _SPHERE, "dimensions": [chain.radius]})
+            poses.append({"position": _place(place), "orientation": _still()})
+        objects.append(
+            {"header": head, "id": f"rope_{number}", "primitives": shapes, "primitive_poses": poses}
+        )
+    return {"is_diff": True, "robot_state": {"is_diff": True}, "world": {"collision_objects": objects}}
 
 
 def point_cloud2(
@@ -235,10 +283,23 @@ def _along(tangent: Array) -> Message:
     return {"x": 0.0, "y": -0.5 * z / w, "z": 0.5 * y / w, "w": w}
 
 
+def _upright(axis: Array) -> Message:
+    """Return the quaternion of the shortest turn from the z axis to a unit vector."""
+    x, y, z = axis.tolist()
+    if z < -1.0 + 1e-9:
+        return {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}
+    w = math.sqrt(0.5 * (1.0 + z))
+    return {"x": -0.5 * y / w, "y": 0.5 * x / w, "z": 0.0, "w": w}
+
+
+def _still() -> Message:
+    return dict.fromkeys("xyz", 0.0) | {"w": 1.0}
+
+
 def _marker(
     head: Message, name: str, number: int, kind: int, points: list[Message], scale: Message, color: Message
 ) -> Message:
-    still = {"position": dict.fromkeys("xyz", 0.0), "orientation": dict.fromkeys("xyz", 0.0) | {"w": 1.0}}
+    still = {"position": dict.fromkeys("xyz", 0.0), "orientation": _still()}
     return {
         "header": head,
         "ns": name,

@@ -116,6 +116,7 @@ def messages() -> dict[str, Any]:
 GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
     "README.md": {1: clouds, 2: one_image},
     "docs/configuration.md": {0: seen},
+    "docs/export.md": {0: seen},
     "docs/method.md": {0: seen, 1: one_image},
     "docs/mistakes.md": {0: seen, 1: one_image},
     "docs/pictures.md": {0: seen},

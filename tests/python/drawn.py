@@ -6,6 +6,7 @@ import numpy as np
 
 import strand
 from strand import Chain
+from strand.curve import Curve
 from strand.synthetic import camera_pose, render_depth, sense
 
 R = 0.0042
@@ -134,3 +135,23 @@ def cross(angle: float = np.pi / 2) -> list[np.ndarray]:
     along = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
     up = np.array([0, 0, 2 * CROSSED])
     return [straight((-0.05, 0, 0), (0.05, 0, 0)), straight(tuple(up - along), tuple(up + along))]
+
+
+def smooth_chain() -> Chain:
+    """An open rope with bends of several radii, whose nodes are places of a smooth curve."""
+    t = np.linspace(0.0, 4.0 * np.pi, 40)
+    control = np.stack([0.03 * np.cos(t), 0.03 * np.sin(2.0 * t), 0.005 * t], axis=1)
+    curve = Curve.whole(control)
+    return Chain(curve.at(curve.nodes(0.001))[0], R, curve=curve)
+
+
+def from_path(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """(N,) Distance of points from the nearest of K straight lines between places, (K, 3) each."""
+    line = stop - start
+    square = np.maximum((line * line).sum(axis=1), 1e-30)
+    nearest = np.full(len(points), np.inf)
+    for k in range(len(line)):
+        offset = points - start[k]
+        offset -= np.clip(offset @ line[k] / square[k], 0.0, 1.0)[:, None] * line[k]
+        nearest = np.minimum(nearest, np.linalg.norm(offset, axis=1))
+    return nearest

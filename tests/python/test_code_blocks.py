@@ -65,6 +65,12 @@ def configuration(names, out, folder):
     assert names["config"] == strand.config.load(folder / "numbers.toml") != strand.Config()
 
 
+def export(names, out, folder):
+    assert names["simulated"].nbody > 10
+    assert json.dumps(names["world"])
+    assert {path.name for path in folder.iterdir()} >= {"tube.ply", "rope.urdf", "rope.xml", "rope.txt"}
+
+
 def pictures(names, out, folder):
     assert (folder / "report.html").stat().st_size > 100_000
     assert len(list((folder / "figures").glob("*.png"))) == 8
@@ -116,6 +122,7 @@ def recipes(names, out, folder):
 CHECKS = {
     "README.md": readme,
     "docs/configuration.md": configuration,
+    "docs/export.md": export,
     "docs/first_grasp.md": first_grasp,
     "docs/pictures.md": pictures,
     "docs/recipes.md": recipes,

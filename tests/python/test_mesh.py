@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 import open3d as o3d
 import pytest
+import trimesh
 from drawn import circle
 
 import strand
@@ -125,6 +126,16 @@ def test_open3d_reads_what_is_saved(tmp_path):
     mesh = o3d.io.read_triangle_mesh(str(tmp_path / "b.ply"))
     assert mesh.is_watertight()
     assert mesh.get_volume() == pytest.approx(np.pi * RADIUS**2 * CHAINS["helix"].length, rel=0.02)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_trimesh_calls_what_is_saved_a_volume(tmp_path, name):
+    strand.Model((CHAINS[name],), np.eye(4)[None]).save_tube(tmp_path / "a.ply")
+    mesh = trimesh.load_mesh(tmp_path / "a.ply")
+    assert mesh.is_watertight
+    assert mesh.is_volume  # wound outwards, too
+    area = 8 * np.sin(np.pi / 8) * RADIUS**2
+    assert mesh.volume == pytest.approx(area * CHAINS[name].length, rel=0.01)
 
 
 def test_a_model_without_ropes_has_an_empty_mesh(tmp_path):

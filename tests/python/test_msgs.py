@@ -145,6 +145,33 @@ def test_views_of_messages():
         msgs.view(image, scene.intrinsics)
 
 
+def test_a_planning_scene_has_a_cylinder_and_balls_for_each_capsule():
+    scene = msgs.planning_scene(MODEL, 1e-3, "world", STAMP)
+    assert json.loads(json.dumps(scene)) == scene
+    assert scene["is_diff"]
+    assert scene["robot_state"] == {"is_diff": True}
+    objects = scene["world"]["collision_objects"]
+    assert [one["id"] for one in objects] == ["rope_0", "rope_1"]
+    capsules = MODEL.capsules(1e-3)
+    for number, one in enumerate(objects):
+        mine = capsules.chain == number
+        assert set(one) == {"header", "id", "primitives", "primitive_poses"}
+        assert one["header"]["frame_id"] == "world"
+        kinds = np.array([shape["type"] for shape in one["primitives"]])
+        poses = np.array(
+            [[*p["position"].values(), *p["orientation"].values()] for p in one["primitive_poses"]]
+        )
+        height, radius = np.array([s["dimensions"] for s in one["primitives"] if s["type"] == 3]).T
+        np.testing.assert_allclose(height, capsules.lengths[mine])
+        np.testing.assert_allclose(radius, capsules.radius[mine])
+        tubes = poses[kinds == 3]
+        np.testing.assert_allclose(tubes[:, :3], capsules.poses[mine, :3, 3], atol=1e-12)
+        along = Rotation.from_quat(tubes[:, 3:]).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(along, capsules.poses[mine, :3, 2], atol=1e-9)
+        ends = np.vstack([capsules.start[mine][:1], capsules.stop[mine]])
+        np.testing.assert_allclose(poses[kinds == 2, :3], ends, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("call", "error", "reason"),
     [
@@ -153,6 +180,8 @@ def test_views_of_messages():
         (lambda: msgs.path(CHAIN, "world", -1), ValueError, "stamp: expected at least 0"),
         (lambda: msgs.path(CHAIN, "world", 1.5), TypeError, "stamp: expected an integer"),
         (lambda: msgs.marker_array(CHAIN, "world"), TypeError, "model: expected a Model, got Chain"),
+        (lambda: msgs.planning_scene(CHAIN, 1e-3, "world"), TypeError, "model: expected a Model, got Chain"),
+        (lambda: msgs.planning_scene(MODEL, 0.0, "world"), ValueError, "error: expected a positive"),
         (lambda: msgs.point_cloud2(NODES[:, :2], "world"), ValueError, "points: expected shape"),
         (lambda: msgs.point_cloud2(NODES * 1e50, "world"), ValueError, "fit in single precision"),
         (lambda: msgs.point_cloud2(NODES, "world", colors=NODES[:2]), ValueError, "colors: expected shape"),

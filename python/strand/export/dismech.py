@@ -1,0 +1,45 @@
+"""Ropes as the text of DisMech's geometry files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from strand.chain import Chain
+from strand.checks import instances
+from strand.export.segments import segment_ends
+
+
+def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:
+    """Geometry file of DisMech, of its versions for Python and MATLAB: nodes and the edges between them.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+        Such as `Model.chains`.
+    spacing : float, optional
+        How long edges are, metres; three radii of each rope if not given.
+
+    Returns
+    -------
+    str
+        A section `*Nodes` with a line "x,y,z" for each node, world frame, metres, and a section
+        `*Edges` with a line "i,j" for each edge; numbers count from 1, through all ropes. DisMech takes
+        the radius as a parameter (`GeomParams.rod_r0`): it is not in the file.
+
+    Raises
+    ------
+    TypeError
+        If `chains` are no chains, or `spacing` is not a number.
+    ValueError
+        If `spacing` is not positive, or so small that a rope has more than 100,000 edges.
+    """
+    nodes: list[str] = []
+    edges: list[str] = []
+    for chain in instances("chains", chains, Chain):
+        places = segment_ends(chain, spacing)
+        first, last = len(nodes) + 1, len(nodes) + len(places)
+        nodes += [",".join(f"{value:.12g}" for value in place) for place in places.tolist()]
+        edges += [f"{i},{i + 1}" for i in range(first, last)]
+        if chain.closed:
+            edges.append(f"{last},{first}")
+    return "\n".join(["*Nodes", *nodes, "*Edges", *edges]) + "\n"

@@ -1,0 +1,65 @@
+"""Ropes as arrays for PyElastica."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from strand.chain import Chain
+from strand.export.segments import segment_ends
+
+
+def elastica(chain: Chain, spacing: float | None = None) -> dict[str, Any]:
+    """Geometry of a PyElastica rod: arguments of `CosseratRod.straight_rod`, or of `ring_rod` for a ring.
+
+    The material is the caller's: `CosseratRod.straight_rod(**elastica(chain), density=1000.0,
+    youngs_modulus=1e6)`. Such a rod lies where the rope was seen and would be straight at rest. For one that
+    rests as it lies call `rod.compute_internal_forces_and_torques(0.0)`, then set
+    `rod.rest_kappa[:] = rod.kappa`.
+
+    Parameters
+    ----------
+    chain : Chain
+    spacing : float, optional
+        How long elements are, metres; three radii if not given.
+
+    Returns
+    -------
+    dict
+        `n_elements`; `position`, (3, N + 1), of a ring (3, N), metres; `directors`, (3, 3, N): normal,
+        binormal and tangent of each element as rows, turned about the tangents as little as can be;
+        `base_length` and `base_radius`, metres; `direction` and `normal` of the first element; `start`, of
+        a ring `ring_center_position`.
+
+    Raises
+    ------
+    TypeError
+        If `chain` is no Chain, or `spacing` is not a number.
+    ValueError
+        If `spacing` is not positive, or so small that there are more than 100,000 elements.
+    """
+    if not isinstance(chain, Chain):
+        raise TypeError(f"chain: expected a Chain, got {type(chain).__name__}")
+    places = segment_ends(chain, spacing)
+    path = np.vstack([places, places[:1]]) if chain.closed else places
+    steps = np.diff(path, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    tangents = steps / lengths
+    # the rings of a tube turn as little as can be: the first vertex of each shows where across is
+    rings = Chain(places, 1.0, chain.closed).tube(3)[0][: 3 * len(places)].reshape(-1, 3, 3)
+    across = rings[: len(steps), 0] - places[: len(steps)]
+    normals = across - (across * tangents).sum(axis=1, keepdims=True) * tangents
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    directors = np.stack([normals, np.cross(tangents, normals), tangents])
+    origin = {"ring_center_position": places.mean(axis=0)} if chain.closed else {"start": places[0].copy()}
+    return {
+        "n_elements": len(steps),
+        "position": np.ascontiguousarray(places.T),
+        "directors": np.ascontiguousarray(directors.transpose(0, 2, 1)),
+        "base_length": float(lengths.sum()),
+        "base_radius": chain.radius,
+        "direction": tangents[0].copy(),
+        "normal": normals[0].copy(),
+        **origin,
+    }

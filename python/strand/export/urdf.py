@@ -1,0 +1,50 @@
+"""Ropes as a URDF: rigid, where they were seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from xml.etree import ElementTree
+
+import numpy as np
+
+from strand.chain import Chain
+from strand.export.capsules import Capsules, capsules_of
+from strand.export.xml import document, numbers
+
+
+def urdf_of(chains: Sequence[Chain], error: float) -> bytes:
+    """Return a URDF with a link for each rope, see `strand.Model.to_urdf`."""
+    capsules = capsules_of(chains, error)
+    robot = ElementTree.Element("robot", name="strand")
+    ElementTree.SubElement(robot, "link", name="world")
+    for number in range(len(chains)):
+        name = f"rope_{number}"
+        link = ElementTree.SubElement(robot, "link", name=name)
+        for kind in ("visual", "collision"):
+            for i, (origin, shape) in enumerate(_shapes(capsules, number)):
+                part = ElementTree.SubElement(link, kind, name=f"{name}_{kind}_{i}")
+                ElementTree.SubElement(part, "origin", origin)
+                ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), *shape)
+        joint = ElementTree.SubElement(robot, "joint", name=f"{name}_joint", type="fixed")
+        ElementTree.SubElement(joint, "parent", link="world")
+        ElementTree.SubElement(joint, "child", link=name)
+    return document(robot)
+
+
+def _shapes(capsules: Capsules, number: int) -> Iterator[tuple[dict[str, str], tuple[str, dict[str, str]]]]:
+    """Yield a rope's cylinders, and spheres at their ends: many readers of URDF know no capsule."""
+    lengths = capsules.lengths
+    mine = np.flatnonzero(capsules.chain == number)
+    for i in mine:
+        x, y, z = (capsules.stop[i] - capsules.start[i]).tolist()
+        # z is turned by the pitch, then by the yaw
+        turn = np.array([0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)])
+        middle = 0.5 * (capsules.start[i] + capsules.stop[i])
+        size = {"radius": numbers(capsules.radius[i]), "length": numbers(lengths[i])}
+        yield {"xyz": numbers(middle), "rpy": numbers(turn)}, ("cylinder", size)
+    for place in np.vstack([capsules.start[mine[:1]], capsules.stop[mine]]):
+        yield (
+            {"xyz": numbers(place), "rpy": "0 0 0"},
+            ("sphere", {"radius": numbers(capsules.radius[mine[0]])}),
+        )
