@@ -18,10 +18,11 @@ import sys
 import time
 from collections.abc import Iterator
 
+from collection import SHAPES
 from tables import head, row
 
 import strand
-from strand.synthetic import CAMERAS, SHAPES, Segmentation, SyntheticScene, random_ropes, scene
+from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.scenes import FOCAL_LENGTH
 
 SMALL, LARGE = (640, 480), (1280, 720)

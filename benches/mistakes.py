@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from collection import SHAPES
 from measure import measured
 from numpy.typing import NDArray
 from tables import head, row
 
 import strand
-from strand.synthetic import SHAPES, SyntheticScene, cluttered, scene
+from strand.synthetic import SyntheticScene, cluttered, scene
 
 Array = NDArray[np.float64]
 

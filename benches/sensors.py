@@ -20,9 +20,10 @@ from typing import Any
 
 import collection
 import numpy as np
+from collection import SHAPES
 from judging import all_judged, summary
 
-from strand.synthetic import CAMERAS, SHAPES, Segmentation, SyntheticScene, random_ropes, scene
+from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.scenes import FOCAL_LENGTH
 
 SIZE = (640, 480)

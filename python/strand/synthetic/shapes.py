@@ -46,9 +46,20 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
         (16.2, -281.0),  # the circle
         (10.8, 6.0),  # the end, over the rope
     ),
+    "figure8_knot": (
+        (4.9, 90.0),
+        (15.1, 109.0),
+        (4.2, 85.0),
+        (12.4, 143.0),
+        (20.7, 155.0),
+        (12.4, 143.0),
+        (4.2, 85.0),
+        (15.1, 109.0),
+        (4.9, 90.0),
+    ),
 }
 
-SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper")
+SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper", "figure8_knot")
 """Names that `shape` knows."""
 
 LONGEST = 1e3
@@ -64,6 +75,7 @@ _SHORTEST = {
     "figure8": 70.0,
     "overhand": 70.0,
     "paper": 95.0,
+    "figure8_knot": 92.0,
 }
 
 _STEPS = 4000  # of a plan's walk
@@ -93,6 +105,7 @@ def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
     - `overhand`: a trefoil knot, lying loosely; 3 crossings.
     - `paper`: a bight laid round the rope, a straight part, a circle that closes over itself with the end
       overlapping; 3 crossings.
+    - `figure8_knot`: a figure-eight knot, lying loosely; 4 crossings.
 
     `paper` stands for the string of the published experiment, at the default radius and length. Its
     three crossings cannot hold both a true knot and a circle that closes over itself: the simplest

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from strand.synthetic import scene, shapes
 from strand.synthetic.shapes import SHAPES, shape
 
-CROSSINGS = dict(straight=0, arc=0, s=0, coil=0, loop=1, figure8=2, overhand=3, paper=3)
+CROSSINGS = dict(straight=0, arc=0, s=0, coil=0, loop=1, figure8=2, overhand=3, paper=3, figure8_knot=4)
 RADIUS = 0.0042
 
 
@@ -94,15 +94,17 @@ def test_strands_pass_by_turns_under_and_over(name):
 def order_of_crossings(nodes):
     found = crossings(nodes)
     passes = sorted((s, i) for i, (low, high, _) in enumerate(found) for s in (low, high))
-    names = {i: "ABC"[k] for k, i in enumerate(dict.fromkeys(i for _, i in passes))}
+    names = {i: "ABCD"[k] for k, i in enumerate(dict.fromkeys(i for _, i in passes))}
     return "".join(names[i] for _, i in passes)
 
 
 def test_knots():
-    # alternating, so A B C A B C is the trefoil; A B B A comes apart, and C C is the circle
+    # alternating, so A B C A B C is the trefoil, A B C A D C B D the figure-eight knot; A B B A comes apart,
+    # and C C is the circle
     assert order_of_crossings(shape("overhand")) == "ABCABC"
     assert order_of_crossings(shape("paper")) == "ABBACC"
     assert order_of_crossings(shape("figure8")) == "ABBA"
+    assert order_of_crossings(shape("figure8_knot")) == "ABCADCBD"
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1, 2, 3, 4, 5])
@@ -140,7 +142,7 @@ def test_crossings_of_the_papers_string_are_steep_and_isolated(seed):
 
 
 def test_wrong_shapes():
-    with pytest.raises(ValueError, match=r"name: expected one of straight, arc, .*paper, got 'bow'"):
+    with pytest.raises(ValueError, match=r"name: expected one of straight, arc, .*figure8_knot, got 'bow'"):
         shape("bow")
     with pytest.raises(ValueError, match="radius: expected a positive"):
         shape("arc", radius=0.0)
