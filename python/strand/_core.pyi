@@ -39,10 +39,14 @@ __all__ = [
     "fit_tubes",
     "icp",
     "join_cost",
+    "knot",
+    "knot_diagram",
     "largest_blob",
+    "linking_number",
     "num_threads",
     "occludes",
     "occupied_voxels",
+    "order_probability",
     "overlapping",
     "path_length",
     "radius_outlier_mask",
@@ -492,3 +496,20 @@ def register_in_turn(
 def count_neighbors_each(clouds: Sequence[ArrayLike], radius: float) -> list[NDArray[np.int64]]: ...
 def estimate_normals_each(clouds: Sequence[ArrayLike], radius: float) -> list[NDArray[np.float64]]: ...
 def straighten(nodes: ArrayLike, radius: float, span: float) -> NDArray[np.float64]: ...
+def knot(
+    points: ArrayLike, closed: bool
+) -> tuple[
+    list[tuple[str | None, Literal["right", "left"] | None, float]],
+    list[int] | None,
+    str | None,
+    list[int] | None,
+    tuple[int, list[int]] | None,
+    tuple[list[int], list[int], list[list[int]], list[int]],
+]: ...
+def knot_diagram(
+    points: ArrayLike, closed: bool, direction: ArrayLike
+) -> tuple[list[int], list[int], list[list[int]], list[int]]: ...
+def order_probability(
+    points: ArrayLike, closed: bool, direction: ArrayLike, crossings: ArrayLike
+) -> float: ...
+def linking_number(a: ArrayLike, b: ArrayLike, closed: Sequence[bool]) -> float: ...

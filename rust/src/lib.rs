@@ -48,6 +48,7 @@ mod icp;
 mod image;
 mod imagefit;
 mod index;
+mod knots;
 mod median;
 mod mending;
 mod normals;

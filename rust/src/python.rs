@@ -10,6 +10,7 @@ mod fit;
 mod icp;
 mod image_fit;
 mod images;
+mod knots;
 mod masks;
 mod normals;
 mod queries;
@@ -122,6 +123,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::straightened, module)?)?;
     module.add_function(wrap_pyfunction!(curves::bending, module)?)?;
     module.add_function(wrap_pyfunction!(curves::join_cost, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::knot, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::knot_diagram, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::order_probability, module)?)?;
+    module.add_function(wrap_pyfunction!(knots::linking_number, module)?)?;
     module.add_function(wrap_pyfunction!(masks::convolved, module)?)?;
     module.add_function(wrap_pyfunction!(masks::largest_blob, module)?)?;
     module.add_function(wrap_pyfunction!(masks::blob_numbers, module)?)?;

@@ -1,0 +1,74 @@
+//! A knot diagram as a signed Gauss code, and the codes that other programs read.
+
+/// A passage of the knot through a crossing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Visit {
+    /// The crossing's number.
+    pub crossing: u32,
+    /// Whether this is the upper strand.
+    pub over: bool,
+}
+
+/// A diagram of one closed curve: the crossings in the order in which it passes them, twice each.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
+pub struct GaussCode {
+    pub visits: Vec<Visit>,
+    /// By crossing: +1 where the lower strand crosses the upper one from its right to its left, else -1.
+    pub signs: Vec<i8>,
+}
+
+impl GaussCode {
+    /// How many crossings there are.
+    pub fn crossings(&self) -> usize {
+        self.signs.len()
+    }
+
+    /// The sum of the signs.
+    pub fn writhe(&self) -> i64 {
+        self.signs.iter().map(|&sign| i64::from(sign)).sum()
+    }
+
+    /// By crossing: the places of its upper and of its lower visit.
+    pub fn places(&self) -> Vec<[usize; 2]> {
+        let mut places = vec![[0; 2]; self.crossings()];
+        for (k, visit) in self.visits.iter().enumerate() {
+            places[visit.crossing as usize][usize::from(!visit.over)] = k;
+        }
+        places
+    }
+
+    /// Planar diagram: by crossing the four edges, anticlockwise from where the lower strand comes in.
+    ///
+    /// Edge k leads to visit k, both counted from 0.
+    pub fn planar_diagram(&self) -> Vec<[u32; 4]> {
+        let edges = self.visits.len();
+        let both = |place: usize| (place as u32, ((place + 1) % edges) as u32);
+        let crossing = |([over, under], &sign): ([usize; 2], &i8)| {
+            let ((over_in, over_out), (under_in, under_out)) = (both(over), both(under));
+            match sign {
+                1 => [under_in, over_out, under_out, over_in],
+                _ => [under_in, over_in, under_out, over_out],
+            }
+        };
+        self.places().into_iter().zip(&self.signs).map(crossing).collect()
+    }
+
+    /// Dowker and Thistlethwaite's code: visits are counted from 1, each crossing has an odd and an even one; the even
+    /// ones in the order of the odd ones, negative where they are over.
+    pub fn dowker_thistlethwaite(&self) -> Vec<i64> {
+        let places = self.places();
+        let even = |visit: &Visit| {
+            let [over, under] = places[visit.crossing as usize];
+            if visit.over { under as i64 + 1 } else { -(over as i64 + 1) }
+        };
+        self.visits.iter().step_by(2).map(even).collect()
+    }
+
+    /// The diagram with upper and lower strand exchanged at one crossing.
+    pub fn switch(&mut self, crossing: usize) {
+        self.signs[crossing] = -self.signs[crossing];
+        for visit in self.visits.iter_mut().filter(|visit| visit.crossing as usize == crossing) {
+            visit.over = !visit.over;
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! The diagram of a closed polyline: its signed crossings seen from far away.
+
+use super::boxes::{Bounds, BoxTree};
+use super::code::{GaussCode, Visit};
+use crate::Point;
+use crate::geometry::{cross, dot, normalized};
+use crate::parallel::go_on;
+
+/// Most crossings that a diagram may have.
+pub const MOST_CROSSINGS: usize = 20_000;
+/// Most pairs of segments that are looked at.
+const MOST_PAIRS: usize = 200_000_000;
+/// A crossing nearer to a node than this, of a segment, may be on either side of it.
+const NEAR_NODE: f64 = 1e-9;
+/// Strands whose heights differ less than this, of the extent, meet.
+const NEAR_STRAND: f64 = 1e-12;
+
+/// Why there is no diagram.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoDiagram {
+    /// From there a strand lies over a node: any other direction will do.
+    Unlucky,
+    /// The polyline meets itself.
+    Meets,
+    TooManyCrossings,
+}
+
+/// A diagram, and where its visits are.
+#[derive(Debug)]
+pub struct Diagram {
+    pub code: GaussCode,
+    /// By visit: the number of the segment, and the part of it that lies before the crossing.
+    pub at: Vec<(usize, f64)>,
+}
+
+/// What closes the polyline from its last to its first node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lid {
+    /// A segment like the others.
+    Segment,
+    /// An arc above everything: both ends are led to the viewer.
+    Above,
+}
+
+/// Unit vectors right, up and to the viewer.
+pub fn frame(towards: Point) -> [Point; 3] {
+    let least = (0..3).min_by(|&a, &b| towards[a].abs().total_cmp(&towards[b].abs())).unwrap_or(0);
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let right = normalized(cross(axis, towards));
+    [right, cross(towards, right), towards]
+}
+
+/// The diagram of nodes that are closed by a lid, seen from the unit vector `towards`.
+pub fn diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoDiagram> {
+    let axes = frame(towards);
+    let flat: Vec<Point> = nodes.iter().map(|&p| axes.map(|axis| dot(axis, p))).collect();
+    let count = flat.len();
+    let scale = Bounds::about(&flat).extent();
+    let segment = |k: usize| [flat[k], flat[if k + 1 == count { 0 } else { k + 1 }]];
+    // boxes of no height: those over each other meet
+    let on_ground = |k: usize| segment(k).map(|[x, y, _]| [x, y, 0.0]);
+    let tree = BoxTree::new((0..count).map(on_ground));
+    let (mut found, mut failure, mut pairs) = (Vec::new(), None, 0);
+    for k in 0..count {
+        if k % 256 == 0 {
+            go_on();
+        }
+        let first = segment(k);
+        let stopped = tree.any(&Bounds::about(&on_ground(k)), k + 1, |other| {
+            pairs += 1;
+            if pairs > MOST_PAIRS {
+                failure = Some(NoDiagram::TooManyCrossings);
+                return true;
+            }
+            if other == k + 1 || (k == 0 && other + 1 == count) {
+                return false;
+            }
+            let covered = lid == Lid::Above && other + 1 == count;
+            match meeting(first, segment(other)) {
+                Meeting::None => return false,
+                Meeting::Unclear => failure = Some(NoDiagram::Unlucky),
+                Meeting::At { drop, .. } if !covered && drop.abs() <= NEAR_STRAND * scale => {
+                    failure = Some(NoDiagram::Meets);
+                }
+                Meeting::At { .. } if found.len() >= MOST_CROSSINGS => {
+                    failure = Some(NoDiagram::TooManyCrossings);
+                }
+                Meeting::At { parts, drop, turn } => {
+                    found.push(Crossing {
+                        segments: [k, other],
+                        parts,
+                        first_over: !covered && drop > 0.0,
+                        turn,
+                    });
+                }
+            }
+            failure.is_some()
+        });
+        if stopped {
+            break;
+        }
+    }
+    match failure {
+        Some(failure) => Err(failure),
+        None => Ok(coded(&found)),
+    }
+}
+
+struct Crossing {
+    segments: [usize; 2],
+    parts: [f64; 2],
+    first_over: bool,
+    /// Whether the second segment crosses the first from its right to its left.
+    turn: bool,
+}
+
+enum Meeting {
+    None,
+    /// Too near to a node to tell.
+    Unclear,
+    At {
+        parts: [f64; 2],
+        /// How much higher the first segment is.
+        drop: f64,
+        turn: bool,
+    },
+}
+
+/// How two segments meet in the plane.
+fn meeting([a, b]: [Point; 2], [c, d]: [Point; 2]) -> Meeting {
+    let flat_cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
+    let (along, across) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
+    let apart = [c[0] - a[0], c[1] - a[1]];
+    let size = flat_cross(along, across);
+    let squared = |p: [f64; 2]| p[0] * p[0] + p[1] * p[1];
+    if size * size <= 1e-24 * squared(along) * squared(across) {
+        // parallel: beside each other, or on one line, where boxes say that they are apart or that they overlap
+        let longer = if squared(along) >= squared(across) { along } else { across };
+        let beside = flat_cross(longer, apart).abs() > NEAR_NODE * squared(longer);
+        return if beside { Meeting::None } else { Meeting::Unclear };
+    }
+    let parts = [flat_cross(apart, across) / size, flat_cross(apart, along) / size];
+    let is_within = |part: f64, margin: f64| part > -margin && part < 1.0 + margin;
+    if !parts.iter().all(|&part| is_within(part, NEAR_NODE)) {
+        return Meeting::None;
+    }
+    if !parts.iter().all(|&part| is_within(part, -NEAR_NODE)) {
+        return Meeting::Unclear;
+    }
+    let drop = a[2] + parts[0] * (b[2] - a[2]) - c[2] - parts[1] * (d[2] - c[2]);
+    Meeting::At { parts, drop, turn: size > 0.0 }
+}
+
+/// The visits in the order in which the polyline makes them.
+fn coded(found: &[Crossing]) -> Diagram {
+    let mut visits: Vec<(usize, f64, Visit)> = (found.iter().enumerate())
+        .flat_map(|(k, crossing)| {
+            [0, 1].map(|which| {
+                let over = crossing.first_over == (which == 0);
+                (crossing.segments[which], crossing.parts[which], Visit { crossing: k as u32, over })
+            })
+        })
+        .collect();
+    visits.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let signs =
+        found.iter().map(|crossing| if crossing.first_over == crossing.turn { 1 } else { -1 }).collect();
+    Diagram {
+        at: visits.iter().map(|&(segment, part, _)| (segment, part)).collect(),
+        code: GaussCode { visits: visits.into_iter().map(|(_, _, visit)| visit).collect(), signs },
+    }
+}

@@ -1,0 +1,61 @@
+//! Fewer crossings for the same knot: Reidemeister's first and second move on a Gauss code.
+
+use super::code::{GaussCode, Visit};
+
+/// Takes out crossings of a strand with itself next to each other (I), and pairs where one strand lies over another
+/// and comes back (II), until there are none.
+pub fn reduced(code: &GaussCode) -> GaussCode {
+    let (count, places) = (code.visits.len(), code.places());
+    if count == 0 {
+        return code.clone();
+    }
+    let mut next: Vec<usize> = (1..=count).map(|k| k % count).collect();
+    let mut previous: Vec<usize> = (0..count).map(|k| (k + count - 1) % count).collect();
+    let mut gone = vec![false; count];
+    let other = |k: usize| {
+        let visit = code.visits[k];
+        places[visit.crossing as usize][usize::from(visit.over)]
+    };
+    let mut open: Vec<usize> = (0..count).collect();
+    while let Some(k) = open.pop() {
+        let follower = next[k];
+        if gone[k] || follower == k {
+            continue;
+        }
+        let (here, there) = (code.visits[k], code.visits[follower]);
+        let taken = if here.crossing == there.crossing {
+            vec![k, follower]
+        } else {
+            let (a, b) = (other(k), other(follower));
+            let opposite = code.signs[here.crossing as usize] != code.signs[there.crossing as usize];
+            if here.over != there.over || !opposite || (next[a] != b && next[b] != a) {
+                continue;
+            }
+            vec![k, follower, a, b]
+        };
+        for visit in taken {
+            gone[visit] = true;
+            let (before, after) = (previous[visit], next[visit]);
+            next[before] = after;
+            previous[after] = before;
+            // a strand that was between may now meet its like
+            open.extend([before, previous[before]]);
+        }
+    }
+    renumbered(code, |k| !gone[k])
+}
+
+/// The crossings that are left, numbered in the order in which the knot comes to them.
+fn renumbered(code: &GaussCode, stays: impl Fn(usize) -> bool) -> GaussCode {
+    let mut numbers = vec![u32::MAX; code.crossings()];
+    let mut left = GaussCode::default();
+    for (_, visit) in code.visits.iter().enumerate().filter(|&(k, _)| stays(k)) {
+        let number = &mut numbers[visit.crossing as usize];
+        if *number == u32::MAX {
+            *number = left.signs.len() as u32;
+            left.signs.push(code.signs[visit.crossing as usize]);
+        }
+        left.visits.push(Visit { crossing: *number, over: visit.over });
+    }
+    left
+}
