@@ -22,6 +22,7 @@ from strand._core import (
 from strand.box import Box
 from strand.chain import Chain
 from strand.config import Config
+from strand.diagram import Diagram, knot_diagram
 from strand.doubt import Doubt
 from strand.export.capsules import Capsules
 from strand.export.spheres import Spheres
@@ -31,6 +32,8 @@ from strand.finding.strips import LeftOut
 from strand.io.models import load
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
+from strand.knots import Knot, knot
+from strand.linking import linking_number
 from strand.model import Alternative, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
 from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
@@ -46,12 +49,14 @@ __all__ = [
     "Capsules",
     "Chain",
     "Config",
+    "Diagram",
     "Doubt",
     "EndObservation",
     "FileFormatError",
     "FoundRopes",
     "IcpResult",
     "Join",
+    "Knot",
     "LeftOut",
     "Model",
     "ModelWarning",
@@ -77,6 +82,9 @@ __all__ = [
     "find_ropes",
     "fit_tubes",
     "icp",
+    "knot",
+    "knot_diagram",
+    "linking_number",
     "load",
     "load_scene",
     "msgs",

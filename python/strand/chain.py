@@ -25,6 +25,7 @@ from strand.checks import (
 )
 from strand.curve import Curve
 from strand.doubt import Doubt
+from strand.knots import Knot, tied
 from strand.lazy import lazy
 from strand.mesh import tube_mesh
 from strand.polyline import runs
@@ -212,6 +213,30 @@ class Chain:
             points_seen=turned(self.points_seen),
             views_seen=turned(self.views_seen),
         )
+
+    def knot(self, *, crossings: ArrayLike | None = None, direction: ArrayLike = (0.0, 0.0, 1.0)) -> Knot:
+        """Name the knot that is tied in the rope, by the straight segments between its nodes.
+
+        Parameters
+        ----------
+        crossings : (K, 3) array_like of float, optional
+            How sure the order at crossings is: arc lengths along this chain, metres, and a probability
+            each, as `strand.knot` takes them.
+        direction : (3,) array_like of float
+            From where the crossings were seen.
+
+        Returns
+        -------
+        Knot
+            Its core is in arc lengths of this chain, metres.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `strand.knot`.
+        """
+        arc = self._knots if self.closed else self.arc_length
+        return tied(self.points, self.closed, arc, crossings, direction)
 
     def tube(self, sides: int = 16) -> tuple[Array, NDArray[np.int32]]:
         """Return the rope's surface as a closed triangle mesh.

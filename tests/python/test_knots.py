@@ -1,0 +1,247 @@
+"""Names of knots: against the knots that were tied, and against another theory: knot Floer homology."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drawn import R, circle
+from knot_floer_homology import pd_to_hfk
+from knots import BRAIDS, closed_braid, drawn
+
+import strand
+from strand.synthetic import SHAPES, shape
+
+# by name: Seifert genus and Ozsváth and Szabó's tau of the right knot (KnotInfo, knotinfo.org)
+GENUS_AND_TAU = {
+    ("3_1", "right"): (1, 1),
+    ("4_1", None): (1, 0),
+    ("5_1", "right"): (2, 2),
+    ("5_2", "right"): (1, 1),
+    ("6_1", "right"): (1, 0),
+    ("6_2", "right"): (2, 1),
+    ("6_3", None): (2, 0),
+    ("7_1", "right"): (3, 3),
+    ("7_2", "right"): (1, 1),
+    ("7_3", "right"): (2, 2),
+    ("7_4", "right"): (1, 1),
+    ("7_5", "right"): (2, 2),
+    ("7_6", "right"): (2, 1),
+    ("7_7", "right"): (2, 0),
+    ("3_1#3_1", "right"): (2, 2),
+    ("3_1#3_1", None): (2, 0),
+    ("3_1#4_1", "right"): (2, 1),
+}
+# KnotInfo's braids of knots beyond the table
+LARGER = {"8_19": (1, 2) * 4, "10_132": (1, 1, 1, -2, -1, -1, -2, -3, 2, -3, -3)}
+
+
+def euler_characteristic(homology):
+    """Of knot Floer homology: the coefficients of the Alexander polynomial."""
+    found = {}
+    for (alexander, maslov), rank in homology["ranks"].items():
+        found[alexander] = found.get(alexander, 0) + (-1) ** maslov * rank
+    return np.trim_zeros([found.get(k, 0) for k in range(min(found), max(found) + 1)])
+
+
+def with_tails(nodes, length):
+    """An open chain led straight on at both ends, by as many of its last steps as the length takes."""
+    steps = nodes[0] - nodes[1], nodes[-1] - nodes[-2]
+    before, after = (np.arange(1, int(length / np.linalg.norm(step)) + 1)[:, None] * step for step in steps)
+    return np.vstack([nodes[0] + before[::-1], nodes, nodes[-1] + after])
+
+
+def between(nodes, start, stop):
+    """The nodes of a polyline between two arc lengths."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+    return nodes[(arc >= start - 1e-9) & (arc <= stop + 1e-9)]
+
+
+def test_random_chains_of_all_knots_are_named_with_their_chirality():
+    made = drawn(2 * len(BRAIDS), 200, seed=1)
+    assert {hand for _, hand, _ in made} == {"left", "right", None}
+    for name, hand, nodes in made:
+        found = strand.knot(nodes)
+        assert (found.name, found.chirality) == (name, hand)
+        assert found.probability == found.shares[0][2] > 0.3
+        assert sum(share for *_, share in found.shares) == pytest.approx(1.0)
+        mirrored = strand.knot(nodes * [1, 1, -1])
+        opposite = {"left": "right", "right": "left", None: None}
+        assert (mirrored.name, mirrored.chirality) == (name, opposite[hand])
+
+
+def test_codes_have_the_knot_floer_homology_of_the_name():
+    seen = set()
+    for word, _ in BRAIDS.values():
+        for side in (1, -1):
+            found = strand.knot(closed_braid(word) * [1, 1, side], closed=True)
+            if found.name == "0_1":
+                assert found.pd_code() == ()
+                continue
+            homology = pd_to_hfk([list(edges) for edges in found.pd_code()])
+            right = (found.name, "right" if found.chirality == "left" else found.chirality)
+            genus, tau = GENUS_AND_TAU[right]
+            assert homology["seifert_genus"] == genus
+            assert homology["tau"] == (-tau if found.chirality == "left" else tau)
+            assert tuple(euler_characteristic(homology)) == found.alexander
+            seen.add(right)
+    assert seen == set(GENUS_AND_TAU)
+
+
+def test_a_name_does_not_depend_on_place_size_or_the_order_of_nodes():
+    for name, hand, nodes in drawn(18, 120, seed=4)[1:]:
+        turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+        turn *= np.linalg.det(turn)
+        for other in (nodes[::-1], nodes * 1e-3 + [7.0, -3.0, 2.0], nodes @ turn.T * 1e4):
+            found = strand.knot(other)
+            assert (found.name, found.chirality) == (name, hand)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_of_ropes(name):
+    found = strand.knot(shape(name))
+    assert found.name == {"overhand": "3_1", "figure8_knot": "4_1"}.get(name, "0_1")
+    assert found.probability > 0.9
+    assert (found.core is None) == (found.name == "0_1")
+
+
+@pytest.mark.parametrize("name", ["loop", "paper", "overhand", "figure8_knot"])
+def test_ropes_are_named_from_depth(name):
+    scene = strand.synthetic.scene(name, seed=2)
+    (chain,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
+    truth = strand.knot(scene.truth[0])
+    found = chain.knot()
+    assert found.name == {"overhand": "3_1", "figure8_knot": "4_1"}.get(name, "0_1")
+    assert (found.name, found.chirality) == (truth.name, truth.chirality)
+
+
+def test_no_crossing_is_no_knot():
+    for nodes in ([[0, 0, 0], [0, 0, 1.0]], np.linspace([0.0, 0, 0], [1, 2, 3], 50), shape("coil")):
+        found = strand.knot(nodes)
+        assert (found.name, found.chirality, found.probability, found.core) == ("0_1", None, 1.0, None)
+        assert found.gauss_code() == found.pd_code() == found.dt_code() == ()
+        assert (found.alexander, found.jones, found.writhe()) == ((1,), (0, (1,)), 0)
+    assert strand.knot([[0, 0, 0], [1, 0, 0], [0, 1.0, 0]], closed=True).name == "0_1"
+    assert strand.Chain([[0, 0, 0], [0, 0, 1.0]], R).knot().name == "0_1"
+
+
+def test_the_core_is_where_the_knot_is():
+    knotted = shape("overhand")
+    nodes = with_tails(knotted, 0.4)
+    found = strand.knot(nodes)
+    assert (found.name, found.probability) == ("3_1", 1.0)
+    start, stop = found.core
+    assert 0.4 < start < stop < 0.8
+    core = between(nodes, start, stop)
+    assert strand.knot(core).name == "3_1"
+    # it cannot be much shorter
+    assert strand.knot(between(nodes, start + 0.04, stop - 0.04)).name == "0_1"
+
+
+def test_a_core_alone_is_the_same_knot():
+    same, made = 0, drawn(36, 200, seed=2)[1:]
+    for name, hand, nodes in made:
+        found = strand.knot(nodes)
+        alone = strand.knot(between(nodes, *found.core)) if found.core else found
+        same += (alone.name, alone.chirality) == (name, hand)
+    assert same >= 0.95 * len(made)
+
+
+def test_two_knots_on_one_rope_are_a_composite():
+    one = shape("overhand")
+    way = one[-1] - one[0] + [0.05, 0, 0]
+    granny = strand.knot(np.vstack([one, one + way]))
+    assert (granny.name, granny.chirality) == ("3_1#3_1", strand.knot(one).chirality)
+    square = strand.knot(np.vstack([one, one * [1, -1, 1] + way - [0, 2 * one[0, 1], 0]]))
+    assert (square.name, square.chirality) == ("3_1#3_1", None)
+    assert granny.alexander == square.alexander
+
+
+def test_knots_beyond_the_table_are_not_guessed():
+    found = strand.knot(closed_braid(LARGER["8_19"]), closed=True)
+    assert (found.name, found.chirality, found.core) == ("unknown", None, None)
+    # the torus knot T(3, 4)
+    assert found.alexander == (1, -1, 0, 1, 0, -1, 1)
+    assert found.jones == (3, (1, 0, 1, 0, 0, -1))
+
+
+def test_names_that_polynomials_cannot_tell_are_said():
+    small = strand.knot(closed_braid(BRAIDS["5_1"][0]), closed=True)
+    large = strand.knot(closed_braid(LARGER["10_132"]), closed=True)
+    assert (small.alexander, small.name, small.ambiguous) == (large.alexander, "5_1", ())
+    assert (large.name, large.ambiguous) == ("5_1", ("10_132",))
+    # it is another knot all the same
+    ranks = [pd_to_hfk([list(edges) for edges in found.pd_code()])["total_rank"] for found in (small, large)]
+    assert ranks[0] != ranks[1]
+
+
+def test_uncertain_crossings_make_a_name_uncertain():
+    nodes = shape("overhand")
+    sure = strand.knot(nodes)
+    assert strand.knot(nodes, crossings=np.empty((0, 3))) == sure
+    crossings = [(0.1, 0.25, 0.9), (0.15, 0.3, 0.8)]
+    # either wrong order unties a trefoil; both wrong leave one crossing of three, which ties none either
+    assert strand.knot(nodes, crossings=crossings).probability == pytest.approx(0.72 * sure.probability)
+    assert strand.knot(nodes, crossings=[(0.1, 0.25, 1.0)]).probability == sure.probability
+    # a loop is no knot whichever strand is on top
+    loop = shape("loop")
+    assert strand.knot(loop, crossings=[(0.1, 0.3, 0.5)]).probability == strand.knot(loop).probability
+    for wrong, message in [
+        ([(0.1, 9.0, 0.5)], r"crossings: expected arc lengths from 0 to 0\.[34]"),
+        ([(-0.1, 0.2, 0.5)], "crossings: expected arc lengths"),
+        ([(0.1, 0.2, 1.5)], "crossings: expected two arc lengths .* and a probability"),
+        ([(0.1, 0.2, np.nan)], "crossings"),
+        ([(0.1, 0.2)], "crossings"),
+        ([(0.1, 0.2, 0.5)] * 4, "crossings: expected at most the 3 crossings"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            strand.knot(nodes, crossings=wrong)
+    with pytest.raises(ValueError, match="direction: expected a vector that is not zero"):
+        strand.knot(nodes, crossings=crossings, direction=(0, 0, 0))
+
+
+def test_chains_have_their_arc_lengths():
+    chain = strand.Chain(shape("overhand")[::4], R)
+    found = chain.knot()
+    nodes = strand.knot(chain.points)
+    assert (found.name, found.shares, found.diagram) == (nodes.name, nodes.shares, nodes.diagram)
+    assert set(found.core) <= set(chain.arc_length)
+    assert found.core == pytest.approx(nodes.core, abs=1e-3)
+    flipped = chain.reversed().knot()
+    assert (flipped.name, flipped.chirality) == (found.name, found.chirality)
+    ring = strand.Chain(closed_braid(BRAIDS["7_6"][0]) * 0.05, R, True)
+    assert (ring.knot().name, ring.knot().probability, ring.knot().core) == ("7_6", 1.0, None)
+    assert circle(0.05, 40, True).knot().name == "0_1"
+    uncertain = chain.knot(crossings=[(0.1, 0.25, 0.9)])
+    assert uncertain.probability == pytest.approx(0.9 * found.probability)
+
+
+def test_an_open_rope_that_ends_where_it_begins_is_a_ring():
+    ring = closed_braid(BRAIDS["5_2"][0])
+    assert strand.knot(np.vstack([ring, ring[:1]])).probability == 1.0
+
+
+@pytest.mark.parametrize(
+    ("points", "closed", "message"),
+    [
+        (np.empty((0, 3)), False, "points: expected at least two nodes, got 0"),
+        (np.empty((0, 3)), True, "points: expected at least three nodes of a closed chain, got 0"),
+        (np.zeros((1, 3)), False, "at least two nodes, got 1"),
+        ([[0, 0, 0], [1.0, 0, 0]], True, "at least three nodes of a closed chain, got 2"),
+        (np.zeros((2, 2)), False, "points"),
+        (np.zeros((5, 3)), False, "no two equal nodes in a row, but rows 0 and 1 are"),
+        ([[0, 0, 0], [1, 0, 0], [np.nan, 0, 0]], False, "points"),
+        ([[0, 0, 0], [1, 0, 0], [np.inf, 0, 0]], True, "points"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1.0, 0], [0, 0, 0]], True, "without its first node again at the end"),
+        (closed_braid((1, 1, 1)) * [1, 1, 0], True, "a curve that does not meet itself"),
+    ],
+)
+def test_what_is_no_rope_is_refused(points, closed, message):
+    with pytest.raises(ValueError, match=message):
+        strand.knot(points, closed)
+
+
+def test_arguments_of_the_wrong_kind_are_refused():
+    with pytest.raises(TypeError, match="closed"):
+        strand.knot(shape("loop"), "yes")
+    with pytest.raises(TypeError, match="points"):
+        strand.knot(None)
