@@ -12,6 +12,7 @@ from PIL import Image
 
 import strand
 from strand.chain import Chain
+from strand.crossings import Crossing
 from strand.curve import Curve
 from strand.files import plain
 from strand.model import Alternative, Doubt, Join, Model, ModelWarning
@@ -206,6 +207,7 @@ def model() -> bytes:
         method="tubes",
         sensor=Sensor(sd=0.001),
     )
-    content = plain(made)
+    crossing = Crossing((0, 0.05), (0, 0.01), np.ones(3), np.zeros(3), 0.009, 1e-4, 1e-3, 0.5, 1, 0.99)
+    content = plain(made) | {"crossings": [plain(crossing)]}
     del content["stages"]
     return json.dumps({"format": "strand model", "version": 2, "units": "metres", **content}).encode()

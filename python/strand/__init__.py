@@ -22,6 +22,8 @@ from strand._core import (
 from strand.box import Box
 from strand.chain import Chain
 from strand.config import Config
+from strand.contacts import Contact
+from strand.crossings import Crossing
 from strand.diagram import Diagram, knot_diagram
 from strand.doubt import Doubt
 from strand.export.capsules import Capsules
@@ -49,6 +51,8 @@ __all__ = [
     "Capsules",
     "Chain",
     "Config",
+    "Contact",
+    "Crossing",
     "Diagram",
     "Doubt",
     "EndObservation",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import TubeQueries
+from strand.bending import least_bend, torsion_of_curve, torsion_of_nodes
 from strand.checks import (
     Array,
     as_array,
@@ -23,16 +24,19 @@ from strand.checks import (
     small_array,
     whole,
 )
+from strand.crossings import Crossing, find_crossings
 from strand.curve import Curve
 from strand.doubt import Doubt
+from strand.frames import carried, least_turned, node_frames
 from strand.knots import Knot, tied
 from strand.lazy import lazy
 from strand.mesh import tube_mesh
-from strand.polyline import runs
+from strand.polyline import between, runs
 from strand.report.notebook import chain_html
 
 # products of lengths stay finite
 _FARTHEST = 1e75
+_MOST_NODES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,17 +292,263 @@ class Chain:
         ValueError
             If `s` is not finite.
         """
+        at = self._held(s)
+        if self.curve is not None:
+            return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
+        return np.stack([np.interp(at, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
+
+    def tangent_at(self, s: ArrayLike) -> Array:
+        """Direction of the rope at arc length `s`.
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            As for `at`.
+
+        Returns
+        -------
+        (..., 3) ndarray
+            Unit tangents, of `curve`; without one between the nodes' `tangents`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `at`.
+        """
+        at = self._held(s)
+        if self.curve is not None:
+            return self.curve.at(at.ravel())[1].reshape(*at.shape, 3)
+        mixed = self._mixed(self._directions, at)
+        lengths = np.linalg.norm(mixed, axis=-1, keepdims=True)
+        # halfway round a strand that turns back on itself there is none: that before it
+        lost = (lengths < 1e-9)[..., 0]
+        mixed[lost] = self._directions[np.searchsorted(self._knots, at[lost], side="right") - 1]
+        lengths[lost] = 1.0
+        return np.asarray(mixed / lengths)
+
+    def interpolated(self, values: ArrayLike, s: ArrayLike) -> Array:
+        """Values that are known at the nodes, such as `covariance`, at arc length `s`: linear between nodes.
+
+        Parameters
+        ----------
+        values : (M, ...) array_like of float
+            One for each node.
+        s : float or (...,) array_like
+            As for `at`.
+
+        Returns
+        -------
+        ndarray
+            Of the shape of `s`, and then that of one value.
+
+        Raises
+        ------
+        TypeError
+            If `s` or `values` do not hold real numbers.
+        ValueError
+            If there is not one value for each node, or `s` is not finite.
+        """
+        given = as_array("values", values)
+        if given.dtype.kind not in "fiu":
+            raise TypeError(f"values: expected real numbers, got dtype {given.dtype}")
+        if not given.ndim or len(given) != len(self.points):
+            raise ValueError(f"values: expected one for each of {len(self.points)} nodes, got {given.shape}")
+        return self._mixed(given.astype(np.float64), self._held(s))
+
+    def _held(self, s: ArrayLike) -> Array:
+        """Arc lengths on the chain: of an open one held at its ends, of a closed one round it."""
         given = as_array("s", s)
         if given.dtype.kind not in "fiu":
             raise TypeError(f"s: expected arc lengths in metres, got dtype {given.dtype}")
         at = given.astype(np.float64)
         if not np.isfinite(at).all():
             raise ValueError("s: expected finite arc lengths, got NaN or infinity")
+        if self.closed and self.curve is None:
+            return np.asarray(np.mod(at, self.length))
+        return np.asarray(np.clip(at, 0.0, self.length))
+
+    def _mixed(self, values: Array, s: Array) -> Array:
+        """Values of the nodes at arc lengths on the chain."""
+        known = self.arc_length
+        if self.closed and self.curve is None:
+            known, values = self._knots, np.concatenate([values, values[:1]])
+        return between(s, known, values)
+
+    @lazy
+    def _directions(self) -> Array:
+        """(M, 3) Unit tangents at the nodes, also where the nodes turn back on themselves."""
+        lost = np.linalg.norm(self.tangents, axis=1) < 0.5
+        if not lost.any():
+            return self.tangents
+        steps = np.diff(self._path, axis=0)
+        steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+        before = np.roll(steps, 1, axis=0) if self.closed else np.vstack([steps[:1], steps])
+        return np.where(lost[:, None], before, self.tangents)
+
+    def frames(self, s: ArrayLike) -> tuple[Array, Array]:
+        """Positions and twist-free frames at arc length `s`, for what follows the rope.
+
+        The frames are Bishop's: they do not turn about the tangent along the rope, at inflections neither.
+        They are carried from node to node by double reflection (Wang et al. 2008).
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            As for `at`.
+
+        Returns
+        -------
+        positions : (..., 3) ndarray
+            World frame, metres: `at(s)`.
+        rotations : (..., 3, 3) ndarray
+            From the frame to the world. The columns are x, along the tangent; y, across it; and z = x × y. At
+            the start z is as near to the world's z as it can be, or, where the rope starts along that, to the
+            world's x. Once around a closed chain the frame comes back turned about x.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `at`.
+        """
+        at = self._held(s)
+        flat = at.ravel()
+        place, tangent = self.at(flat), self.tangent_at(flat)
+        node = np.clip(np.searchsorted(self.arc_length, flat, side="right") - 1, 0, len(self.points) - 1)
+        side = carried(self._across[node], self.points[node], self._directions[node], place, tangent)
+        rotation = np.stack([tangent, np.cross(side, tangent), side], axis=-1)
+        return place.reshape(*at.shape, 3), rotation.reshape(*at.shape, 3, 3)
+
+    @lazy
+    def _across(self) -> Array:
+        """(M, 3) The z axes of the frames at the nodes."""
+        return node_frames(self.points, self._directions, least_turned(self._directions[0]))
+
+    def curvature_vector(self, s: ArrayLike) -> Array:
+        """Curvature vector at arc length `s`: to where the rope bends, and how much.
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            As for `at`.
+
+        Returns
+        -------
+        (..., 3) ndarray
+            The tangent's derivative by arc length, 1/m: of `curve`; without one between the nodes' values.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `at`.
+        """
+        at = self._held(s)
         if self.curve is not None:
-            return self.curve.at(at.ravel())[0].reshape(*at.shape, 3)
+            return self.curve.at(at.ravel())[2].reshape(*at.shape, 3)
+        return self._mixed(self._derivatives()[1], at)
+
+    def torsion(self, s: ArrayLike) -> Array:
+        """Torsion at arc length `s`: how fast the plane in which the rope bends turns about the tangent.
+
+        Parameters
+        ----------
+        s : float or (...,) array_like
+            As for `at`.
+
+        Returns
+        -------
+        (...,) ndarray
+            1/m, positive as of a right-handed helix; 0 where the rope is straight. Of `curve` it is
+            det(c', c'', c''') / |c' × c''|^2, which steps at the ends of the cubic's pieces. Without one it
+            is the angle between the planes of three nodes each, over the length of the step that they share,
+            and linear between the steps' middles.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `at`.
+        """
+        at = self._held(s)
+        if self.curve is not None:
+            return torsion_of_curve(self.curve, at)
+        return torsion_of_nodes(self.points, self.closed, at)
+
+    def min_bend_radius(self) -> tuple[float, float]:
+        """Where the rope bends most closely.
+
+        Returns
+        -------
+        radius : float
+            Of the circle that fits best there, metres; infinite if the rope is straight.
+        s : float
+            Arc length of that place, metres, the first of several; 0 if the rope is straight. Without
+            `curve` it is a node.
+        """
+        if self.curve is not None:
+            return least_bend(self.curve, self.arc_length)
+        worst = int(self.curvature.argmax())
+        bend = float(self.curvature[worst])
+        return (1.0 / bend, float(self.arc_length[worst])) if bend > 0 else (float("inf"), 0.0)
+
+    def resample(self, n: int) -> Chain:
+        """Return the same rope with `n` nodes, evenly apart along it.
+
+        Parameters
+        ----------
+        n : int
+            At least 2, of a closed chain 3; at most 1,000,000.
+
+        Returns
+        -------
+        Chain
+            With nodes at `at(s)`. Covariances are linear between the nodes there were, `points_seen` and
+            `views_seen` those of the nearest one. Without `curve` the new nodes' straight segments cut
+            corners: the chain is shorter then.
+
+        Raises
+        ------
+        TypeError
+            If `n` is not a whole number.
+        ValueError
+            If it is out of range.
+        """
+        count = whole("n", n, 3 if self.closed else 2, _MOST_NODES)
+        s = np.linspace(0.0, self.length, count, endpoint=not (self.closed and self.curve is None))
+        nearest = np.rint(self._mixed(np.arange(len(self.points), dtype=np.float64), s)).astype(np.intp)
         if self.closed:
-            at = np.mod(at, self.length)
-        return np.stack([np.interp(at, self._knots, self._path[:, k]) for k in range(3)], axis=-1)
+            # between the last node and the first one numbers do not go on
+            last = s > self.arc_length[-1]
+            nearest[last] = np.where(
+                s[last] - self.arc_length[-1] < self.length - s[last], len(self.points) - 1, 0
+            )
+        return replace(
+            self,
+            points=self.at(s),
+            covariance=None if self.covariance is None else self._mixed(self.covariance, s),
+            points_seen=None if self.points_seen is None else self.points_seen[nearest],
+            views_seen=None if self.views_seen is None else self.views_seen[nearest],
+        )
+
+    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
+        """Find where the rope crosses itself as seen from one side, see `Model.crossings`.
+
+        Parameters
+        ----------
+        direction : (3,) array_like
+            Towards who looks, world frame, of any length but zero.
+
+        Returns
+        -------
+        tuple of Crossing
+            Along the chain, whose number is 0 here.
+
+        Raises
+        ------
+        TypeError
+            If `direction` does not hold real numbers.
+        ValueError
+            If it is not of shape (3,), not finite, or zero.
+        """
+        return find_crossings([self], direction, self.doubts)
 
     def nearest(self, p: ArrayLike) -> tuple[float, float]:
         """Closest place of the centreline to a point.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.checks import Array
+from strand.frames import carried, node_frames
 
 
 def tube_mesh(
@@ -27,12 +28,14 @@ def tube_mesh(
     count = len(nodes)
     if closed and count < 3:
         raise ValueError(f"points: expected at least three nodes of a closed chain, got {count}")
-    across = _frames(nodes, tangents)
+    least = np.eye(3)[np.abs(tangents[0]).argmin()]
+    start = np.cross(tangents[0], least)
+    across = node_frames(nodes, tangents, start / np.linalg.norm(start))
     twist = np.zeros(count)
     if closed:
         # the frame that has gone once around is turned against the first one; each ring takes its share
-        carried = _transported(across[-1], nodes[-1], tangents[-1], nodes[0], tangents[0])
-        missing = np.arctan2(np.cross(carried, across[0]) @ tangents[0], carried @ across[0])
+        round_ = carried(across[-1], nodes[-1], tangents[-1], nodes[0], tangents[0])
+        missing = np.arctan2(np.cross(round_, across[0]) @ tangents[0], round_ @ across[0])
         steps = np.linalg.norm(np.diff(nodes, axis=0, append=nodes[:1]), axis=1)
         twist = missing * np.concatenate([[0.0], np.cumsum(steps[:-1])]) / steps.sum()
     angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False) + twist[:, None]
@@ -54,27 +57,3 @@ def tube_mesh(
     stop = np.stack([last, np.roll(last, -1), np.full(sides, middles[1])], axis=1)
     vertices = np.concatenate([vertices, nodes[[0, -1]]])
     return vertices, np.concatenate([walls, start, stop]).astype(np.int32)
-
-
-def _frames(nodes: Array, tangents: Array) -> Array:
-    """(M, 3) A direction across each tangent, turned about the tangents as little as can be."""
-    least = np.eye(3)[np.abs(tangents[0]).argmin()]
-    across = np.cross(tangents[0], least)
-    frames = [across / np.linalg.norm(across)]
-    for i in range(len(nodes) - 1):
-        frames.append(_transported(frames[-1], nodes[i], tangents[i], nodes[i + 1], tangents[i + 1]))
-    return np.array(frames)
-
-
-def _transported(across: Array, here: Array, tangent: Array, ahead: Array, next_tangent: Array) -> Array:
-    """(3,) The direction at the next node, by double reflection (Wang et al. 2008, table I)."""
-    across, tangent = (_reflected(one, ahead - here) for one in (across, tangent))
-    across = _reflected(across, next_tangent - tangent)
-    across = across - (across @ next_tangent) * next_tangent
-    return np.asarray(across / np.linalg.norm(across))
-
-
-def _reflected(direction: Array, normal: Array) -> Array:
-    """(3,) The mirror image in the plane across a normal of any length."""
-    square = float(normal @ normal)
-    return direction if square == 0 else direction - (2.0 * float(direction @ normal) / square) * normal

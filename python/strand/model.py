@@ -26,6 +26,8 @@ from strand.checks import (
     whole,
 )
 from strand.config import METHODS
+from strand.contacts import Contact, find_contacts
+from strand.crossings import Crossing, find_crossings, free_stretch
 from strand.doubt import DOUBTS, Doubt
 from strand.export.capsules import Capsules, capsules_of
 from strand.export.mjcf import mjcf_of
@@ -416,6 +418,90 @@ class Model:
         """
         return Sweeps(*self._tubes.swept_boxes(starts, ends, half_sizes))
 
+    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
+        """Find where the ropes cross each other, and themselves, as seen from one side, and which is on top.
+
+        All crossings of the chains in the plan across the direction are found. A strand that crosses itself
+        within four radii only bends. One that touches another in the plan, and goes back, does not cross it.
+
+        Parameters
+        ----------
+        direction : (3,) array_like
+            Towards who looks, world frame, of any length but zero: up, if not given.
+
+        Returns
+        -------
+        tuple of Crossing
+            Along the chains: by the first of the two places that each joins.
+
+        Raises
+        ------
+        TypeError
+            If `direction` does not hold real numbers.
+        ValueError
+            If it is not of shape (3,), not finite, or zero.
+        """
+        return find_crossings(self.chains, direction, self.doubts)
+
+    def contacts(self, distance: float, direction: ArrayLike = (0, 0, 1)) -> tuple[Contact, ...]:
+        """Find where strands lie near each other and do not cross.
+
+        Each stretch along which two strands are near is one contact. Where they cross, what is nearer to each
+        other because of that belongs to the crossing. Legs of a bend are strands of their own where the rope
+        between them is longer than a half circle from one to the other.
+
+        Parameters
+        ----------
+        distance : float
+            The surfaces are nearer to each other than this, metres, 0 or above.
+        direction : (3,) array_like
+            From which side crossings are seen, as in `crossings`.
+
+        Returns
+        -------
+        tuple of Contact
+            Along the chains.
+
+        Raises
+        ------
+        TypeError
+            If an argument does not hold real numbers.
+        ValueError
+            If `distance` is negative or not finite, or `direction` is as `crossings` refuses it.
+        """
+        return find_contacts(self.chains, distance, direction)
+
+    def segment_between_crossings(
+        self, chain: int, s: float, direction: ArrayLike = (0, 0, 1)
+    ) -> tuple[float, float]:
+        """Return the stretch of a chain around a place in which nothing crosses it.
+
+        Parameters
+        ----------
+        chain : int
+            Its number.
+        s : float
+            Arc length of the place, metres, on the chain.
+        direction : (3,) array_like
+            From which side crossings are seen, as in `crossings`.
+
+        Returns
+        -------
+        start, stop : float
+            Arc lengths of the crossings, or ends, before and after the place, metres, start <= s <= stop.
+            Around a closed chain with crossings start may be below 0, or stop above its length; `chain.at`
+            goes round. Without any it is all of the chain.
+
+        Raises
+        ------
+        TypeError
+            If an argument is of the wrong kind.
+        ValueError
+            If there is no such chain, `s` is not on it, or `direction` is as `crossings` refuses it.
+        """
+        number_ = whole("chain", chain, 0, len(self.chains) - 1)
+        return free_stretch(self.chains[number_], number_, s, self.crossings(direction))
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all.
 
@@ -588,4 +674,11 @@ def content(model: Model) -> dict[str, Any]:
     # the arrays between the stages are large and stay out
     said = plain(replace(model, stages={}))
     del said["stages"]
-    return {"format": FORMAT, "version": VERSION, "units": "metres, radians, seconds", **said}
+    crossings = plain(model.crossings())
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "units": "metres, radians, seconds",
+        **said,
+        "crossings": crossings,
+    }

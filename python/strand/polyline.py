@@ -1,4 +1,4 @@
-"""Ordered nodes: arc length, marked stretches, and the way through pieces that are joined at their ends."""
+"""Ordered nodes: arc length, values between them, marked stretches, the way through joined pieces."""
 
 from __future__ import annotations
 
@@ -9,8 +9,26 @@ import rustworkx as rx
 from numpy.typing import NDArray
 
 from strand._core import bridge, end_direction, path_length
+from strand.checks import Array
 
-__all__ = ["bridge", "end_direction", "path_length", "runs", "walk"]
+__all__ = ["between", "bridge", "end_direction", "path_length", "runs", "walk"]
+
+
+def between(s: Array, known: Array, values: Array) -> Array:
+    """Return values linear between known ones.
+
+    Parameters
+    ----------
+    s : (...,) ndarray
+        Where, from the first of `known` to the last.
+    known : (M,) ndarray
+        Where they are known, in order, M >= 2.
+    values : (M, ...) ndarray
+    """
+    k = np.clip(np.searchsorted(known, s, side="right") - 1, 0, len(known) - 2)
+    part = np.asarray((s - known[k]) / (known[k + 1] - known[k]))
+    part = part.reshape(part.shape + (1,) * (values.ndim - 1))
+    return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
 
 
 def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:

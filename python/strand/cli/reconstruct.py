@@ -86,6 +86,8 @@ def _print_tables(model: strand.Model, estimated: bool) -> None:
             f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
         )
     print(tables.describe_chains(model), end="\n\n")
+    if crossings := tables.describe_crossings(model):
+        print(crossings, end="\n\n")
     print(tables.describe_confidence(model))
     warn(model, doubts=True)
     print(f"\n{tables.describe_timings(model)}", end="\n\n")

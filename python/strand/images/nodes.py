@@ -11,6 +11,7 @@ from strand.chain import Chain
 from strand.checks import Array
 from strand.config import Config
 from strand.curve import Curve
+from strand.polyline import between
 from strand.pose import rotation_about
 
 # the standard deviation of where a mask shows an end, in radii
@@ -44,7 +45,7 @@ def as_chains(
         places, tangents, _ = curve.at(s)
         share = s / curve.length
         known = np.linspace(0.0, 1.0, len(covariances))
-        covariance = _between(share, known, covariances)
+        covariance = between(share, known, covariances)
         # nodes divide the way from end to end: they go along with the ends
         along = (_END_SD * radius) ** 2 * ((1.0 - share) ** 2 + share**2)
         covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
@@ -63,13 +64,6 @@ def as_chains(
             )
         )
     return chains
-
-
-def _between(x: Array, known: Array, values: Array) -> Array:
-    """(M, 3, 3) Values between (K, 3, 3) known ones, linear."""
-    k = np.clip(np.searchsorted(known, x, side="right") - 1, 0, len(known) - 2)
-    part = ((x - known[k]) / (known[k + 1] - known[k]))[:, None, None]
-    return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
 
 
 def corrected_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from strand.chain import Chain
 from strand.checks import number, several, whole
+from strand.crossings import Crossing
 from strand.curve import Curve
 from strand.doubt import Doubt
 from strand.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
@@ -109,6 +110,8 @@ def _model(path: str | os.PathLike[str], data: Any) -> Model:
         "alternatives": _alternative,
     }
     values: dict[str, Any] = {key: _several(path, key, data[key], make) for key, make in makers.items()}
+    # they come of the chains and doubts: what a file says of them is checked, and worked out anew
+    _several(path, "crossings", data.get("crossings", []), lambda crossing: Crossing(**crossing))
     with _place(path, "poses"):
         values["poses"] = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
     with _place(path, "pose_sd"):

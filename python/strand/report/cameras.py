@@ -111,3 +111,12 @@ def _camera(view: View, pose: Array) -> Camera | None:
     np.minimum.at(depth, (rows[inside], columns[inside]), z[inside])
     depth[np.isinf(depth)] = 0.0
     return Camera(pose @ turned, (focal, focal), (left, top), depth, True)
+
+
+def side_seen(points: Array, viewpoints: Array) -> Array:
+    """(3,) Unit vector from points to where most of the cameras stand; z if they stand all around."""
+    rays = viewpoints - points.mean(axis=0)
+    lengths = np.linalg.norm(rays, axis=1, keepdims=True)
+    side = (rays / np.maximum(lengths, 1e-300)).sum(axis=0)
+    length = float(np.linalg.norm(side))
+    return np.asarray(side / length) if length > 1e-6 else np.array([0.0, 0.0, 1.0])

@@ -25,6 +25,7 @@ from strand.report.sheet import (
     PALETTE,
     RIGHT,
     WIDTH,
+    Plan,
     dot,
     line_names,
     new_figure,
@@ -266,7 +267,8 @@ def segments(model: Model) -> Figure:
 def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     """Draw the model's chains, coloured by arc length, over the registered points (fig. 13).
 
-    Nodes that no point supports, where a rope bridges a gap, are dotted. Places of doubts are marked.
+    Nodes that no point supports, where a rope bridges a gap, are dotted. Crossings as seen in the plan, and
+    places of doubts, are marked.
     """
     cloud = np.vstack(model.stages["registered"])
     count = len(model.chains)
@@ -276,6 +278,9 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     bridged = np.vstack([np.empty((0, 3)), *(chain.points[_bridged(chain)] for chain in model.chains)])
     if len(bridged):
         legend.append(dot("node without points", "white", edge=INK))
+    crossed = _crossed(model, cloud)
+    if len(crossed):
+        legend.append(dot("crossing", "none", edge=INK))
     unsure = _doubted(model)
     if len(unsure):
         legend.append(_doubt_entry())
@@ -297,6 +302,7 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
         for axes, across, up, _ in sheet.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
     sheet.markers(_rope_ends(model), "o", PALETTE[3])
+    sheet.markers(crossed, "o", "none", size=16.0)
     sheet.markers(unsure, *_DOUBT)
     return sheet.figure
 
@@ -470,6 +476,13 @@ def _doubt_entry() -> Any:
 
 def _rope_ends(model: Model) -> Array:
     return _ends(chain.points for chain in model.chains if not chain.closed)
+
+
+def _crossed(model: Model, cloud: Array) -> Array:
+    """(K, 3) Places of the crossings that the plan shows."""
+    plan = Plan.towards(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
+    met = model.crossings(plan.signs[2] * np.eye(3)[plan.axes[2]])
+    return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met)])
 
 
 def _closed(points: Array, closed: bool) -> Array:

@@ -20,7 +20,7 @@ from strand.checks import Array, finite_array
 from strand.files import extra, write_bytes
 from strand.model import Model
 from strand.pose import moved
-from strand.report.cameras import Camera, cameras_of
+from strand.report.cameras import Camera, cameras_of, side_seen
 from strand.report.overlay import MAX_CHAINS, overlay
 from strand.report.sheet import spread
 from strand.report.space import deviations, space
@@ -88,6 +88,7 @@ def write_report(
     sections = [
         ("Chains over the depth images", _overlays(model, cameras)),
         ("Chains", _chains(model)),
+        ("Crossings", _crossings(model)),
         ("Doubts and warnings", _doubts(model)),
         ("Views", _views(model, views)),
         ("What was given", _table(["what", "value"], (given or {}).items())),
@@ -188,6 +189,32 @@ def _chains(model: Model) -> str:
         ],
         rows,
     )
+
+
+def _crossings(model: Model) -> str:
+    """Crossings as the cameras see them; nothing without any."""
+    if not model.chains:
+        return ""
+    nodes = np.concatenate([chain.points for chain in model.chains])
+    towards = side_seen(nodes, model.poses[:, :3, 3])
+    met = model.crossings(towards)
+    rows = [
+        (
+            *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),
+            f"{1e3 * one.height:.2f}" + ("" if np.isnan(one.height_sd) else f" ± {1e3 * one.height_sd:.2f}"),
+            f"{1e3 * one.gap:.2f}",
+            f"{np.degrees(one.angle):.0f}°",
+            f"{one.sign:+d}",
+            f"{one.probability:.3f}",
+            _millimetres(one.place),
+        )
+        for one in met[: _MOST_ROWS + 1]
+    ]
+    head = ["over", "under", "height / mm", "gap / mm", "angle", "sign", "probability", "where / mm"]
+    table = _table(head, rows, len(met))
+    side = ", ".join(f"{x:.2f}" for x in towards)
+    seen = f"Seen from the cameras' side, against ({side}). Probability: that the order is right."
+    return table and f'{table}<p class="note">{seen}</p>'
 
 
 def _doubts(model: Model) -> str:

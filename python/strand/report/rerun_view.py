@@ -13,8 +13,7 @@ from strand._core import StrandError
 from strand.checks import finite_array
 from strand.files import extra, write_bytes
 from strand.model import Model
-from strand.report.cameras import cameras_of
-from strand.report.crossings import crossings, side_seen
+from strand.report.cameras import cameras_of, side_seen
 from strand.report.page import points_by_view
 from strand.report.sheet import PALETTE
 from strand.view import View, checked_views
@@ -133,9 +132,10 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
         towards = side_seen(nodes, model.poses[:, :3, 3])
-        met = [crossing.place for crossing in crossings(model.chains, towards)]
+        met = model.crossings(towards)
         if met:
-            log("crossings", rerun.Points3D(met, radii=radius, colors=[_CROSSING]))
+            places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
+            log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))
     unsure = [doubt for doubt in model.doubts if doubt.place is not None]
     if unsure:
         reasons = [f"{doubt.kind}: {doubt.reason}" for doubt in unsure]

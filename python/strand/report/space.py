@@ -17,8 +17,7 @@ from strand.chain import Chain
 from strand.checks import Array
 from strand.model import Model
 from strand.polyline import runs
-from strand.report.cameras import Camera
-from strand.report.crossings import crossings, side_seen
+from strand.report.cameras import Camera, side_seen
 from strand.report.sheet import INK, PALETTE, spread
 
 # what is drawn at most, so that the page stays small: a point takes 16 bytes there, a node 80
@@ -294,14 +293,7 @@ def _places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]:
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    crossed = [
-        (
-            crossing.place,
-            f"chain {crossing.over[0]} at {crossing.over[1] * 1e3:.0f} mm passes over "
-            f"chain {crossing.under[0]} at {crossing.under[1] * 1e3:.0f} mm",
-        )
-        for crossing in crossings(model.chains, towards)
-    ]
+    crossed = [(crossing.place, str(crossing)) for crossing in model.crossings(towards)]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")
         for doubt in model.doubts

@@ -59,6 +59,8 @@ COUNTED = {
 PAPER_COUNTS = (3, 7, 1)
 # so many kinds of doubt a row names: a table fits in 80 columns
 _KINDS = 2
+# so many crossings a table has
+_CROSSINGS = 30
 
 
 @dataclass(frozen=True)
@@ -249,6 +251,29 @@ def describe_chains(model: Model) -> str:
     ]
     more = ("confidence", "doubts") if sure else ()
     return _table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
+
+
+def describe_crossings(model: Model) -> str:
+    """Table of the crossings as seen from above: both strands, the clearance, how sure the order is.
+
+    Empty without any.
+    """
+    met = model.crossings()
+    rows = [
+        (
+            *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),
+            f"{one.gap * 1e3:.1f}",
+            f"{np.degrees(one.angle):.0f}",
+            f"{one.sign:+d}",
+            f"{one.probability:.3f}",
+        )
+        for one in met[:_CROSSINGS]
+    ]
+    if not rows:
+        return ""
+    head = ("over: chain at mm", "under", "gap / mm", "angle / °", "sign", "probability")
+    more = f"\nand {len(met) - _CROSSINGS} more crossings" if len(met) > _CROSSINGS else ""
+    return _table([head, *rows]) + more
 
 
 def describe_confidence(model: Model) -> str:

@@ -116,11 +116,12 @@ def test_every_field_of_the_values_is_in_the_schema():
         ("doubt", strand.Doubt),
         ("alternative", strand.Alternative),
         ("sensor", strand.Sensor),
+        ("crossing", strand.Crossing),
     ):
         fields = set(kind.__dataclass_fields__)
         assert set(SCHEMA["$defs"][name]["properties"]) == set(SCHEMA["$defs"][name]["required"]) == fields
     fields = set(strand.Model.__dataclass_fields__) - {"stages"}
-    assert set(SCHEMA["properties"]) == fields | {"format", "version", "units"}
+    assert set(SCHEMA["properties"]) == fields | {"format", "version", "units", "crossings"}
 
 
 @pytest.mark.parametrize(
@@ -139,6 +140,9 @@ def test_every_field_of_the_values_is_in_the_schema():
         (lambda c: c.update(method="magic"), None, "method: expected one of"),
         (lambda c: c["sensor"].update(colour=1), "sensor", "colour"),
         (lambda c: c.update(chains={}), "chains", "expected a sequence"),
+        (lambda c: c["crossings"][0].update(sign=0), "crossings[0]", "sign: expected 1 or -1"),
+        (lambda c: c["crossings"][0].pop("over"), "crossings[0]", "over"),
+        (lambda c: c["crossings"][0].update(under=[0]), "crossings[0]", "under: expected a chain's number"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
