@@ -31,6 +31,8 @@ from strand.export.spheres import Spheres
 from strand.files import FileFormatError
 from strand.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.finding.strips import LeftOut
+from strand.grasps import Grasp, Grasps, Refused
+from strand.gripper import Gripper
 from strand.io.models import load
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
@@ -39,9 +41,11 @@ from strand.linking import linking_number
 from strand.model import Alternative, Join, Model, ModelWarning
 from strand.pipeline import reconstruct
 from strand.pose import pose_from_angles, rotation_xyz, turntable_pose
+from strand.pulls import Pull, PullPlan
 from strand.queries import Nearest, RayHits, Sweeps
 from strand.radius import estimate_radius
 from strand.sensor import Sensor
+from strand.shape import ShapeError
 from strand.tubes.registration import register_views
 from strand.view import View
 
@@ -58,6 +62,9 @@ __all__ = [
     "EndObservation",
     "FileFormatError",
     "FoundRopes",
+    "Grasp",
+    "Grasps",
+    "Gripper",
     "IcpResult",
     "Join",
     "Knot",
@@ -67,9 +74,13 @@ __all__ = [
     "Nearest",
     "NoRopeError",
     "NotEnoughDataError",
+    "Pull",
+    "PullPlan",
     "RayHits",
     "Recording",
+    "Refused",
     "Sensor",
+    "ShapeError",
     "Spheres",
     "StrandError",
     "Sweeps",

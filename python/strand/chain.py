@@ -33,6 +33,7 @@ from strand.lazy import lazy
 from strand.mesh import tube_mesh
 from strand.polyline import between, runs
 from strand.report.notebook import chain_html
+from strand.shape import ShapeError, compare_shapes
 
 # products of lengths stay finite
 _FARTHEST = 1e75
@@ -549,6 +550,38 @@ class Chain:
             If it is not of shape (3,), not finite, or zero.
         """
         return find_crossings([self], direction, self.doubts)
+
+    def shape_error(self, target: Chain | ArrayLike) -> ShapeError:
+        """Compare the rope with the shape that it should have.
+
+        Places at equal shares of both lengths belong to each other: from the end that fits better, of a ring
+        from the start that fits best, either way round. Nothing is moved or turned to fit.
+
+        Parameters
+        ----------
+        target : Chain or (N, 3) array_like
+            The shape, or its nodes in order, N >= 2, world frame, metres; closed if the chain is.
+
+        Returns
+        -------
+        ShapeError
+
+        Raises
+        ------
+        TypeError
+            If `target` is neither.
+        ValueError
+            If it has a wrong shape, equal neighbours or NaN, or only one of the two is closed.
+        """
+        if not isinstance(target, Chain):
+            nodes = finite_array("target", target, ("N", 3))
+            if len(nodes) < 2 or not np.diff(nodes, axis=0).any(axis=1).all():
+                raise ValueError("target: expected at least two nodes, no two equal in a row")
+            target = Chain(nodes, self.radius, self.closed)
+        if target.closed != self.closed:
+            wanted, got = ("closed", "open") if self.closed else ("open", "closed")
+            raise ValueError(f"target: expected one that is {wanted}, as the chain, got one that is {got}")
+        return compare_shapes(self, target)
 
     def nearest(self, p: ArrayLike) -> tuple[float, float]:
         """Closest place of the centreline to a point.

@@ -34,9 +34,12 @@ from strand.export.mjcf import mjcf_of
 from strand.export.spheres import Spheres, spheres_of
 from strand.export.urdf import urdf_of
 from strand.files import plain, write_bytes, write_json
+from strand.grasps import Grasps, find_grasps
+from strand.gripper import Gripper
 from strand.io.export import csv_of, format_of, mesh_of, polylines_of
 from strand.lazy import lazy
 from strand.next_view import best_camera
+from strand.pulls import PullPlan, plan_pulls
 from strand.queries import Nearest, RayHits, Sweeps
 from strand.report.notebook import model_html
 from strand.sensor import Sensor
@@ -501,6 +504,75 @@ class Model:
         """
         number_ = whole("chain", chain, 0, len(self.chains) - 1)
         return free_stretch(self.chains[number_], number_, s, self.crossings(direction))
+
+    def grasps(
+        self,
+        gripper: Gripper,
+        table: tuple[ArrayLike, float] | None = None,
+        direction: ArrayLike = (0, 0, 1),
+    ) -> Grasps:
+        """Find where a gripper can take hold of the ropes and touches nothing else.
+
+        Places are half a finger's width apart. At each the gripper comes down across the rope, with the
+        approach turned about the rope by 0, 15 and 30 degrees to both sides, the jaws opened by different
+        amounts and tips at different depths. Between the jaws may be no other strand; fingers and palm, a box
+        as deep as the fingers, keep the gripper's clearance from all strands, and the fingers from the table.
+        The best grasp at each place has the greatest score, the mean of four parts: clearance c as c / (c +
+        half the opening); length f to the nearest crossing as f / (f + opening); 1 if the rope is on top
+        there; and the fourth power of the cosine of the turn.
+
+        Parameters
+        ----------
+        gripper : Gripper
+        table : ((3,) array_like, float), optional
+            The table's normal n, towards the gripper, and n.x of its top, metres, as in
+            `FoundRopes.tables`. Without it nothing is known of a table.
+        direction : (3,) array_like
+            From the ropes to where the gripper comes from, of any length but zero; crossings are seen from
+            there.
+
+        Returns
+        -------
+        Grasps
+            The best first, and the stretches where there is none, each with the reason. Without any grasp it
+            is empty.
+
+        Raises
+        ------
+        TypeError
+            If an argument is of the wrong kind.
+        ValueError
+            If the normal or the direction is zero or not finite.
+        """
+        return find_grasps(self.chains, gripper, self.crossings(direction), table, direction)
+
+    def pull_plan(self, direction: ArrayLike = (0, 0, 1)) -> PullPlan:
+        """Plan how the ropes come apart, move by move.
+
+        A stretch that lies on another one, without anything between, is lifted off it. An end next to a
+        crossing goes back over it, or is pulled out beneath it. Of all moves that are possible the one with
+        the shortest way for each crossing that it undoes comes first; a way beneath counts twice. This takes
+        apart unknots, slip loops and loose knots; nothing is said of how much a tight knot resists.
+
+        Parameters
+        ----------
+        direction : (3,) array_like
+            From the ropes to where the gripper comes from, of any length but zero; crossings are seen from
+            there.
+
+        Returns
+        -------
+        PullPlan
+            Without pulls if nothing crosses. Only the first one is sure: look again when it is done.
+
+        Raises
+        ------
+        TypeError
+            If `direction` does not hold real numbers.
+        ValueError
+            If it is not of shape (3,), not finite, or zero.
+        """
+        return plan_pulls(self.chains, self.crossings(direction), direction)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all.

@@ -1,0 +1,239 @@
+"""Which way ropes come apart: an end is moved back over a crossing, or a loop is lifted off, one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strand.checks import Array
+from strand.crossings import Crossing, unit_direction
+
+if TYPE_CHECKING:
+    from strand.chain import Chain
+
+# how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
+# shares of its length
+_BEYOND = 2.0
+_WAYS = 36
+_SHARES = (1.0, 0.75, 0.5, 0.25)
+# an end that is pulled out from beneath drags its rope: such a way counts so many times
+_DRAGGED = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pull:
+    """One move that undoes crossings.
+
+    Attributes
+    ----------
+    undoes : tuple of Crossing
+        One, or two of a loop.
+    move : str
+        "end": an end goes back over the crossing, or is pulled out beneath it. "loop": a stretch that lies on
+        another one is lifted off it.
+    lift : bool
+        Whether what is moved is lifted over the other strand. If not it lies beneath, and is pulled out along
+        the table.
+    chain : int
+        The number of the chain that is moved.
+    s : float
+        Arc length of the place to hold, metres: an end, the middle of a loop, or, where an end is pulled out,
+        a place just beyond the crossing.
+    place : (3,) ndarray
+        This place, world frame, metres.
+    direction : (3,) ndarray
+        Unit vector across the direction of view: the way that the place is moved.
+    distance : float
+        How far, metres.
+    """
+
+    undoes: tuple[Crossing, ...]
+    move: str
+    lift: bool
+    chain: int
+    s: float
+    place: Array
+    direction: Array
+    distance: float
+
+    def __str__(self) -> str:
+        how = "lift" if self.lift else "pull out"
+        way = ", ".join(f"{x:.2f}" for x in self.direction)
+        return (
+            f"{how} the {self.move} of chain {self.chain} at {self.s * 1e3:.0f} mm, "
+            f"{self.distance * 1e3:.0f} mm along ({way})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PullPlan:
+    """Moves that take ropes apart.
+
+    Attributes
+    ----------
+    pulls : tuple of Pull
+        In order. Each but the first is told for ropes as they lie now: look again after each.
+    left : tuple of Crossing
+        What they do not undo: crossings of rings with each other or themselves.
+    """
+
+    pulls: tuple[Pull, ...]
+    left: tuple[Crossing, ...]
+
+
+class _Pass(NamedTuple):
+    """A strand at a crossing: the chain, the arc length, the crossing's number, whether it is on top."""
+
+    chain: int
+    s: float
+    crossing: int
+    over: bool
+
+
+def plan_pulls(chains: Sequence[Chain], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
+    """Plan how ropes come apart, see `Model.pull_plan`."""
+    towards = unit_direction(direction)
+    left = dict(enumerate(crossings))
+    pulls = []
+    while left:
+        passes = _passes(chains, left)
+        ways = [*_loops(chains, left, passes, towards), *_ends(chains, left, passes, towards)]
+        if not ways:
+            break
+        # the shortest way for each crossing that it undoes
+        best = min(ways, key=lambda pull: pull.distance * (1.0 if pull.lift else _DRAGGED) / len(pull.undoes))
+        pulls.append(best)
+        left = {k: one for k, one in left.items() if not any(one is gone for gone in best.undoes)}
+    return PullPlan(tuple(pulls), tuple(left.values()))
+
+
+def _passes(chains: Sequence[Chain], crossings: dict[int, Crossing]) -> list[list[_Pass]]:
+    """Return the passes of each chain in order."""
+    passes: list[list[_Pass]] = [[] for _ in chains]
+    for k, one in crossings.items():
+        for (chain, s), over in ((one.over, True), (one.under, False)):
+            passes[chain].append(_Pass(chain, s, k, over))
+    return [sorted(row, key=lambda each: each.s) for row in passes]
+
+
+def _loops(
+    chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
+) -> list[Pull]:
+    """Return moves of stretches that lie on another one, with nothing between (Reidemeister's second)."""
+    found = []
+    beside = set()
+    for row, chain in zip(passes, chains, strict=True):
+        pairs = list(pairwise(row))
+        if chain.closed and len(row) > 2:
+            pairs.append((row[-1], row[0]))
+        beside |= {frozenset((a.crossing, b.crossing)) for a, b in pairs if not a.over and not b.over}
+        for a, b in pairs:
+            if not (a.over and b.over and a.crossing != b.crossing):
+                continue
+            length = (b.s - a.s) % chain.length if chain.closed else b.s - a.s
+            s = (a.s + 0.5 * length) % chain.length if chain.closed else a.s + 0.5 * length
+            both = crossings[a.crossing], crossings[b.crossing]
+            place = chain.at(s)
+            away = 0.5 * (both[0].place + both[1].place) - place
+            away -= (away @ towards) * towards
+            reach = float(np.linalg.norm(away))
+            if reach < chain.radius:
+                # it lies along the other: off to a side
+                away = np.cross(towards, chain.tangent_at(s))
+            beyond = _BEYOND * sum(chains[at[0]].radius for at in (both[0].over, both[0].under))
+            pull = Pull(
+                undoes=both,
+                move="loop",
+                lift=True,
+                chain=a.chain,
+                s=s,
+                place=place,
+                direction=away / np.linalg.norm(away),
+                distance=reach + beyond,
+            )
+            found.append((frozenset((a.crossing, b.crossing)), pull))
+    return [pull for numbers, pull in found if numbers in beside]
+
+
+def _ends(
+    chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
+) -> list[Pull]:
+    """Return moves of ends that go back over, or beneath, the crossing that is next to them."""
+    found = []
+    for i, (row, chain) in enumerate(zip(passes, chains, strict=True)):
+        if chain.closed or not row:
+            continue
+        for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
+            one = crossings[first.crossing]
+            beyond = _BEYOND * sum(chains[at[0]].radius for at in (one.over, one.under))
+            turn = float(np.clip(first.s + inwards * beyond, 0.0, chain.length))
+            tail = abs(first.s - end) + beyond
+            way = _free_way(chains, i, turn, end, tail, inwards, towards)
+            held = end if first.over else turn
+            place, root = chain.at(held), chain.at(turn)
+            move = root + way - place if first.over else way
+            move -= (move @ towards) * towards
+            distance = float(np.linalg.norm(move))
+            found.append(
+                Pull(
+                    undoes=(one,),
+                    move="end",
+                    lift=first.over,
+                    chain=i,
+                    s=held,
+                    place=place,
+                    direction=move / distance,
+                    distance=distance,
+                )
+            )
+    return found
+
+
+def _free_way(
+    chains: Sequence[Chain],
+    which: int,
+    turn: float,
+    end: float,
+    tail: float,
+    inwards: float,
+    towards: Array,
+) -> Array:
+    """(3,) From `turn` to where a straight tail would end that lies clear of all strands in the plan, metres.
+
+    The tail is shorter than it is if there is no room for all of it.
+    """
+    chain = chains[which]
+    back = inwards * chain.tangent_at(turn)
+    back -= (back @ towards) * towards
+    length = float(np.linalg.norm(back))
+    # a rope that runs along the direction of view leads nowhere in the plan
+    back = back / length if length > 1e-9 else np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
+    back /= np.linalg.norm(back)
+    aside = np.cross(towards, back)
+    others = []
+    for i, each in enumerate(chains):
+        s = np.arange(0.0, each.length, each.radius)
+        if i == which:
+            # the tail goes along, and so does what is next to it
+            low, high = sorted((end, turn))
+            s = s[(s < low - 4.0 * each.radius) | (s > high + 4.0 * each.radius)]
+        others.append(each.at(s).reshape(-1, 3))
+    basis = np.stack([back, aside], axis=1)
+    strands = (np.concatenate(others) - chain.at(turn)) @ basis
+    # from what is straight back outwards: the first of equals is kept
+    angles = np.linspace(-np.pi, np.pi, _WAYS, endpoint=False)
+    angles = angles[np.argsort(np.abs(angles), kind="stable")]
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for share in _SHARES:
+        reach = share * tail
+        along = np.clip(strands @ ways.T, 0.0, reach)
+        away = np.linalg.norm(strands[:, None] - along[..., None] * ways, axis=2)
+        clear = np.minimum(away.min(axis=0, initial=np.inf), 3.0 * chain.radius)
+        if clear.max() >= 2.0 * chain.radius:
+            break
+    return np.asarray(reach * basis @ ways[clear.argmax()])
