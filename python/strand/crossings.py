@@ -25,6 +25,8 @@ Places = tuple[NDArray[np.intp], Array]
 _APART = 4.0
 # strands that meet under a lesser angle, its sine, count as side by side
 _SIDE_BY_SIDE = 0.5
+# crossings of more nodes are not listed
+_MOST_LISTED = 8_000
 # steps of Newton's method
 _STEPS = 4
 
@@ -148,6 +150,18 @@ def find_crossings(
             )
         )
     return tuple(found)
+
+
+def listed_crossings(
+    chains: Sequence[Chain], direction: ArrayLike, doubts: Sequence[Doubt]
+) -> tuple[Crossing, ...]:
+    """Return crossings for files, tables and pages: none where chains are too long for a list.
+
+    Chains of noise may have millions.
+    """
+    if sum(len(chain.points) for chain in chains) > _MOST_LISTED:
+        return ()
+    return find_crossings(chains, direction, doubts)
 
 
 def free_stretch(

@@ -27,7 +27,7 @@ from strand.checks import (
 )
 from strand.config import METHODS
 from strand.contacts import Contact, find_contacts
-from strand.crossings import Crossing, find_crossings, free_stretch
+from strand.crossings import Crossing, find_crossings, free_stretch, listed_crossings
 from strand.doubt import DOUBTS, Doubt
 from strand.export.capsules import Capsules, capsules_of
 from strand.export.mjcf import mjcf_of
@@ -746,7 +746,7 @@ def content(model: Model) -> dict[str, Any]:
     # the arrays between the stages are large and stay out
     said = plain(replace(model, stages={}))
     del said["stages"]
-    crossings = plain(model.crossings())
+    crossings = plain(listed_crossings(model.chains, (0, 0, 1), model.doubts))
     return {
         "format": FORMAT,
         "version": VERSION,

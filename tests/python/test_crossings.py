@@ -8,6 +8,7 @@ from drawn import R
 
 import strand
 from strand import Chain, Crossing, Doubt, Model
+from strand.crossings import listed_crossings
 from strand.synthetic import random_ropes, shape
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -227,6 +228,9 @@ def test_a_hundred_thousand_nodes_lose_no_crossing():
     found = Chain(weave, 1e-4).crossings()
     # of a Lissajous figure of 7 and 9: 2 * 7 * 9 - 7 - 9
     assert len(found) == 2 * 7 * 9 - 7 - 9
+    # no file lists them: chains of noise have millions
+    assert listed_crossings([Chain(weave, 1e-4)], UP, ()) == ()
+    assert len(listed_crossings([Chain(weave[::20], 1e-4)], UP, ())) == len(found)
 
 
 def test_a_height_without_covariance_has_no_deviation():

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.chain import Chain
 from strand.checks import Array
+from strand.crossings import listed_crossings
 from strand.files import extra, write_bytes
 from strand.model import Model
 from strand.report.sheet import (
@@ -481,7 +482,8 @@ def _rope_ends(model: Model) -> Array:
 def _crossed(model: Model, cloud: Array) -> Array:
     """(K, 3) Places of the crossings that the plan shows."""
     plan = Plan.towards(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
-    met = model.crossings(plan.signs[2] * np.eye(3)[plan.axes[2]])
+    towards = plan.signs[2] * np.eye(3)[plan.axes[2]]
+    met = listed_crossings(model.chains, towards, model.doubts)
     return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met)])
 
 

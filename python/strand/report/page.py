@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 import strand._core as _core
 from strand.checks import Array, finite_array
+from strand.crossings import listed_crossings
 from strand.files import extra, write_bytes
 from strand.model import Model
 from strand.pose import moved
@@ -197,7 +198,7 @@ def _crossings(model: Model) -> str:
         return ""
     nodes = np.concatenate([chain.points for chain in model.chains])
     towards = side_seen(nodes, model.poses[:, :3, 3])
-    met = model.crossings(towards)
+    met = listed_crossings(model.chains, towards, model.doubts)
     rows = [
         (
             *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from strand._core import StrandError
 from strand.checks import finite_array
+from strand.crossings import listed_crossings
 from strand.files import extra, write_bytes
 from strand.model import Model
 from strand.report.cameras import cameras_of, side_seen
@@ -132,7 +133,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
         towards = side_seen(nodes, model.poses[:, :3, 3])
-        met = model.crossings(towards)
+        met = listed_crossings(model.chains, towards, model.doubts)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.chain import Chain
 from strand.checks import Array
+from strand.crossings import listed_crossings
 from strand.model import Model
 from strand.polyline import runs
 from strand.report.cameras import Camera, side_seen
@@ -293,7 +294,8 @@ def _places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]:
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    crossed = [(crossing.place, str(crossing)) for crossing in model.crossings(towards)]
+    met = listed_crossings(model.chains, towards, model.doubts)
+    crossed = [(crossing.place, str(crossing)) for crossing in met]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")
         for doubt in model.doubts

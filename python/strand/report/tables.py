@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.chain import Chain
+from strand.crossings import listed_crossings
 from strand.model import Model
 from strand.view import View
 
@@ -258,7 +259,7 @@ def describe_crossings(model: Model) -> str:
 
     Empty without any.
     """
-    met = model.crossings()
+    met = listed_crossings(model.chains, (0, 0, 1), model.doubts)
     rows = [
         (
             *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),
