@@ -30,6 +30,8 @@ number = np.zeros(4000, np.int64)
 control = points[:20]
 eye, camera = np.eye(4), ((100.0, 100.0), (40.0, 30.0))
 fit = dict(motions=[eye], radius=0.1, pose_sd=(0.01, 0.01), reference=None, iterations=2)
+line = np.column_stack([np.linspace(0.0, 1.0, 40), np.zeros(40), np.zeros(40)])
+tubes = _core.TubeQueries([line], [line[:, 0]], [0.1])
 calls = {{
     "radius_outlier_mask": lambda: strand.radius_outlier_mask(points, 0.05, 3),
     "count_neighbors": lambda: strand.count_neighbors(points, 0.05),
@@ -66,6 +68,13 @@ calls = {{
     "shown_radius": lambda: _core.shown_radius(mask),
     "convolved": lambda: _core.convolved(flat, [0.5, 0.25]),
     "short_outlines": lambda: _core.short_outlines(flat, [1.0], 3),
+    "TubeQueries": lambda: _core.TubeQueries([points[:40]], [points[:40, 0]], [0.1]).signed_distances(points),
+    "swept_spheres": lambda: tubes.swept_spheres(points[:99], points[99:198], points[:99, 0]),
+    "ray_hits": lambda: tubes.ray_hits(points[:99], points[99:198]),
+    "knot": lambda: _core.knot(points[:24], False),
+    "knot_diagram": lambda: _core.knot_diagram(points[:24], False, (0.1, 0.2, 1.0)),
+    "order_probability": lambda: _core.order_probability(points[:24], False, (0.1, 0.2, 1.0), points[:2]),
+    "linking_number": lambda: _core.linking_number(points[:24], points[24:48], [True, True]),
     "RopeImages": lambda: _core.RopeImages([depth], [mask], [camera], [eye], 0.02).readings(1, 2, [0]),
 }}
 done = False
