@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import strand
-from strand.images.nodes import _between, corrected_poses
+from strand.images.nodes import corrected_poses
 from strand.images.seen import prepared, rope_images
 from strand.images.table import table_plane
+from strand.polyline import between
 from strand.synthetic import Segmentation, scene
 from strand.view import cropped
 
@@ -149,9 +150,9 @@ def test_covariances_between_nodes_are_linear_and_at_nodes_their_own():
     roots = rng.normal(size=(5, 3, 3))
     values = roots @ roots.transpose(0, 2, 1)
     known = np.linspace(0.0, 1.0, 5)
-    assert _between(known, known, values) == pytest.approx(values)
-    assert _between(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
-    found = _between(rng.uniform(size=100), known, values)
+    assert between(known, known, values) == pytest.approx(values)
+    assert between(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
+    found = between(rng.uniform(size=100), known, values)
     assert (np.linalg.eigvalsh(found) > 0).all()
 
 
