@@ -188,7 +188,8 @@ def test_other_commands_have_their_targets(command):
     elif program == "pip":
         extras = re.findall(r"\.\[(\w+)\]", words[1])
         assert set(extras) <= set(PROJECT["optional-dependencies"])
-        assert extras or words == ["install", "maturin"]
+        # peers of benches, and what builds wheels
+        assert extras or set(words[1:]) <= {"maturin", "trimesh", "rtree", "coal"}
     elif program == "maturin":
         assert words[words.index("--extras") + 1] in PROJECT["optional-dependencies"]
     elif program == "cargo":

@@ -39,8 +39,10 @@ def too_far(views: Sequence[View], radius: float) -> Doubt | None:
     some = some[some > 0]
     if not len(some) or not np.median(some) > _FARTHEST * radius:
         return None
-    reason = (
-        "depths look like millimetres: give depth_scale=0.001, or points * 0.001; half of them are more than "
-        f"{np.median(some):.0f} m"
-    )
+    cameras = [float(np.linalg.norm(view.viewpoint)) for view in views if view.image is None]
+    # where points are of the world the cameras are as far away
+    looks = "depths look like millimetres: give depth_scale=0.001, or points * 0.001"
+    if len(cameras) == len(views) and min(cameras) > _FARTHEST * radius:
+        looks = "points and poses look like millimetres: give both in metres"
+    reason = f"{looks}; half of them are more than {np.median(some):.0f} m away"
     return Doubt("depth", _TOO_FAR, "where the ropes are", reason)
