@@ -550,9 +550,12 @@ class Model:
         """Plan how the ropes come apart, move by move.
 
         A stretch that lies on another one, without anything between, is lifted off it. An end next to a
-        crossing goes back over it, or is pulled out beneath it. Of all moves that are possible the one with
-        the shortest way for each crossing that it undoes comes first; a way beneath counts twice. This takes
-        apart unknots, slip loops and loose knots; nothing is said of how much a tight knot resists.
+        crossing goes back over it, or is pulled out beneath it, or the strand above it is lifted off over it.
+        Of all moves that are possible the one with the least effort for each crossing that it undoes comes
+        first: the length of the way, twice for an end that is pulled out, three times for a strand that is
+        lifted over an end, and eight times the length of an end that there is no room to lay out straight.
+        This takes apart unknots, slip loops and loose knots; nothing is said of how much a tight knot
+        resists.
 
         Parameters
         ----------

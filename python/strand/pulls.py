@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 _BEYOND = 2.0
 _WAYS = 36
 _SHARES = (1.0, 0.75, 0.5, 0.25)
-# an end that is pulled out from beneath drags its rope: such a way counts so many times
-_DRAGGED = 2.0
+# how many times a way counts on which an end that is pulled out drags its rope, and on which a strand that is
+# lifted over an end draws rope from both sides; and the length of a tail that is not laid straight, which may
+# stay at the crossing
+_DRAGGED, _DRAWN, _SLACK = 2.0, 3.0, 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +37,15 @@ class Pull:
         One, or two of a loop.
     move : str
         "end": an end goes back over the crossing, or is pulled out beneath it. "loop": a stretch that lies on
-        another one is lifted off it.
+        another one is lifted off it, to the side or over the other one's end.
     lift : bool
         Whether what is moved is lifted over the other strand. If not it lies beneath, and is pulled out along
         the table.
     chain : int
         The number of the chain that is moved.
     s : float
-        Arc length of the place to hold, metres: an end, the middle of a loop, or, where an end is pulled out,
-        a place just beyond the crossing.
+        Arc length of the place to hold, metres: an end, the middle of a loop or where it crosses an end, or,
+        where an end is pulled out, a place just beyond the crossing.
     place : (3,) ndarray
         This place, world frame, metres.
     direction : (3,) ndarray
@@ -95,6 +97,13 @@ class _Pass(NamedTuple):
     over: bool
 
 
+class _Way(NamedTuple):
+    """A pull, and what it costs: metres of way."""
+
+    pull: Pull
+    effort: float
+
+
 def plan_pulls(chains: Sequence[Chain], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
     """Plan how ropes come apart, see `Model.pull_plan`."""
     towards = unit_direction(direction)
@@ -105,8 +114,8 @@ def plan_pulls(chains: Sequence[Chain], crossings: Sequence[Crossing], direction
         ways = [*_loops(chains, left, passes, towards), *_ends(chains, left, passes, towards)]
         if not ways:
             break
-        # the shortest way for each crossing that it undoes
-        best = min(ways, key=lambda pull: pull.distance * (1.0 if pull.lift else _DRAGGED) / len(pull.undoes))
+        # the least effort for each crossing that it undoes
+        best = min(ways, key=lambda way: way.effort / len(way.pull.undoes)).pull
         pulls.append(best)
         left = {k: one for k, one in left.items() if not any(one is gone for gone in best.undoes)}
     return PullPlan(tuple(pulls), tuple(left.values()))
@@ -123,7 +132,7 @@ def _passes(chains: Sequence[Chain], crossings: dict[int, Crossing]) -> list[lis
 
 def _loops(
     chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
-) -> list[Pull]:
+) -> list[_Way]:
     """Return moves of stretches that lie on another one, with nothing between (Reidemeister's second)."""
     found = []
     beside = set()
@@ -156,13 +165,13 @@ def _loops(
                 direction=away / np.linalg.norm(away),
                 distance=reach + beyond,
             )
-            found.append((frozenset((a.crossing, b.crossing)), pull))
-    return [pull for numbers, pull in found if numbers in beside]
+            found.append((frozenset((a.crossing, b.crossing)), _Way(pull, pull.distance)))
+    return [way for numbers, way in found if numbers in beside]
 
 
 def _ends(
     chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
-) -> list[Pull]:
+) -> list[_Way]:
     """Return moves of ends that go back over, or beneath, the crossing that is next to them."""
     found = []
     for i, (row, chain) in enumerate(zip(passes, chains, strict=True)):
@@ -179,19 +188,66 @@ def _ends(
             move = root + way - place if first.over else way
             move -= (move @ towards) * towards
             distance = float(np.linalg.norm(move))
-            found.append(
-                Pull(
-                    undoes=(one,),
-                    move="end",
-                    lift=first.over,
-                    chain=i,
-                    s=held,
-                    place=place,
-                    direction=move / distance,
-                    distance=distance,
-                )
+            pull = Pull(
+                undoes=(one,),
+                move="end",
+                lift=first.over,
+                chain=i,
+                s=held,
+                place=place,
+                direction=move / distance,
+                distance=distance,
             )
+            if not first.over:
+                off = _off_end(chains, one, i, end, tail, towards)
+                found += [] if off is None else [off]
+            slack = tail - float(np.linalg.norm(way))
+            found.append(_Way(pull, distance * (1.0 if pull.lift else _DRAGGED) + _SLACK * slack))
     return found
+
+
+def _off_end(
+    chains: Sequence[Chain], crossing: Crossing, which: int, end: float, tail: float, towards: Array
+) -> _Way | None:
+    """Return how the upper strand is lifted over the lower one's end; None where others are in the way."""
+    upper, s = crossing.over
+    place, last = chains[upper].at(s), chains[which].at(end)
+    way = last - place
+    way -= (way @ towards) * towards
+    length = float(np.linalg.norm(way))
+    beyond = _BEYOND * (chains[upper].radius + chains[which].radius)
+    if length < 1e-9:
+        return None
+    way /= length
+    distance = length + beyond
+    others = _strands(chains, [(which, end, tail), (upper, s, 2.0 * beyond)]) - place
+    others -= np.outer(others @ towards, towards)
+    away = np.linalg.norm(others - np.outer(np.clip(others @ way, 0.0, distance), way), axis=1)
+    if away.min(initial=np.inf) < 2.0 * chains[upper].radius:
+        return None
+    pull = Pull(
+        undoes=(crossing,),
+        move="loop",
+        lift=True,
+        chain=upper,
+        s=s,
+        place=place,
+        direction=way,
+        distance=distance,
+    )
+    return _Way(pull, _DRAWN * distance)
+
+
+def _strands(chains: Sequence[Chain], left_out: Sequence[tuple[int, float, float]]) -> Array:
+    """(N, 3) Places on all chains, a radius apart, but those within a length of a chain's place."""
+    found = []
+    for i, each in enumerate(chains):
+        s = np.arange(0.0, each.length, each.radius)
+        for which, at, reach in left_out:
+            if which == i:
+                s = s[np.abs(s - at) > reach + 4.0 * each.radius]
+        found.append(each.at(s).reshape(-1, 3))
+    return np.concatenate(found)
 
 
 def _free_way(
@@ -215,16 +271,9 @@ def _free_way(
     back = back / length if length > 1e-9 else np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     back /= np.linalg.norm(back)
     aside = np.cross(towards, back)
-    others = []
-    for i, each in enumerate(chains):
-        s = np.arange(0.0, each.length, each.radius)
-        if i == which:
-            # the tail goes along, and so does what is next to it
-            low, high = sorted((end, turn))
-            s = s[(s < low - 4.0 * each.radius) | (s > high + 4.0 * each.radius)]
-        others.append(each.at(s).reshape(-1, 3))
     basis = np.stack([back, aside], axis=1)
-    strands = (np.concatenate(others) - chain.at(turn)) @ basis
+    # the tail goes along, and so does what is next to it
+    strands = (_strands(chains, [(which, end, abs(end - turn))]) - chain.at(turn)) @ basis
     # from what is straight back outwards: the first of equals is kept
     angles = np.linspace(-np.pi, np.pi, _WAYS, endpoint=False)
     angles = angles[np.argsort(np.abs(angles), kind="stable")]

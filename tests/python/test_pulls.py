@@ -70,6 +70,23 @@ def test_an_end_on_top_is_lifted_and_one_beneath_is_pulled_out():
         assert str(pull).startswith("lift the end" if height > 0 else "pull out the end")
 
 
+def test_a_strand_is_lifted_over_the_end_of_one_that_is_hemmed_in():
+    s = np.linspace(-1.0, 1.0, 201)
+    # the end of a rope comes out from under a bight by 2 cm, between two other ropes
+    bight = Chain(np.stack([0.2 * s, 0.02 - 0.1 * s**2, 0 * s + 2 * R], axis=1), R)
+    end = Chain([[0.0, -0.2, 0.0], [0.0, 0.04, 0.0]], R)
+    walls = [Chain([[x, -0.2, 0.0], [x, 0.0, 0.0]], R) for x in (-0.015, 0.015)]
+    first = model(bight, end, *walls).pull_plan().pulls[0]
+    assert (first.move, first.lift, first.chain, len(first.undoes)) == ("loop", True, 0, 1)
+    np.testing.assert_allclose(first.place[:2], [0.0, 0.02], atol=1e-4)
+    np.testing.assert_allclose(first.direction, [0, 1, 0], atol=1e-6)
+    # clear of the end
+    assert first.distance == pytest.approx(0.02 + 4 * R, abs=1e-4)
+    # not through a rope that lies in the way
+    beyond = Chain([[-0.05, 0.055, 0.0], [0.05, 0.055, 0.0]], R)
+    assert model(bight, end, *walls, beyond).pull_plan().pulls[0].move == "end"
+
+
 def test_a_loop_that_lies_on_a_rope_is_lifted_off():
     s = np.linspace(-0.1, 0.1, 101)
     line = Chain(np.stack([s, 0 * s, 0 * s], axis=1), R)
