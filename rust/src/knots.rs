@@ -2,7 +2,8 @@
 //!
 //! `projection` makes a diagram of a polyline, `code` its Gauss, planar and Dowker-Thistlethwaite codes. `thinning` takes nodes and
 //! `reidemeister` crossings away that no knot needs. `alexander` and `jones` are polynomials of what is left, by which `table`
-//! names it. An open chain is closed in many directions by `closure`; `knotted_core` is where its knot lies.
+//! names it. An open chain is closed in many directions by `closure`; `knotted_core` is where its knot lies, sought by the
+//! diagrams of `stretches`.
 
 mod alexander;
 mod boxes;
@@ -15,6 +16,7 @@ mod linking;
 mod order;
 mod projection;
 mod reidemeister;
+mod stretches;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -90,8 +92,8 @@ pub(crate) fn knot(points: &[Point], closed: bool) -> Result<Knot> {
     }
     let answers = closures(&nodes, CLOSURES, &mut known).map_err(|_| meets_itself())?;
     let core = match answers[0].identity.kind {
-        ref kind @ Kind::Known(1.., _) if 2 * answers[0].count > CLOSURES => {
-            Some(knotted_core(&nodes, kind, CLOSURES, &mut known))
+        Kind::Known(1.., _) if 2 * answers[0].count > CLOSURES => {
+            Some(knotted_core(&nodes, &answers[0].identity.code, CLOSURES))
         }
         _ => None,
     };

@@ -23,17 +23,13 @@ pub fn reduced(code: &GaussCode) -> GaussCode {
             continue;
         }
         let (here, there) = (code.visits[k], code.visits[follower]);
-        let taken = if here.crossing == there.crossing {
-            vec![k, follower]
-        } else {
-            let (a, b) = (other(k), other(follower));
-            let opposite = code.signs[here.crossing as usize] != code.signs[there.crossing as usize];
-            if here.over != there.over || !opposite || (next[a] != b && next[b] != a) {
-                continue;
-            }
-            vec![k, follower, a, b]
-        };
-        for visit in taken {
+        let (a, b) = (other(k), other(follower));
+        let is_twist = here.crossing == there.crossing;
+        let opposite = code.signs[here.crossing as usize] != code.signs[there.crossing as usize];
+        if !is_twist && (here.over != there.over || !opposite || (next[a] != b && next[b] != a)) {
+            continue;
+        }
+        for &visit in &[k, follower, a, b][..if is_twist { 2 } else { 4 }] {
             gone[visit] = true;
             let (before, after) = (previous[visit], next[visit]);
             next[before] = after;
