@@ -9,7 +9,7 @@ use super::code::{GaussCode, Visit};
 use super::identity::{Identity, Kind};
 use super::jones::{Laurent, jones};
 use super::projection::{Lid, Look, diagram};
-use super::reidemeister::reduced;
+use super::reidemeister::{reduced, twists};
 use super::table::{Chirality, TABLE};
 use super::thinning::thin;
 use super::*;
@@ -382,6 +382,19 @@ fn stretches_are_closed_as_chains_are() {
         }
     }
     assert!(knotted > 20, "{knotted}");
+}
+
+#[test]
+fn twists_do_not_matter_whichever_strand_is_on_top() {
+    let visit = |(crossing, over)| Visit { crossing, over };
+    // a loop within a loop, and a trefoil behind: over the start one crossing of both
+    let visits = [(0, true), (1, true), (2, false), (2, true), (1, false)];
+    let trefoil = [(3, true), (4, false), (5, true), (3, false), (4, true), (5, false)];
+    let all = visits.into_iter().chain(trefoil).chain([(0, false)]);
+    let code = GaussCode { visits: all.map(visit).collect(), signs: vec![1, -1, 1, 1, 1, 1] };
+    assert_eq!(twists(&code), [true, true, true, false, false, false]);
+    let chance = order::order_probability(&code, &[0.5, 0.5, 0.5, 0.9, 1.0, 1.0]);
+    assert!((chance - 0.9).abs() < 1e-12, "{chance}");
 }
 
 #[test]
