@@ -24,7 +24,7 @@ from strand.checks import (
     small_array,
     whole,
 )
-from strand.crossings import Crossing, find_crossings
+from strand.crossings import Crossing, find_crossings, listed_crossings
 from strand.curve import Curve
 from strand.doubt import Doubt
 from strand.frames import carried, least_turned, node_frames
@@ -226,9 +226,11 @@ class Chain:
         ----------
         crossings : (K, 3) array_like of float, optional
             How sure the order at crossings is: arc lengths along this chain, metres, and a probability
-            each, as `strand.knot` takes them.
+            each, as `strand.knot` takes them; an empty list for all sure. If not given they are those of
+            `crossings(direction)`. A chain without covariances, as one that was made by hand, says nothing
+            of its errors: its nodes then count as they are. So do those of chains of over 8,000 nodes.
         direction : (3,) array_like of float
-            From where the crossings were seen.
+            From where the crossings are seen: a vector from the rope to the viewer.
 
         Returns
         -------
@@ -241,7 +243,11 @@ class Chain:
             As `strand.knot`.
         """
         arc = self._knots if self.closed else self.arc_length
-        return tied(self.points, self.closed, arc, crossings, direction)
+        if crossings is not None or self.covariance is None:
+            return tied(self.points, self.closed, arc, crossings, direction)
+        own = listed_crossings([self], direction, self.doubts)
+        rows = [(one.over[1], one.under[1], one.probability) for one in own]
+        return tied(self.points, self.closed, arc, rows, direction, strict=False)
 
     def tube(self, sides: int = 16) -> tuple[Array, NDArray[np.int32]]:
         """Return the rope's surface as a closed triangle mesh.

@@ -119,9 +119,8 @@ def find_crossings(
     towards = unit_direction(direction)
     first, second, turns = _met(chains, towards)
     number = np.stack([first[0], second[0]])
-    point, tangent, covariance = (
-        np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True)
-    )
+    point, tangent = (np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True))
+    covariance = np.stack([_covariance(chains, first), _covariance(chains, second)])
     rise = (point[0] - point[1]) @ towards
     upper = np.where(rise >= 0, 0, 1)
     height = np.abs(rise)
@@ -284,7 +283,8 @@ def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis:
     length = np.array([chain.length for chain in chains])[which[some]]
     start = s = at[some]
     for _ in range(_STEPS):
-        point, tangent, _ = zip(*(_at(chains, (which[some, k], s[:, k])) for k in (0, 1)), strict=True)
+        both = _at(chains, (which[some].T.ravel(), s.T.ravel()))
+        point, tangent = (rows.reshape(2, -1, 3) for rows in both)
         (ax, ay), (bx, by) = (tangent[0] @ basis).T, (tangent[1] @ basis).T
         x, y = ((point[1] - point[0]) @ basis).T
         det = ax * by - ay * bx
@@ -298,17 +298,25 @@ def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis:
     return refined
 
 
-def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array, Array]:
-    """Return positions (K, 3), unit tangents (K, 3) and covariances (K, 3, 3); NaN where none is known."""
+def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array]:
+    """Return positions (K, 3) and unit tangents (K, 3)."""
     number, s = places
     point, tangent = np.empty((2, len(s), 3))
+    for i in np.unique(number):
+        here = np.flatnonzero(number == i)
+        point[here], tangent[here] = chains[i].at(s[here]), chains[i].tangent_at(s[here])
+    return point, tangent
+
+
+def _covariance(chains: Sequence[Chain], places: Places) -> Array:
+    """(K, 3, 3) Covariances of positions; NaN where none is known."""
+    number, s = places
     covariance = np.full((len(s), 3, 3), np.nan)
     for i in np.unique(number):
         here, chain = np.flatnonzero(number == i), chains[i]
-        point[here], tangent[here] = chain.at(s[here]), chain.tangent_at(s[here])
         if chain.covariance is not None:
             covariance[here] = chain.interpolated(chain.covariance, s[here])
-    return point, tangent, covariance
+    return covariance
 
 
 def _apart(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:

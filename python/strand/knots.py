@@ -34,11 +34,12 @@ class Knot:
         "left" as their two trefoils are, the square knot is None; "3_1#4_1" has the chirality of its trefoil.
     probability : float
         The share of closures that say so, from 0 to 1; 1 for a closed rope. Times the probability that
-        errors in the order of crossings leave the knot what it is, if crossings were given.
+        errors in the order of crossings leave the knot what it is, if crossings were given, or a
+        reconstructed chain has its own.
     core : (float, float) or None
         Arc lengths, metres, between which the knot is tied: the shortest stretch found of which most closures
-        say that it is the same knot, to a fiftieth of the rope's length. None for "0_1", "unknown" and closed
-        ropes, and where no more than half of the closures say `name`.
+        have the same Alexander polynomial, to a fiftieth of the rope's length. None for "0_1", "unknown" and
+        closed ropes, and where no more than half of the closures say `name`.
     ambiguous : tuple of str
         Other prime knots to twelve crossings with the same Alexander and Jones polynomials that the diagram
         has enough crossings for. Empty wherever the diagram has fewer than ten.
@@ -106,8 +107,9 @@ def knot(
     crossings : (K, 3) array_like of float, optional
         How sure the order at crossings is: arc lengths of the two strands, metres, and the probability that
         the nodes have them in the right order. Each belongs to the nearest crossing that is seen from
-        `direction`; crossings that are not given are sure. The ten least sure are tried both ways, and all
-        others must be right: `probability` is then a lower bound.
+        `direction`; crossings that are not given are sure. Those that only twist a strand do not matter. Of
+        the others the ten least sure are tried both ways, and all further ones must be right: `probability`
+        is then a lower bound.
     direction : (3,) array_like of float
         From where `crossings` were seen: a vector from the rope to the viewer. It is not used without them.
 
@@ -129,19 +131,30 @@ def knot(
     return tied(nodes, closed, _core.path_length(path), crossings, direction)
 
 
-def tied(nodes: Array, closed: bool, arc: Array, crossings: ArrayLike | None, direction: ArrayLike) -> Knot:
-    """Return what `knot` does, with the arc lengths at the nodes; of a closed rope also once around."""
+def tied(
+    nodes: Array,
+    closed: bool,
+    arc: Array,
+    crossings: ArrayLike | None,
+    direction: ArrayLike,
+    strict: bool = True,
+) -> Knot:
+    """Return what `knot` does, with the arc lengths at the nodes; of a closed rope also once around.
+
+    If not `strict`, crossings need not be seen in the nodes: those that are not must be right.
+    """
     answers, core, twin, alexander, jones, codes = _core.knot(nodes, closed)
     shares = tuple((name or UNKNOWN, chirality, share) for name, chirality, share in answers)
     name, chirality, probability = shares[0]
-    if crossings is not None:
+    if crossings is not None and np.size(crossings):
         given = finite_array("crossings", crossings, ("K", 3))
         path = np.vstack([nodes, nodes[:1]]) if closed else nodes
-        if given.size and not (given[:, :2].min() >= 0 and given[:, :2].max() <= arc[-1] * (1 + 1e-9)):
+        if not (given[:, :2].min() >= 0 and given[:, :2].max() <= arc[-1] * (1 + 1e-9)):
             raise ValueError(f"crossings: expected arc lengths from 0 to {arc[-1]:g} m")
         places = np.interp(given[:, :2], arc, _core.path_length(path))
         rows = np.column_stack([places, given[:, 2]])
-        probability *= _core.order_probability(nodes, closed, unit_vector("direction", direction), rows)
+        towards = unit_vector("direction", direction)
+        probability *= _core.order_probability(nodes, closed, towards, rows, strict)
     return Knot(
         name=name,
         chirality=chirality,

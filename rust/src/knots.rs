@@ -2,7 +2,8 @@
 //!
 //! `projection` makes a diagram of a polyline, `code` its Gauss, planar and Dowker-Thistlethwaite codes. `thinning` takes nodes and
 //! `reidemeister` crossings away that no knot needs. `alexander` and `jones` are polynomials of what is left, by which `table`
-//! names it. An open chain is closed in many directions by `closure`; `knotted_core` is where its knot lies.
+//! names it. An open chain is closed in many directions by `closure`; `knotted_core` is where its knot lies, sought by the
+//! diagrams of `stretches`.
 
 mod alexander;
 mod boxes;
@@ -15,6 +16,7 @@ mod linking;
 mod order;
 mod projection;
 mod reidemeister;
+mod stretches;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -90,8 +92,8 @@ pub(crate) fn knot(points: &[Point], closed: bool) -> Result<Knot> {
     }
     let answers = closures(&nodes, CLOSURES, &mut known).map_err(|_| meets_itself())?;
     let core = match answers[0].identity.kind {
-        ref kind @ Kind::Known(1.., _) if 2 * answers[0].count > CLOSURES => {
-            Some(knotted_core(&nodes, kind, CLOSURES, &mut known))
+        Kind::Known(1.., _) if 2 * answers[0].count > CLOSURES => {
+            Some(knotted_core(&nodes, &answers[0].identity.code, CLOSURES))
         }
         _ => None,
     };
@@ -109,16 +111,22 @@ pub(crate) fn seen(points: &[Point], closed: bool, direction: Point) -> Result<G
 /// The probability that errors in the order of crossings, as seen from the unit vector `direction`, leave the knot what it is.
 ///
 /// Each row has the arc lengths of two strands that cross, metres, and the probability that the nodes have their order right.
+/// If not `strict`, rows beyond the crossings that are seen must be right, and all if there is no diagram from there.
 ///
 /// # Errors
-/// `InvalidArgument` as of [`seen`], for rows that are not arc lengths and a probability, or more rows than crossings.
+/// `InvalidArgument` for rows that are not arc lengths and a probability; if `strict`, as of [`seen`] and for more rows than
+/// crossings.
 pub(crate) fn order_probability(
     points: &[Point],
     closed: bool,
     direction: Point,
     crossings: &[Point],
+    strict: bool,
 ) -> Result<f64> {
-    let (diagram, arc) = diagram_from(points, closed, direction)?;
+    let (diagram, arc) = match diagram_from(points, closed, direction) {
+        Err(_) if !strict => return Ok(crossings.iter().map(|row| row[2]).product()),
+        found => found?,
+    };
     let count = diagram.code.crossings();
     let length = arc[arc.len() - 1];
     if let Some(row) = crossings.iter().find(|row| {
@@ -137,24 +145,27 @@ pub(crate) fn order_probability(
         .map(|&[over, under]| [over, under].map(|visit| place(visit).unwrap_or(f64::INFINITY)))
         .collect();
     let own = seen.iter().filter(|places| places.iter().all(|s| s.is_finite())).count();
-    if crossings.len() > own {
+    if strict && crossings.len() > own {
         let found = format!("expected at most the {own} crossings seen from there, got {}", crossings.len());
         return Err(Error::invalid("crossings", found));
     }
-    let mut right = vec![1.0; count];
-    let mut taken = vec![false; count];
+    let (mut right, mut rest) = (vec![1.0; count], 1.0);
+    let mut taken: Vec<bool> = seen.iter().map(|places| places.iter().any(|s| s.is_infinite())).collect();
     for &[s, t, probability] in crossings {
         let apart = |k: usize| {
             let [a, b] = seen[k];
             f64::min((a - s).abs() + (b - t).abs(), (a - t).abs() + (b - s).abs())
         };
         let nearest = (0..count).filter(|&k| !taken[k]).min_by(|&a, &b| apart(a).total_cmp(&apart(b)));
-        if let Some(k) = nearest {
-            taken[k] = true;
-            right[k] = probability;
+        match nearest {
+            Some(k) => {
+                taken[k] = true;
+                right[k] = probability;
+            }
+            None => rest *= probability,
         }
     }
-    Ok(order::order_probability(&diagram.code, &right))
+    Ok(order::order_probability(&diagram.code, &right) * rest)
 }
 
 /// How often two chains wind round each other: a whole number if both are closed.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import R, circle
@@ -31,6 +33,8 @@ GENUS_AND_TAU = {
     ("3_1#3_1", None): (2, 0),
     ("3_1#4_1", "right"): (2, 1),
 }
+# what is tied in shapes
+TIED = {"overhand": "3_1", "figure8_knot": "4_1", "granny": "3_1#3_1", "square": "3_1#3_1"}
 # KnotInfo's braids of knots beyond the table
 LARGER = {"8_19": (1, 2) * 4, "10_132": (1, 1, 1, -2, -1, -1, -2, -3, 2, -3, -3)}
 
@@ -99,19 +103,29 @@ def test_a_name_does_not_depend_on_place_size_or_the_order_of_nodes():
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes_of_ropes(name):
     found = strand.knot(shape(name))
-    assert found.name == {"overhand": "3_1", "figure8_knot": "4_1"}.get(name, "0_1")
+    assert found.name == TIED.get(name, "0_1")
     assert found.probability > 0.9
     assert (found.core is None) == (found.name == "0_1")
 
 
-@pytest.mark.parametrize("name", ["loop", "paper", "overhand", "figure8_knot"])
+@pytest.mark.parametrize("name", ["loop", "paper", "overhand", "figure8_knot", "granny", "square"])
 def test_ropes_are_named_from_depth(name):
     scene = strand.synthetic.scene(name, seed=2)
     (chain,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
     truth = strand.knot(scene.truth[0])
     found = chain.knot()
-    assert found.name == {"overhand": "3_1", "figure8_knot": "4_1"}.get(name, "0_1")
+    assert found.name == TIED.get(name, "0_1")
     assert (found.name, found.chirality) == (truth.name, truth.chirality)
+
+
+def test_granny_and_square_are_told_apart():
+    granny, square = strand.knot(shape("granny")), strand.knot(shape("square"))
+    half = strand.knot(shape("overhand")).chirality
+    assert (granny.chirality, square.chirality) == (half, None)
+    assert granny.alexander == square.alexander
+    assert granny.jones != square.jones
+    assert strand.knot(shape("granny") * [1, -1, 1]).chirality != half
+    assert strand.knot(shape("square") * [1, -1, 1]).chirality is None
 
 
 def test_no_crossing_is_no_knot():
@@ -197,6 +211,51 @@ def test_uncertain_crossings_make_a_name_uncertain():
             strand.knot(nodes, crossings=wrong)
     with pytest.raises(ValueError, match="direction: expected a vector that is not zero"):
         strand.knot(nodes, crossings=crossings, direction=(0, 0, 0))
+
+
+def test_no_crossing_given_is_all_sure():
+    nodes = shape("overhand")
+    for none in ((), [], np.empty((0, 3))):
+        assert strand.knot(nodes, crossings=none) == strand.knot(nodes)
+
+
+def test_twists_of_a_strand_do_not_matter():
+    # loops in a row, more than are tried
+    turn = np.linspace(0, 2 * np.pi * 14, 700)
+    nodes = np.stack([0.5 * turn - np.sin(turn), -np.cos(turn), 0.05 * turn], axis=1)
+    loops = strand.Chain(nodes, 1e-3).crossings()
+    assert len(loops) == 13
+    rows = [(loop.over[1], loop.under[1], 0.5) for loop in loops]
+    found = strand.knot(nodes, crossings=rows)
+    assert (found.name, found.probability) == ("0_1", strand.knot(nodes).probability)
+
+
+def test_a_reconstructed_chain_has_its_own_crossings():
+    scene = strand.synthetic.scene("overhand", seed=2)
+    (chain,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
+    found, sure = chain.knot(), chain.knot(crossings=())
+    assert sure.probability == sure.shares[0][2] == found.shares[0][2]
+    # each wrong order unties a trefoil
+    right = np.prod([crossing.probability for crossing in chain.crossings()])
+    assert found.probability == pytest.approx(right * sure.probability)
+    assert 0.9 * sure.probability < found.probability < sure.probability
+    below = np.prod([crossing.probability for crossing in chain.crossings((0, 0.2, -1))])
+    assert chain.knot(direction=(0, 0.2, -1)).probability == pytest.approx(below * sure.probability)
+    doubt = strand.Doubt("order", 2.0, "what is on top", "said by a test", place=chain.crossings()[0].place)
+    assert replace(chain, doubts=(doubt,)).knot().probability < 0.95 * found.probability
+    # without covariances nodes are as they are
+    assert replace(chain, covariance=None, doubts=(doubt,)).knot() == sure
+    with pytest.raises(ValueError, match="direction"):
+        chain.knot(direction=(0, 0, 0))
+
+
+def test_a_chain_that_cannot_be_drawn_from_there_has_a_name_all_the_same():
+    turn = np.linspace(0, 6 * np.pi, 61)
+    helix = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), 0.01 * turn], axis=1).round(12)
+    chain = strand.Chain(helix, R, covariance=np.tile(np.eye(3) * 1e-8, (61, 1, 1)))
+    found = chain.knot()
+    assert found.name == "0_1"
+    assert 0.0 <= found.probability <= 1.0
 
 
 def test_chains_have_their_arc_lengths():

@@ -20,7 +20,7 @@ from strand.files import write_bytes
 from strand.synthetic.camera import TABLE, camera_pose, image_size, render_depth, rope_nodes, sense
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.segmentation import Segmentation
-from strand.synthetic.shapes import LONGEST, lay
+from strand.synthetic.shapes import LONGEST, lay, usual_length
 from strand.view import View
 
 FOCAL_LENGTH = 212.0 / 320.0
@@ -171,7 +171,8 @@ def scene(
     radius : float
         The ropes' radius, metres.
     length : float, optional
-        A named shape's length, metres; if not given, in proportion to the radius: 0.4 m for 4.2 mm.
+        A named shape's length, metres; if not given, in proportion to the radius: 0.4 m for 4.2 mm, 0.72 m of
+        "granny" and "square".
     noise : float, optional
         Standard deviation of the depths, metres; 0.7 mm if not given. With a camera, at its distance from
         the origin, and the camera's own if not given.
@@ -335,7 +336,7 @@ def _placed(name: str, radius: float, length: float | None, rng: np.random.Gener
     mirror = rng.choice([-1.0, 1.0])
     shift = rng.uniform(-_SHIFT, _SHIFT, size=2) * radius
     plane = turned(turn) @ np.diag([stretch, mirror / stretch]) @ turned(axis)
-    nodes = lay(name, radius, 0.4 * radius / 0.0042 if length is None else length, plane)
+    nodes = lay(name, radius, usual_length(name) * radius / 0.0042 if length is None else length, plane)
     nodes[:, :2] += shift
     return nodes
 

@@ -12,6 +12,20 @@ import numpy as np
 
 from strand.checks import Array, positive
 
+# A loose overhand knot and the ways to it and from it; its mirror image.
+_OVERHAND = (
+    (10.8, 40.0),
+    (13.0, -154.0),
+    (0.8, 0.0),
+    (11.8, -92.0),
+    (2.8, 0.0),
+    (11.8, -92.0),
+    (0.8, 0.0),
+    (13.0, -154.0),
+    (10.8, 40.0),
+)
+_MIRRORED = tuple((length, -turn) for length, turn in _OVERHAND)
+
 # Plans of the shapes: pieces of (length, turn in degrees, left is positive), walked one after another.
 # Lengths count relative to each other; for shapes that cross they are about radii where the rope is
 # 95 radii long, as the published experiment's is.
@@ -21,19 +35,7 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
     "s": ((1.0, 170.0), (1.0, -170.0)),
     "loop": ((30.0, -20.0), (32.0, 275.0), (30.0, -20.0)),
     "figure8": ((29.2, -12.0), (21.2, 284.0), (3.2, 0.0), (26.8, -196.0), (12.6, -12.0)),
-    "overhand": (
-        (8.5, 8.0),
-        (10.8, 40.0),
-        (13.0, -154.0),
-        (0.8, 0.0),
-        (11.8, -92.0),
-        (2.8, 0.0),
-        (11.8, -92.0),
-        (0.8, 0.0),
-        (13.0, -154.0),
-        (10.8, 40.0),
-        (8.5, 8.0),
-    ),
+    "overhand": ((8.5, 8.0), *_OVERHAND, (8.5, 8.0)),
     "paper": (
         (7.4, 6.0),
         (7.0, -40.0),  # where the bight will be laid round it, twice
@@ -57,10 +59,27 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
         (15.1, 109.0),
         (4.9, 90.0),
     ),
+    "granny": ((8.5, 8.0), *_OVERHAND, (8.5, 16.0), *_OVERHAND, (8.5, 8.0)),
+    "square": ((8.5, 8.0), *_OVERHAND, (8.5, 0.0), *_MIRRORED, (8.5, -8.0)),
 }
 
-SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper", "figure8_knot")
+SHAPES = (
+    "straight",
+    "arc",
+    "s",
+    "coil",
+    "loop",
+    "figure8",
+    "overhand",
+    "paper",
+    "figure8_knot",
+    "granny",
+    "square",
+)
 """Names that `shape` knows."""
+
+# lengths where none is given, at a radius of 4.2 mm, metres: of two knots, and of the others
+_TWO_KNOTS, _USUAL = 0.72, 0.4
 
 LONGEST = 1e3
 """The longest rope that is made, metres: nodes are 1 mm apart."""
@@ -76,6 +95,8 @@ _SHORTEST = {
     "overhand": 70.0,
     "paper": 95.0,
     "figure8_knot": 92.0,
+    "granny": 120.0,
+    "square": 120.0,
 }
 
 _STEPS = 4000  # of a plan's walk
@@ -86,7 +107,7 @@ _SPIRAL_START = 4.0  # radii, the coil's innermost
 _SPIRAL_PITCH = 2.6  # radii, between the coil's turns: a gap of 0.6 between surfaces
 
 
-def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
+def shape(name: str, radius: float = 0.0042, length: float | None = None) -> Array:
     """Centreline of a rope in a known shape, resting on the table z = 0.
 
     The plan of a shape grows with `length`; the height at which the rope passes over itself and the
@@ -106,6 +127,8 @@ def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
     - `paper`: a bight laid round the rope, a straight part, a circle that closes over itself with the end
       overlapping; 3 crossings.
     - `figure8_knot`: a figure-eight knot, lying loosely; 4 crossings.
+    - `granny`, `square`: two overhand knots one after the other, the second as the first or its mirror
+      image, as the two halves of these knots are; 6 crossings.
 
     `paper` stands for the string of the published experiment, at the default radius and length. Its
     three crossings cannot hold both a true knot and a circle that closes over itself: the simplest
@@ -119,8 +142,8 @@ def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
         One of `SHAPES`.
     radius : float
         The rope's radius, metres.
-    length : float
-        Arc length of the axis from end to end, metres.
+    length : float, optional
+        Arc length of the axis from end to end, metres; 0.4 if not given, 0.72 of `granny` and `square`.
 
     Returns
     -------
@@ -136,7 +159,12 @@ def shape(name: str, radius: float = 0.0042, length: float = 0.4) -> Array:
         If there is no such shape, `radius` or `length` is not positive, or `length` is too short for
         the shape at that radius.
     """
-    return lay(name, radius, length, np.eye(2))
+    return lay(name, radius, usual_length(name) if length is None else length, np.eye(2))
+
+
+def usual_length(name: str) -> float:
+    """Return how long a shape is if no length is given, at a radius of 4.2 mm, metres."""
+    return _TWO_KNOTS if name in ("granny", "square") else _USUAL
 
 
 def lay(name: str, radius: float, length: float, plane: Array) -> Array:

@@ -13,6 +13,9 @@ pub const MOST_CROSSINGS: usize = 48;
 
 /// 2^61 - 1, a prime.
 const PRIME: u64 = (1 << 61) - 1;
+/// A root of unity modulo the prime, and its order.
+const ROOT: u64 = 484_083_891_529_811_867;
+const ORDER: u64 = 31;
 
 /// Coefficients from the lowest to the highest power: a palindrome with the sum 1. None for too many crossings.
 pub fn alexander(code: &GaussCode) -> Option<Vec<i64>> {
@@ -33,6 +36,16 @@ pub fn alexander(code: &GaussCode) -> Option<Vec<i64>> {
     let last = coefficients.iter().rposition(|&x| x != 0)?;
     let sign: i64 = coefficients.iter().sum();
     Some(coefficients[first..=last].iter().map(|&x| sign * x).collect())
+}
+
+/// A number that all diagrams of knots with the same polynomial share: a power of its value at a root of unity, in which
+/// factors of powers of t and signs go out. None for too many crossings.
+pub fn mark(code: &GaussCode) -> Option<u64> {
+    match code.crossings() {
+        0..3 => Some(1),
+        3..=MOST_CROSSINGS => Some(power(minor(&rows(code), ROOT), 2 * ORDER)),
+        _ => None,
+    }
 }
 
 /// By crossing: the arcs over it, left and right of it.
@@ -120,13 +133,17 @@ fn product(a: u64, b: u64) -> u64 {
 
 /// By Fermat's little theorem.
 fn inverse(a: u64) -> u64 {
-    let (mut answer, mut base, mut power) = (1, a, PRIME - 2);
-    while power > 0 {
-        if power & 1 == 1 {
+    power(a, PRIME - 2)
+}
+
+fn power(mut base: u64, mut exponent: u64) -> u64 {
+    let mut answer = 1;
+    while exponent > 0 {
+        if exponent & 1 == 1 {
             answer = product(answer, base);
         }
         base = product(base, base);
-        power >>= 1;
+        exponent >>= 1;
     }
     answer
 }

@@ -9,14 +9,14 @@ use super::identity::{Identity, Kind, Known};
 use super::projection::{NoDiagram, frame};
 use super::thinning::{Thinned, thin};
 use crate::Point;
-use crate::geometry::{advance, dot};
+use crate::geometry::{advance, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
 /// Directions that are tried before chains that are too tangled for an answer are given up.
 const TOO_TANGLED: usize = 4;
 
-/// Between directions that are asked one after the other; no divisor in common with the number of directions.
-const STRIDE: usize = 19;
+/// How much larger than they are triangles count where it is only asked which may be met.
+const ROUNDING: f64 = 1e-9;
 
 /// Directions of closures, evenly spread over the sphere: a Fibonacci lattice.
 pub fn directions(count: usize) -> impl Iterator<Item = Point> {
@@ -42,12 +42,12 @@ pub struct Answer {
 ///
 /// Closures that are too tangled for a diagram count as one unknown knot.
 pub fn closures(nodes: &[Point], count: usize, known: &mut Known) -> Result<Vec<Answer>, NoDiagram> {
-    let thinned = thin(nodes, false, f64::INFINITY);
+    let open = Open::new(nodes);
     let (mut answers, mut tangled) = (Vec::<Answer>::new(), 0);
     for (k, direction) in directions(count).enumerate() {
         go_on();
         let tangle = Identity::unknown();
-        let found = match known.identity(&closed(&thinned, direction)) {
+        let found = match known.identity(&open.closed(direction)) {
             Err(NoDiagram::TooManyCrossings) => &tangle,
             found => found?,
         };
@@ -69,38 +69,59 @@ pub fn closures(nodes: &[Point], count: usize, known: &mut Known) -> Result<Vec<
     Ok(answers)
 }
 
-/// Whether more than half of so many closures are of a kind. As soon as those that are have been, or those that are not, so
-/// many more than the others, they count as most.
-pub fn most_are(nodes: &[Point], count: usize, lead: usize, kind: &Kind, known: &mut Known) -> bool {
-    let thinned = thin(nodes, false, f64::INFINITY);
-    let all: Vec<Point> = directions(count).collect();
-    let (mut are, mut others) = (0, 0);
-    while 2 * are <= count && 2 * others < count && are < others + lead && others < are + lead {
-        // neighbours on the sphere are asked far apart
-        let direction = all[(are + others) * STRIDE % count];
-        match known.identity(&closed(&thinned, direction)) {
-            Ok(found) if found.kind == *kind => are += 1,
-            _ => others += 1,
-        }
-    }
-    are > others
+/// An open chain, to be closed without nodes that it can do without.
+struct Open<'a> {
+    thinned: Thinned<'a>,
+    /// A ball that holds all nodes.
+    middle: Point,
+    reach: f64,
+    /// By triangle, for the first and the last node: the way to its middle, and the least square of how far that goes
+    /// along a direction in which the triangle may be met.
+    ways: Vec<[(Point, f64); 2]>,
 }
 
-/// The chain's closure in a direction, without nodes that it can do without.
-fn closed(thinned: &Thinned<'_>, direction: Point) -> Vec<Point> {
-    let axes = frame(direction);
-    let flat: Vec<Point> = thinned.nodes.iter().map(|&p| axes.map(|axis| dot(axis, p))).collect();
-    let last = flat.len() - 1;
-    let is_passed = |triangle: &[u32; 3]| {
-        let corners = triangle.map(|k| flat[k as usize]);
-        [0, last].iter().any(|&end| !triangle.contains(&(end as u32)) && is_above(corners, flat[end]))
-    };
-    let passed = thinned.triangles.iter().position(is_passed).unwrap_or(thinned.triangles.len());
-    let bounds = Bounds::about(&flat);
-    let far = bounds.high[2] + 0.5 * bounds.extent();
-    let mut polygon: Vec<Point> = thinned.after(passed).map(|k| thinned.nodes[k]).collect();
-    polygon.extend([last, 0].map(|end| advance(thinned.nodes[end], far - flat[end][2], direction)));
-    polygon
+impl<'a> Open<'a> {
+    fn new(nodes: &'a [Point]) -> Self {
+        let thinned = thin(nodes, false, f64::INFINITY);
+        let Bounds { low, high } = Bounds::about(nodes);
+        let middle = advance(low, 0.5, sub(high, low));
+        let ends = [0, nodes.len() - 1];
+        let ways = (thinned.triangles.iter())
+            .map(|triangle| {
+                let corners = triangle.map(|k| nodes[k as usize]);
+                let centre = std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
+                let wide = corners.iter().map(|&p| squared_distance(p, centre)).fold(0.0, f64::max);
+                ends.map(|end| {
+                    let way = sub(centre, nodes[end]);
+                    let least = (1.0 - ROUNDING) * dot(way, way) - (1.0 + ROUNDING) * wide;
+                    (way, if triangle.contains(&(end as u32)) { f64::INFINITY } else { least })
+                })
+            })
+            .collect();
+        Self { thinned, middle, reach: squared_distance(high, low).sqrt(), ways }
+    }
+
+    /// The closure in a direction.
+    fn closed(&self, direction: Point) -> Vec<Point> {
+        let (nodes, axes) = (self.thinned.nodes, frame(direction));
+        let ends = [0, nodes.len() - 1];
+        let seen = |k: usize| axes.map(|axis| dot(axis, nodes[k]));
+        let is_passed = |&k: &usize| {
+            (self.ways[k].iter().zip(ends)).any(|(&(way, least), end)| {
+                let along = dot(way, direction);
+                let corners = || self.thinned.triangles[k].map(|corner| seen(corner as usize));
+                along * along >= least && is_above(corners(), seen(end))
+            })
+        };
+        let all = self.ways.len();
+        let passed = (0..all).find(is_passed).unwrap_or(all);
+        let far = dot(self.middle, direction) + self.reach;
+        let mut polygon: Vec<Point> = self.thinned.after(passed).map(|k| nodes[k]).collect();
+        polygon.extend(
+            [ends[1], ends[0]].map(|end| advance(nodes[end], far - dot(nodes[end], direction), direction)),
+        );
+        polygon
+    }
 }
 
 /// Whether a triangle lies above a place, or so near that rounding cannot tell.

@@ -64,45 +64,51 @@ impl Identity {
     }
 }
 
-/// The diagram with the fewest crossings that a few views of a closed polyline and the moves give.
-pub fn small_diagram(polygon: &[Point]) -> Result<GaussCode, NoDiagram> {
-    // what lies over a node from everywhere is where that node is
-    let (mut best, mut failure, mut seen) = (None::<GaussCode>, NoDiagram::Meets, 0);
-    for towards in VIEWPOINTS {
-        if seen == COMPARED {
-            break;
-        }
-        match diagram(polygon, Lid::Segment, normalized(towards)) {
-            Ok(Diagram { code, .. }) => {
-                seen += 1;
-                let code = reduced(&code);
-                if best.as_ref().is_none_or(|best| code.crossings() < best.crossings()) {
-                    best = Some(code);
-                }
-                if best.as_ref().is_some_and(|best| best.crossings() <= FEW_CROSSINGS) {
-                    break;
-                }
-            }
-            Err(NoDiagram::Unlucky) => {}
-            Err(other) => {
-                failure = other;
-                break;
-            }
-        }
-    }
-    best.ok_or(failure)
-}
-
 /// Knots of diagrams, each worked out once.
 #[derive(Debug, Default)]
-pub struct Known(FxHashMap<GaussCode, Identity>);
+pub struct Known {
+    knots: Vec<Identity>,
+    /// Whose the diagrams are that were seen.
+    numbers: FxHashMap<GaussCode, usize>,
+}
 
 impl Known {
     /// The knot of a closed polyline.
     pub fn identity(&mut self, polygon: &[Point]) -> Result<&Identity, NoDiagram> {
         let left = thin(polygon, true, f64::INFINITY).left();
         // it takes six segments to tie a knot
-        let code = if left.len() < 6 { GaussCode::default() } else { small_diagram(&left)? };
-        Ok(self.0.entry(code).or_insert_with_key(|code| Identity::of(code.clone())))
+        let seen = if left.len() < 6 { vec![GaussCode::default()] } else { self.diagrams(&left)? };
+        let known = seen.iter().find_map(|code| self.numbers.get(code).copied());
+        let number = known.unwrap_or_else(|| {
+            let smallest = seen.iter().min_by_key(|code| code.crossings()).cloned().unwrap_or_default();
+            self.knots.push(Identity::of(smallest));
+            self.knots.len() - 1
+        });
+        self.numbers.extend(seen.into_iter().map(|code| (code, number)));
+        Ok(&self.knots[number])
+    }
+
+    /// The diagrams that a few views of a closed polyline and the moves give; none after one that is small or known.
+    fn diagrams(&self, polygon: &[Point]) -> Result<Vec<GaussCode>, NoDiagram> {
+        // what lies over a node from everywhere is where that node is
+        let (mut seen, mut failure) = (Vec::new(), NoDiagram::Meets);
+        for towards in VIEWPOINTS {
+            match diagram(polygon, Lid::Segment, normalized(towards)) {
+                Ok(Diagram { code, .. }) => {
+                    seen.push(reduced(&code));
+                    let last = &seen[seen.len() - 1];
+                    let is_enough = last.crossings() <= FEW_CROSSINGS || self.numbers.contains_key(last);
+                    if is_enough || seen.len() == COMPARED {
+                        break;
+                    }
+                }
+                Err(NoDiagram::Unlucky) => {}
+                Err(other) => {
+                    failure = other;
+                    break;
+                }
+            }
+        }
+        if seen.is_empty() { Err(failure) } else { Ok(seen) }
     }
 }

@@ -1,7 +1,8 @@
 //! The knotted core: the shortest stretch of a chain that still is the same knot.
 
-use super::closure::most_are;
-use super::identity::{Kind, Known};
+use super::alexander::mark;
+use super::code::GaussCode;
+use super::stretches::Stretches;
 use super::thinning::thin;
 use crate::Point;
 use crate::polyline::arc_length;
@@ -13,18 +14,19 @@ const CLEAR_LEAD: usize = 6;
 /// How finely ends are sought, of the chain's length.
 const STEP: f64 = 0.02;
 
-/// The first and last node of the core of a chain that most of `closures` closures say is of this kind.
+/// The first and last node of the core of a chain that most of `closures` closures say is the knot of a diagram.
 ///
 /// Nodes are taken off one end by bisection as long as most closures agree, then off the other, in both orders. The
 /// shorter of the two stretches is the answer; it is made longer again until it is clear that most closures agree. Ends
-/// are nodes up to a fiftieth of the length apart.
-pub fn knotted_core(nodes: &[Point], kind: &Kind, closures: usize, known: &mut Known) -> [usize; 2] {
+/// are nodes up to a fiftieth of the length apart. Here knots are told by their Alexander polynomials alone.
+pub fn knotted_core(nodes: &[Point], knot: &GaussCode, closures: usize) -> [usize; 2] {
     let arc = arc_length(nodes);
     let coarse = thin(nodes, false, STEP * arc[arc.len() - 1]);
     let places: Vec<usize> = coarse.after(coarse.triangles.len()).collect();
     let (last, left) = (places.len() - 1, coarse.left());
-    let mut is_knotted =
-        |from: usize, to: usize, lead: usize| most_are(&left[from..=to], closures, lead, kind, known);
+    let mut stretches = Stretches::new(&left, closures);
+    let wanted = mark(knot);
+    let mut is_knotted = |from: usize, to: usize, lead: usize| stretches.most_have(wanted, from, to, lead);
     let start = bisected(0, last, |taken| is_knotted(taken, last, LEAD));
     let stop = last - bisected(0, last, |taken| is_knotted(0, last - taken, LEAD));
     let both = if start < stop && is_knotted(start, stop, LEAD) {

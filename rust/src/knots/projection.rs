@@ -42,6 +42,39 @@ pub enum Lid {
     Above,
 }
 
+/// An open polyline as it is seen, with the crossings that it has by itself.
+#[derive(Debug)]
+pub struct Look {
+    flat: Vec<Point>,
+    found: Vec<Crossing>,
+}
+
+impl Look {
+    /// Nodes seen from the unit vector `towards`.
+    pub fn new(nodes: &[Point], towards: Point) -> Result<Self, NoDiagram> {
+        let flat = seen(nodes, towards);
+        let found = crossings(&flat, None)?;
+        Ok(Self { flat, found })
+    }
+
+    /// The diagram of the stretch between two nodes, closed by an arc above it. None if that lies over a node.
+    pub fn stretch(&self, from: usize, to: usize) -> Option<GaussCode> {
+        let within = |crossing: &&Crossing| crossing.segments.iter().all(|k| (from..to).contains(k));
+        let mut found: Vec<Crossing> = self.found.iter().filter(within).copied().collect();
+        let lid = [self.flat[to], self.flat[from]];
+        for k in from + 1..to.saturating_sub(1) {
+            match meeting([self.flat[k], self.flat[k + 1]], lid) {
+                Meeting::None => {}
+                Meeting::Unclear => return None,
+                Meeting::At { parts, turn, .. } => {
+                    found.push(Crossing { segments: [k, to], parts, first_over: false, turn });
+                }
+            }
+        }
+        Some(coded(&found).code)
+    }
+}
+
 /// Unit vectors right, up and to the viewer.
 pub fn frame(towards: Point) -> [Point; 3] {
     let least = (0..3).min_by(|&a, &b| towards[a].abs().total_cmp(&towards[b].abs())).unwrap_or(0);
@@ -53,16 +86,26 @@ pub fn frame(towards: Point) -> [Point; 3] {
 
 /// The diagram of nodes that are closed by a lid, seen from the unit vector `towards`.
 pub fn diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoDiagram> {
+    Ok(coded(&crossings(&seen(nodes, towards), Some(lid))?))
+}
+
+/// Coordinates to the right, up and to the viewer.
+fn seen(nodes: &[Point], towards: Point) -> Vec<Point> {
     let axes = frame(towards);
-    let flat: Vec<Point> = nodes.iter().map(|&p| axes.map(|axis| dot(axis, p))).collect();
+    nodes.iter().map(|&p| axes.map(|axis| dot(axis, p))).collect()
+}
+
+/// The crossings of nodes as they are seen, closed by a lid or open.
+fn crossings(flat: &[Point], lid: Option<Lid>) -> Result<Vec<Crossing>, NoDiagram> {
     let count = flat.len();
-    let scale = Bounds::about(&flat).extent();
+    let scale = Bounds::about(flat).extent();
     let segment = |k: usize| [flat[k], flat[if k + 1 == count { 0 } else { k + 1 }]];
     // boxes of no height: those over each other meet
     let on_ground = |k: usize| segment(k).map(|[x, y, _]| [x, y, 0.0]);
-    let tree = BoxTree::new((0..count).map(on_ground));
+    let segments = if lid.is_none() { count - 1 } else { count };
+    let tree = BoxTree::new((0..segments).map(on_ground));
     let (mut found, mut failure, mut pairs) = (Vec::new(), None, 0);
-    for k in 0..count {
+    for k in 0..segments {
         if k % 256 == 0 {
             go_on();
         }
@@ -76,7 +119,7 @@ pub fn diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoD
             if other == k + 1 || (k == 0 && other + 1 == count) {
                 return false;
             }
-            let covered = lid == Lid::Above && other + 1 == count;
+            let covered = lid == Some(Lid::Above) && other + 1 == count;
             match meeting(first, segment(other)) {
                 Meeting::None => return false,
                 Meeting::Unclear => failure = Some(NoDiagram::Unlucky),
@@ -103,10 +146,11 @@ pub fn diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoD
     }
     match failure {
         Some(failure) => Err(failure),
-        None => Ok(coded(&found)),
+        None => Ok(found),
     }
 }
 
+#[derive(Debug, Clone, Copy)]
 struct Crossing {
     segments: [usize; 2],
     parts: [f64; 2],

@@ -1,5 +1,7 @@
 //! Fewer crossings for the same knot: Reidemeister's first and second move on a Gauss code.
 
+use std::collections::VecDeque;
+
 use super::code::{GaussCode, Visit};
 
 /// Takes out crossings of a strand with itself next to each other (I), and pairs where one strand lies over another
@@ -23,17 +25,13 @@ pub fn reduced(code: &GaussCode) -> GaussCode {
             continue;
         }
         let (here, there) = (code.visits[k], code.visits[follower]);
-        let taken = if here.crossing == there.crossing {
-            vec![k, follower]
-        } else {
-            let (a, b) = (other(k), other(follower));
-            let opposite = code.signs[here.crossing as usize] != code.signs[there.crossing as usize];
-            if here.over != there.over || !opposite || (next[a] != b && next[b] != a) {
-                continue;
-            }
-            vec![k, follower, a, b]
-        };
-        for visit in taken {
+        let (a, b) = (other(k), other(follower));
+        let is_twist = here.crossing == there.crossing;
+        let opposite = code.signs[here.crossing as usize] != code.signs[there.crossing as usize];
+        if !is_twist && (here.over != there.over || !opposite || (next[a] != b && next[b] != a)) {
+            continue;
+        }
+        for &visit in &[k, follower, a, b][..if is_twist { 2 } else { 4 }] {
             gone[visit] = true;
             let (before, after) = (previous[visit], next[visit]);
             next[before] = after;
@@ -43,6 +41,27 @@ pub fn reduced(code: &GaussCode) -> GaussCode {
         }
     }
     renumbered(code, |k| !gone[k])
+}
+
+/// By crossing: whether the first move, again and again, takes it away. It does so whichever strand is on top.
+pub fn twists(code: &GaussCode) -> Vec<bool> {
+    let mut gone = vec![false; code.crossings()];
+    let mut left: VecDeque<u32> = VecDeque::new();
+    for visit in &code.visits {
+        if left.back() == Some(&visit.crossing) {
+            left.pop_back();
+            gone[visit.crossing as usize] = true;
+        } else {
+            left.push_back(visit.crossing);
+        }
+    }
+    // the knot is closed: the last visit comes before the first
+    while left.len() > 1 && left.front() == left.back() {
+        gone[left[0] as usize] = true;
+        left.pop_front();
+        left.pop_back();
+    }
+    gone
 }
 
 /// The crossings that are left, numbered in the order in which the knot comes to them.

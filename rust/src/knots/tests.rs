@@ -2,14 +2,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::alexander::alexander;
+use super::alexander::{alexander, mark};
 use super::boxes::{Bounds, BoxTree};
 use super::closure::directions;
 use super::code::{GaussCode, Visit};
 use super::identity::{Identity, Kind};
 use super::jones::{Laurent, jones};
-use super::projection::{Lid, diagram};
-use super::reidemeister::reduced;
+use super::projection::{Lid, Look, diagram};
+use super::reidemeister::{reduced, twists};
 use super::table::{Chirality, TABLE};
 use super::thinning::thin;
 use super::*;
@@ -347,6 +347,54 @@ fn uncertain_crossings_carry_over() {
     // all three wrong: the other trefoil
     let chance = order::order_probability(&code, &[0.5; 3]);
     assert!((chance - 0.125).abs() < 1e-12, "{chance}");
+}
+
+#[test]
+fn marks_are_those_of_the_alexander_polynomial() {
+    let mut chance = Chance(9);
+    let mut by_mark = Vec::new();
+    for _ in 0..150 {
+        let code = reduced(&code_of(&chance.polygon(11), [0.3, 0.5, 0.8]));
+        by_mark.push((mark(&code).unwrap(), alexander(&code).unwrap()));
+    }
+    for (first, polynomial) in &by_mark {
+        assert!(by_mark.iter().all(|(other, theirs)| (first == other) == (polynomial == theirs)));
+    }
+    by_mark.dedup_by_key(|found| found.0);
+    assert!(by_mark.len() > 5, "{by_mark:?}");
+}
+
+#[test]
+fn stretches_are_closed_as_chains_are() {
+    let (mut chance, mut knotted) = (Chance(13), 0);
+    for _ in 0..60 {
+        let nodes = chance.polygon(18);
+        let direction = normalized([0.3, -0.5, 0.8]);
+        let look = Look::new(&nodes, direction).unwrap();
+        for (from, to) in [(0, 17), (0, 12), (4, 16), (8, 17), (3, 5), (3, 4)] {
+            let far = |end: usize| [0, 1, 2].map(|k| nodes[end][k] + 9.0 * direction[k]);
+            let mut ring = nodes[from..=to].to_vec();
+            ring.extend([far(to), far(from)]);
+            let code = reduced(&look.stretch(from, to).unwrap());
+            let expected = reduced(&code_of(&thin(&ring, true, f64::INFINITY).left(), [0.35, 0.5, 0.79]));
+            assert_eq!(mark(&code), mark(&expected));
+            knotted += usize::from(mark(&code) != Some(1));
+        }
+    }
+    assert!(knotted > 3, "{knotted}");
+}
+
+#[test]
+fn twists_do_not_matter_whichever_strand_is_on_top() {
+    let visit = |(crossing, over)| Visit { crossing, over };
+    // a loop within a loop, and a trefoil behind: over the start one crossing of both
+    let visits = [(0, true), (1, true), (2, false), (2, true), (1, false)];
+    let trefoil = [(3, true), (4, false), (5, true), (3, false), (4, true), (5, false)];
+    let all = visits.into_iter().chain(trefoil).chain([(0, false)]);
+    let code = GaussCode { visits: all.map(visit).collect(), signs: vec![1, -1, 1, 1, 1, 1] };
+    assert_eq!(twists(&code), [true, true, true, false, false, false]);
+    let chance = order::order_probability(&code, &[0.5, 0.5, 0.5, 0.9, 1.0, 1.0]);
+    assert!((chance - 0.9).abs() < 1e-12, "{chance}");
 }
 
 #[test]

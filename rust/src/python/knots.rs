@@ -36,7 +36,7 @@ pub(super) fn knot_diagram(
 
 /// The probability that errors in the order of crossings leave a knot what it is; see `strand.knot`.
 ///
-/// `crossings` has two arc lengths and a probability each, metres.
+/// `crossings` has two arc lengths and a probability each, metres; if `strict`, no more than are seen.
 #[pyfunction]
 pub(super) fn order_probability(
     py: Python<'_>,
@@ -44,11 +44,12 @@ pub(super) fn order_probability(
     closed: bool,
     direction: &Bound<'_, PyAny>,
     crossings: &Bound<'_, PyAny>,
+    strict: bool,
 ) -> PyResult<f64> {
     let points = Points::new("points", points, "(N, 3)")?;
     let crossings = Points::new("crossings", crossings, "(K, 3)")?;
     let direction = point("direction", direction)?;
-    Ok(released(py, move || knots::order_probability(&points, closed, direction, &crossings))??)
+    Ok(released(py, move || knots::order_probability(&points, closed, direction, &crossings, strict))??)
 }
 
 /// How often two chains wind round each other; see `strand.linking_number`.

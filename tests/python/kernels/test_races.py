@@ -73,7 +73,7 @@ calls = {{
     "ray_hits": lambda: tubes.ray_hits(points[:99], points[99:198]),
     "knot": lambda: _core.knot(points[:24], False),
     "knot_diagram": lambda: _core.knot_diagram(points[:24], False, (0.1, 0.2, 1.0)),
-    "order_probability": lambda: _core.order_probability(points[:24], False, (0.1, 0.2, 1.0), points[:2]),
+    "order_probability": lambda: _core.order_probability(points[:24], False, (0, 0, 1.0), points[:2], True),
     "linking_number": lambda: _core.linking_number(points[:24], points[24:48], [True, True]),
     "RopeImages": lambda: _core.RopeImages([depth], [mask], [camera], [eye], 0.02).readings(1, 2, [0]),
 }}

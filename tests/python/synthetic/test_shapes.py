@@ -13,8 +13,22 @@ from scipy.spatial.distance import cdist
 from strand.synthetic import scene, shapes
 from strand.synthetic.shapes import SHAPES, shape
 
-CROSSINGS = dict(straight=0, arc=0, s=0, coil=0, loop=1, figure8=2, overhand=3, paper=3, figure8_knot=4)
+CROSSINGS = dict(
+    straight=0,
+    arc=0,
+    s=0,
+    coil=0,
+    loop=1,
+    figure8=2,
+    overhand=3,
+    paper=3,
+    figure8_knot=4,
+    granny=6,
+    square=6,
+)
 RADIUS = 0.0042
+# metres, at this radius
+USUAL = {name: 0.72 if name in ("granny", "square") else 0.4 for name in SHAPES}
 
 
 def finer(nodes, times=3):
@@ -48,7 +62,7 @@ def assert_valid(name, nodes, radius):
 @pytest.mark.parametrize("radius", [0.002, 0.0042, 0.01])
 @pytest.mark.parametrize("name", SHAPES)
 def test_no_shape_cuts_through_itself(name, radius):
-    length = 0.4 * radius / RADIUS
+    length = USUAL[name] * radius / RADIUS
     nodes = shape(name, radius, length)
     assert_valid(name, nodes, radius)
     steps = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
@@ -75,7 +89,7 @@ def test_seeds_place_and_vary_valid_shapes(name):
     for seed in range(4):
         (nodes,) = scene(name, seed=seed, views=1, size=(32, 24)).truth
         assert_valid(name, nodes, RADIUS)
-        assert shapes.arc_lengths(nodes)[-1] == pytest.approx(0.4, rel=1e-3)
+        assert shapes.arc_lengths(nodes)[-1] == pytest.approx(USUAL[name], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", [name for name, count in CROSSINGS.items() if count])
@@ -94,17 +108,29 @@ def test_strands_pass_by_turns_under_and_over(name):
 def order_of_crossings(nodes):
     found = crossings(nodes)
     passes = sorted((s, i) for i, (low, high, _) in enumerate(found) for s in (low, high))
-    names = {i: "ABCD"[k] for k, i in enumerate(dict.fromkeys(i for _, i in passes))}
+    names = {i: "ABCDEF"[k] for k, i in enumerate(dict.fromkeys(i for _, i in passes))}
     return "".join(names[i] for _, i in passes)
 
 
 def test_knots():
     # alternating, so A B C A B C is the trefoil, A B C A D C B D the figure-eight knot; A B B A comes apart,
-    # and C C is the circle
+    # and C C is the circle. Two trefoils are a granny or a square knot
     assert order_of_crossings(shape("overhand")) == "ABCABC"
     assert order_of_crossings(shape("paper")) == "ABBACC"
     assert order_of_crossings(shape("figure8")) == "ABBA"
     assert order_of_crossings(shape("figure8_knot")) == "ABCADCBD"
+    assert order_of_crossings(shape("granny")) == order_of_crossings(shape("square")) == "ABCABCDEFDEF"
+
+
+def test_halves_of_a_square_knot_are_mirrored():
+    # alike at the start; in the second half the plan turns the other way
+    turns = {}
+    for name in ("granny", "square"):
+        steps = np.diff(shape(name)[:, :2], axis=0)
+        headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+        turns[name] = np.diff(headings[[0, len(headings) // 2, -1]])
+    assert turns["granny"][1] == pytest.approx(turns["granny"][0], abs=0.1)
+    assert turns["square"][1] == pytest.approx(-turns["square"][0], abs=0.1)
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1, 2, 3, 4, 5])
@@ -142,7 +168,7 @@ def test_crossings_of_the_papers_string_are_steep_and_isolated(seed):
 
 
 def test_wrong_shapes():
-    with pytest.raises(ValueError, match=r"name: expected one of straight, arc, .*figure8_knot, got 'bow'"):
+    with pytest.raises(ValueError, match=r"name: expected one of straight, arc, .*square, got 'bow'"):
         shape("bow")
     with pytest.raises(ValueError, match="radius: expected a positive"):
         shape("arc", radius=0.0)
