@@ -13,22 +13,41 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@pytest.mark.skipif(sys.version_info < (3, 11), reason="MuJoCo 4 needs Python 3.11")
-@pytest.mark.parametrize("views", [1, 2])
-def test_a_rope_in_mujoco_is_found_where_it_lies(tmp_path, views):
+pytestmark = pytest.mark.skipif(sys.version_info < (3, 11), reason="MuJoCo 4 needs Python 3.11")
+
+
+def said(folder, *arguments):
+    """What an example prints; it leaves nothing behind."""
     # without a screen; elsewhere MuJoCo draws by what the system has
     drawn_by = {"MUJOCO_GL": "egl"} if sys.platform == "linux" else {}
+    name, *others = map(str, arguments)
     done = subprocess.run(
-        [sys.executable, EXAMPLES / "simulated_rope.py", "--shape", "overhand", "--views", str(views)],
-        cwd=tmp_path,
+        [sys.executable, EXAMPLES / name, *others],
+        cwd=folder,
         env={**os.environ, **drawn_by},
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    rms, most = map(float, re.search(r"off by (\S+) mm \(RMS\), (\S+) mm at most", done.stdout).groups())
+    assert list(folder.iterdir()) == []
+    return done.stdout
+
+
+@pytest.mark.parametrize("views", [1, 2])
+def test_a_rope_in_mujoco_is_found_where_it_lies(tmp_path, views):
+    found = said(tmp_path, "simulated_rope.py", "--shape", "overhand", "--views", views)
+    rms, most = map(float, re.search(r"off by (\S+) mm \(RMS\), (\S+) mm at most", found).groups())
     assert rms < 0.4
     assert most < 1.5
-    length, of = map(int, re.search(r"^(\d+) mm of (\d+) mm", done.stdout, re.MULTILINE).groups())
+    length, of = map(int, re.search(r"^(\d+) mm of (\d+) mm", found, re.MULTILINE).groups())
     assert abs(length - of) < 12
-    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("task", "left"), [("pick", 1), ("straighten", 0), ("untie", 0)])
+def test_the_planner_does_what_it_is_asked_to(tmp_path, task, left):
+    # how many crossings the simulated rope has then; 20 ropes of each are tried by a bench
+    assert said(tmp_path, "planner.py", task, "--seed", 6) == f"done: {left} crossings are left\n"
+
+
+def test_the_planner_is_short():
+    assert len((EXAMPLES / "planner.py").read_text().splitlines()) < 120

@@ -1,0 +1,162 @@
+"""Let the planner of examples/ work in a simulator, with strand and with a nearest-point chain, and count.
+
+MUJOCO_GL=egl python benches/planning.py [--seeds N] [--first SEED] [--views V] [--film DIR]
+
+The planner is the same for both; only what it sees differs. The other chain goes from point to nearest point,
+without any notion of crossings, as simple trackers of ropes begin: the points above the table, thinned to one
+in each cube as wide as the rope's radius, are joined from the one on that is farthest from their middle. What
+counts is how the simulated rope lies in the end, not what the planner says of it.
+
+- `pick`: an end is up in the air, held alone, and nothing from 15 cm on along the rope has moved by 1 cm.
+- `straighten`: the rope is nowhere more than 3 cm off a straight line as long as itself, and crosses nothing.
+- `untie`: nothing crosses any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from tables import head, row
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
+
+import planner
+from simulation import BOUNDS, HOLDS, RADIUS, World, lay, look, photo, rope
+
+import strand
+
+FREE, DRAGGED, LIFTED = 0.15, 0.01, 0.03  # metres
+STRAIGHT = 0.03
+
+
+@dataclass(frozen=True)
+class Run:
+    """One task done once: whether it worked, how often the planner looked, and seconds for each look."""
+
+    task: str
+    done: bool
+    looks: int
+    seconds: float
+
+
+def nearest_points(world: World) -> strand.Model:
+    """Look, and join each point to the nearest one that is left."""
+    points = np.concatenate([view.points @ view.pose[:3, :3].T + view.pose[:3, 3] for view in look(world)])
+    # nothing of the table, whose depths have noise
+    points = points[((points > [*BOUNDS[0][:2], 0.6 * RADIUS]) & (points < BOUNDS[1])).all(axis=1)]
+    _, cube = np.unique(np.floor(points / RADIUS).astype(np.int64), axis=0, return_inverse=True)
+    cube = cube.ravel()
+    count = np.bincount(cube)
+    left = np.stack([np.bincount(cube, column) / count for column in points.T], axis=1)
+    if len(left) < 2:
+        raise strand.NotEnoughDataError("views: the rope is out of sight")
+    # the cameras see the upper side
+    left[:, 2] -= 0.5 * RADIUS
+    at = int(np.linalg.norm(left - left.mean(axis=0), axis=1).argmax())
+    path = [left[at]]
+    left = np.delete(left, at, axis=0)
+    while len(left):
+        away = np.linalg.norm(left - path[-1], axis=1)
+        at = int(away.argmin())
+        if away[at] > 6.0 * RADIUS and len(path) > 1:
+            break
+        # points beside the path are passed
+        path.append(left[at])
+        left = left[np.linalg.norm(left - left[at], axis=1) > 1.5 * RADIUS]
+    return strand.Model((strand.Chain(np.array(path), RADIUS),), world.poses)
+
+
+def attempt(
+    task: str, see: Callable[[World], strand.Model], views: int, seed: int, film: bool
+) -> tuple[Run, World]:
+    """Do a task, and look at the truth."""
+    world = lay(planner.start(task, seed), views, seed)
+    world.film = [photo(world)] if film else None
+    before, seconds = rope(world).points, []
+
+    def timed(world: World) -> strand.Model:
+        start = time.perf_counter()
+        model = see(world)
+        seconds.append(time.perf_counter() - start)
+        return model
+
+    try:
+        planner.TASKS[task](world, timed)
+    except strand.StrandError as error:
+        print(f"{task} {seed}: {error}", file=sys.stderr)
+    return Run(task, RIGHT[task](world, before), len(seconds), statistics.median(seconds or [0.0])), world
+
+
+def _picked(world: World, before: np.ndarray) -> bool:
+    after = rope(world).points
+    held = int(world.data.eq_active[:HOLDS].sum())
+    s = rope(world).arc_length
+    moved = np.linalg.norm(after - before, axis=1)
+    lifted = [z > LIFTED for z in (after[0, 2], after[-1, 2])]
+    rest = s > FREE if lifted[0] else s < s[-1] - FREE
+    return held == 1 and any(lifted) and bool(moved[rest].max() < DRAGGED)
+
+
+def _straight(world: World, _: np.ndarray) -> bool:
+    chain = rope(world)
+    return not chain.crossings() and chain.shape_error(planner.straight(chain)).worst < STRAIGHT
+
+
+def _apart(world: World, _: np.ndarray) -> bool:
+    return not rope(world).crossings()
+
+
+RIGHT = {"pick": _picked, "straighten": _straight, "untie": _apart}
+
+
+def main() -> None:
+    """Run, count, and draw films if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, metavar="SEED")
+    parser.add_argument("--views", type=int, default=3)
+    parser.add_argument("--tasks", nargs="+", choices=RIGHT, default=list(RIGHT))
+    parser.add_argument("--film", type=Path, metavar="DIR", help="draw a strip of each task's first run")
+    options = parser.parse_args()
+    print(head("task", "chain", "done", "looks (median)", "seconds a look"))
+    for task in options.tasks:
+        for name, see in (("strand", planner.see), ("nearest points", nearest_points)):
+            runs = []
+            for seed in range(options.first, options.first + options.seeds):
+                film = options.film is not None and seed == options.first
+                run, world = attempt(task, see, options.views, seed, film)
+                runs.append(run)
+                if film:
+                    _draw(world, options.film / f"{task}_{name.replace(' ', '_')}.png")
+            done = sum(run.done for run in runs)
+            failed = [seed for seed, run in enumerate(runs, options.first) if not run.done]
+            looks, seconds = (
+                statistics.median(values)
+                for values in zip(*((r.looks, r.seconds) for r in runs), strict=True)
+            )
+            print(
+                row(task, name, f"{done} of {len(runs)}", looks, f"{seconds:.2f}"),
+                f"not done: {failed}" if failed else "",
+                flush=True,
+            )
+
+
+def _draw(world: World, path: Path) -> None:
+    """Save three or six photos of a run in rows, the first and the last among them."""
+    picked = np.linspace(0, len(world.film) - 1, 6 if len(world.film) > 5 else 3).round().astype(int)
+    photos = [world.film[number][60:-100, 90:-90] for number in picked]
+    rows = [np.concatenate(photos[i : i + 3], axis=1) for i in range(0, len(photos), 3)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    plt.imsave(path, np.concatenate(rows))
+
+
+if __name__ == "__main__":
+    main()
