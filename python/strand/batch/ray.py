@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -86,7 +87,7 @@ def each(
 
 def _connect(ray: Any, cpus: int, address: str | None) -> None:
     if address is not None:
-        ray.init(address=address, log_to_driver=False)
+        ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     ray.init(
@@ -94,6 +95,7 @@ def _connect(ray: Any, cpus: int, address: str | None) -> None:
         num_cpus=cpus,
         include_dashboard=False,
         log_to_driver=False,
+        logging_level=logging.WARNING,
         _node_ip_address="127.0.0.1",
     )
 

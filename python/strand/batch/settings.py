@@ -19,6 +19,7 @@ from strand.files import plain
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.recording import TOLERANCE
 from strand.io.single import Camera
+from strand.lazy import lazy
 
 DIGITS = 16
 """How many hexadecimal digits a digest has in tables and names."""
@@ -110,7 +111,7 @@ class Settings:
         said: dict[str, Any] = _finite(plain(self))
         return said
 
-    @property
+    @lazy
     def digest(self) -> str:
         """16 hexadecimal digits of all of it: what the column `configuration` holds."""
         return digest_of(json.dumps(self.in_words, sort_keys=True))
