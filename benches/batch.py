@@ -3,12 +3,13 @@
 python benches/batch.py [--recordings N] [--workers N ...] [--repeat N] [--folder DIR]
 
 The recordings are simulated scenes of two views of 160 x 120 pixels, drawn from seeds, made once into a
-temporary folder. The loop reads and reconstructs each in one process on one thread, and writes nothing. Then
-come the local engine and Ray, started on this machine, with each number of workers. A rate is that of the
-whole call, and that between the first unit and the last one, which leaves out how long processes and Ray take
-to start. The overhead is what a unit takes of one worker's time beyond the loop's, between the first and the
-last one. Memory is that of the driver and of all processes below it (proportional shares, which count what
-is shared once), at a tenth of the units and at the end.
+temporary folder. A loop reads and reconstructs each in one process on one thread; another one makes the rows
+too, with the crossings; a third one writes them as shards. Then come the local engine and Ray, started here,
+with each number of workers. A rate is that of the whole call, and that between the first unit and the last
+one, which leaves out how long processes and Ray take to start. The overheads are what a unit takes of a
+worker's time beyond the first loop, and beyond the third one, which does the same without an engine. The
+driver's share is its processor time for each unit. Memory is that of the driver and of all processes below it
+(proportional shares, which count what is shared once), at a tenth of the units and at the end.
 
 The tables of all runs are compared bit for bit, but for the column `seconds`. Then come the parts of a unit
 that a batch adds, alone: finding it, making its rows, writing its shard with and without the flush to the
@@ -23,16 +24,16 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pyarrow as pa
 
 import strand
-from strand.batch import Settings, find, load, run
+from strand.batch import Settings, Unit, find, load, rows_of, run
 from strand.batch.run import Done, cores
 from strand.batch.schema import UNLIKE, Row, record_batch
-from strand.batch.shards import Shards, parquet
+from strand.batch.shards import Shards, Work, parquet
 from strand.files import write_bytes
 from strand.synthetic import SHAPES, scene
 
@@ -51,17 +52,22 @@ def made(folder: Path, count: int) -> Path:
     return folder
 
 
-def loop(recordings: Path) -> float:
-    """Seconds for each recording in a plain loop on one thread."""
+def answer(unit: Unit) -> None:
+    """What a loop without batches does."""
+    recorded = strand.load_scene(unit.path)
+    strand.reconstruct(recorded.views, recorded.radius, recorded.bounds, ropes=1)
+
+
+def loop(units: Sequence[Unit], work: Callable[[Unit], object]) -> float:
+    """Seconds for each unit in a plain loop on one thread."""
     strand.set_num_threads(1)
-    paths = sorted(recordings.rglob("*.npz"))
+    work(units[0])
     begun = time.perf_counter()
-    for path in paths:
-        recorded = strand.load_scene(path)
-        strand.reconstruct(recorded.views, recorded.radius, recorded.bounds, ropes=1)
+    for unit in units:
+        work(unit)
     spent = time.perf_counter() - begun
     strand.set_num_threads(0)
-    return spent / len(paths)
+    return spent / len(units)
 
 
 def memory(root: int) -> float:
@@ -93,7 +99,7 @@ def digest(table: pa.Table) -> str:
     return hashlib.sha256(content.getvalue()).hexdigest()[:16]
 
 
-def engine(name: str, workers: int, recordings: Path, count: int, alone: float) -> str:
+def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequence[float]) -> str:
     """Run a batch, print its row, and return its table's digest."""
     ends: list[float] = []
     sizes: list[float] = []
@@ -106,16 +112,16 @@ def engine(name: str, workers: int, recordings: Path, count: int, alone: float) 
             ends[-1] = time.perf_counter()
 
     with tempfile.TemporaryDirectory(dir=recordings.parent) as out:
-        begun = time.perf_counter()
+        begun, spent = time.perf_counter(), time.process_time()
         run(recordings, out, SETTINGS, engine=name, workers=workers, root=recordings, progress=progress)
-        whole = time.perf_counter() - begun
+        whole, spent = time.perf_counter() - begun, time.process_time() - spent
         # with several workers the first ends are close: units after the first of each count
         steady = (ends[-1] - ends[workers - 1]) / (count - workers)
-        over = steady * workers / alone - 1.0
+        over = [steady * workers / alone - 1.0 for alone in loops]
         found = digest(load(out))
     print(
-        f"| {name}, {workers} | {count / whole:.1f} | {1 / steady:.1f} | {over:+.1%} "
-        f"| {sizes[0]:.0f} to {sizes[-1]:.0f} | {found} |",
+        f"| {name}, {workers} | {count / whole:.1f} | {1 / steady:.1f} | {over[0]:+.1%} | {over[-1]:+.1%} "
+        f"| {spent / count * 1e3:.2f} | {sizes[0]:.0f} to {sizes[-1]:.0f} | {found} |",
         flush=True,
     )
     return found
@@ -174,14 +180,24 @@ def main() -> int:
         recordings = made(folder / "recordings", arguments.recordings)
         print(f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {cores()} cores\n")
         found = set()
+        units = list(find([recordings], SETTINGS, recordings))[: arguments.recordings]
         for _ in range(arguments.repeat):
-            alone = loop(recordings)
-            print(f"loop: {alone * 1e3:.2f} ms a recording, {1 / alone:.1f} a second\n")
-            print("| engine, workers | a second | without the start | overhead | memory / MB | table |")
-            print("|---|---|---|---|---|---|")
+            loops = []
+            with tempfile.TemporaryDirectory(dir=folder) as out:
+                for name, work in (
+                    ("reconstruct", answer),
+                    ("rows", lambda unit: rows_of(unit, SETTINGS)),
+                    ("shards", Work(SETTINGS, out)),
+                ):
+                    loops.append(loop(units, work))
+                    print(f"loop, {name}: {loops[-1] * 1e3:.2f} ms a recording, {1 / loops[-1]:.1f} a second")
+            heads = (
+                "a second | without the start | over reconstruct | over shards | driver / ms | memory / MB"
+            )
+            print(f"\n| engine, workers | {heads} | table |\n|---|---|---|---|---|---|---|---|")
             for name in ("local", "ray"):
                 for workers in arguments.workers:
-                    found.add(engine(name, workers, recordings, arguments.recordings, alone))
+                    found.add(engine(name, workers, recordings, len(units), loops))
             print()
         parts(recordings)
     print(f"tables that differ: {len(found) - 1}")

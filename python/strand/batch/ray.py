@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -15,6 +17,9 @@ from strand.files import extra
 
 AHEAD = 2
 """Tasks that are asked for, for each that can run: enough that no worker waits for the driver."""
+
+# seconds after which a cluster may have grown; asking takes as long as a task
+_GROWS = 2.0
 
 
 def each(
@@ -62,8 +67,10 @@ def each(
     try:
         task = ray.remote(num_cpus=threads, max_retries=TRIES - 1)(_task)
         shared = ray.put(work)
+        most, asked = 0, -math.inf
         while True:
-            most = AHEAD * max(int(ray.cluster_resources().get("CPU", 0)) // threads, 1)
+            if time.monotonic() - asked > _GROWS:
+                most, asked = AHEAD * _room(ray, threads), time.monotonic()
             while len(pending) < most and (unit := next(units, None)) is not None:
                 pending[task.remote(shared, threads, unit)] = unit
             if not pending:
@@ -98,6 +105,11 @@ def _connect(ray: Any, cpus: int, address: str | None) -> None:
         logging_level=logging.WARNING,
         _node_ip_address="127.0.0.1",
     )
+
+
+def _room(ray: Any, threads: int) -> int:
+    """How many tasks the cluster has CPUs for."""
+    return max(int(ray.cluster_resources().get("CPU", 0)) // threads, 1)
 
 
 def _task(work: Callable[[Unit], Written], threads: int, unit: Unit) -> Written:

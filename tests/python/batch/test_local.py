@@ -235,6 +235,14 @@ def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
     assert (strand.num_threads(), dict(os.environ)) == before
 
 
+def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
+    made_ready(tmp_path, SETTINGS)
+    other = Work(SETTINGS, str(tmp_path), version="0.0.1")
+    with pytest.raises(RuntimeError, match=f"version {strand.__version__} here, and 0.0.1 where"):
+        list(local.each(other, find([recordings], SETTINGS, recordings), 1, 1))
+    assert not names(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("wrong", "error", "said"),
     [
