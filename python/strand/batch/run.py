@@ -9,7 +9,7 @@ from pathlib import Path
 
 from strand.batch import local, ray
 from strand.batch.settings import Settings
-from strand.batch.shards import Shards, Work, Written, made_ready
+from strand.batch.shards import Shards, Work, Written, made_ready, says_errors
 from strand.batch.units import Unit, find
 from strand.checks import flag, one_of, several, text, whole
 from strand.files import extra
@@ -131,7 +131,7 @@ def run(
         nonlocal skipped
         for unit in _after(first, units):
             there = shards.there(unit, settings.digest)
-            if there and retry_errors and any("-errors" in name for name in there):
+            if retry_errors and any(says_errors(name) for name in there):
                 for name in there:
                     shards.remove(name)
             elif there:
@@ -141,9 +141,14 @@ def run(
             yield unit
 
     def ended() -> Iterator[tuple[Unit, Written | None]]:
+        todo = missing()
+        unit = next(todo, None)
+        if unit is None:
+            # nothing is started for nothing
+            return iter(())
         if engine == "ray":
-            return ray.each(work, missing(), workers, threads, address)
-        return local.each(work, missing(), workers, threads)
+            return ray.each(work, _after(unit, todo), workers, threads, address)
+        return local.each(work, _after(unit, todo), workers, threads)
 
     done = Done()
     for unit, written in ended():

@@ -114,6 +114,11 @@ def name_of(unit: Unit, configuration: str, failed: bool) -> str:
     return f"{state_key(unit, configuration)}{unit.start}-{stop}{_FAILED if failed else SUFFIX}"
 
 
+def says_errors(name: str) -> bool:
+    """Whether a shard of this name has rows with errors."""
+    return name.endswith(_FAILED)
+
+
 class Shards:
     """The shards that a folder held when this was made.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -11,8 +12,9 @@ from bag_files import START, Messages, film, write
 from batch_recordings import SETTINGS, scenes
 
 import strand
-from strand.batch import Settings, find, rows_of, schema
+from strand.batch import Settings, find, load, rows_of, schema
 from strand.batch.schema import UNLIKE
+from strand.batch.shards import Work, Written
 from strand.crossings import listed_crossings
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
@@ -84,6 +86,17 @@ def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
     assert rows[1]["error"].startswith("NotEnoughDataError: views")
     assert (rows[1]["rope"], rows[1]["nodes"], rows[1]["warnings"]) == (None, None, [])
     assert rows[0]["time"] == pytest.approx(START * 1e-9)
+
+
+def test_a_stretch_beyond_the_last_frame_has_no_rows(tmp_path):
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=5)
+    beyond = replace(only(path, settings), start=5)
+    written = Work(settings, str(tmp_path / "out"))
+    (tmp_path / "out").mkdir()
+    assert written(beyond) == Written(0, 0)
+    assert load(tmp_path / "out").schema == schema()
+    assert len(load(tmp_path / "out")) == 0
 
 
 def broken(path):
