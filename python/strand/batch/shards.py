@@ -92,7 +92,14 @@ def parquet(batch: Any, unit: Unit) -> bytes:
     content = io.BytesIO()
     # nodes hardly repeat: dictionaries would only take time, and zstd twice that of snappy to save a tenth;
     # Parquet's own types say all that the schema does
-    pq.write_table(table, content, compression="snappy", use_dictionary=False, store_schema=False)
+    pq.write_table(
+        table,
+        content,
+        compression="snappy",
+        use_dictionary=False,
+        store_schema=False,
+        write_statistics=["recording"],
+    )
     return content.getvalue()
 
 
