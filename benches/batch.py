@@ -31,9 +31,9 @@ import pyarrow as pa
 
 import strand
 from strand.batch import Settings, Unit, find, load, rows_of, run
-from strand.batch.run import Done, cores
-from strand.batch.schema import UNLIKE, Row, record_batch
+from strand.batch.running import Done, cores
 from strand.batch.shards import Shards, Work, parquet
+from strand.batch.table import UNLIKE, Row, record_batch
 from strand.files import write_bytes
 from strand.synthetic import SHAPES, scene
 

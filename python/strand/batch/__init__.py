@@ -1,10 +1,10 @@
 """Thousands of recordings: a table of their ropes, by this machine's processes or by a Ray cluster."""
 
 from strand.batch.reading import load, load_models
-from strand.batch.run import Done, run
-from strand.batch.schema import schema
+from strand.batch.running import Done, run
 from strand.batch.settings import Settings
 from strand.batch.summary import write_summary
+from strand.batch.table import schema
 from strand.batch.units import Unit, find
 from strand.batch.work import rows_of
 

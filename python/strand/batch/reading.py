@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.batch.schema import schema
 from strand.batch.shards import names
+from strand.batch.table import schema
 from strand.chain import Chain
 from strand.checks import several, text
 from strand.files import FileFormatError, extra

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from strand._core import __version__
-from strand.batch.schema import SCHEMA_VERSION
 from strand.batch.settings import Settings, digest_of
+from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
 from strand.files import extra, write_bytes, write_json

@@ -8,8 +8,8 @@ from typing import Any
 
 from strand._core import __version__
 from strand.batch.frames import Seen, frames
-from strand.batch.schema import Row, record_batch
 from strand.batch.settings import Settings
+from strand.batch.table import Row, record_batch
 from strand.batch.units import Unit
 from strand.crossings import listed_crossings
 from strand.model import Model

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from strand.batch import Settings, write_summary
-from strand.batch.run import ENGINES, Done
-from strand.batch.run import run as run_batch
+from strand.batch.running import ENGINES, Done
+from strand.batch.running import run as run_batch
 from strand.cli import values
 from strand.cli.inputs import matrix_of
 from strand.cli.options import add_camera, add_recording, add_ropes

@@ -17,7 +17,7 @@ from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scen
 
 import strand
 from strand.batch import Done, Settings, find, load, local, run
-from strand.batch.run import cores
+from strand.batch.running import cores
 from strand.batch.shards import Work, made_ready, names
 
 COUNT = 18

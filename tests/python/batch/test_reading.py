@@ -9,9 +9,9 @@ from batch_recordings import SETTINGS, scenes
 
 import strand
 from strand.batch import Settings, load, load_models, run, write_summary
-from strand.batch.schema import schema
 from strand.batch.shards import names
 from strand.batch.summary import summarised
+from strand.batch.table import schema
 from strand.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)

@@ -13,8 +13,8 @@ from batch_recordings import SETTINGS, scenes
 
 import strand
 from strand.batch import Settings, find, load, rows_of, schema
-from strand.batch.schema import UNLIKE
 from strand.batch.shards import Work, Written
+from strand.batch.table import UNLIKE
 from strand.crossings import listed_crossings
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
