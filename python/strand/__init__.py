@@ -1,6 +1,6 @@
 """strand: ordered 3D centrelines of strings, ropes, cables and hoses from depth-camera point clouds."""
 
-from strand import config, export, figures, msgs, synthetic
+from strand import batch, config, export, figures, msgs, synthetic
 from strand._core import (
     EndObservation,
     IcpResult,
@@ -87,6 +87,7 @@ __all__ = [
     "TubeFit",
     "View",
     "__version__",
+    "batch",
     "centerline",
     "config",
     "count_neighbors",

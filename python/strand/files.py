@@ -30,6 +30,8 @@ _EXTRAS = {
     "lz4": "recordings",
     "apsw": "recordings",
     "plotly": "report",
+    "pyarrow": "batch",
+    "ray": "ray",
     "rerun": "rerun",
 }
 _REASON = 400  # characters; what a file says may be in it, at any length

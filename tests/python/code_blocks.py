@@ -172,9 +172,19 @@ def bags(folder: Path) -> None:
     write(folder / "rope", "sqlite3", film(arc(), 41))
 
 
+def many(folder: Path) -> None:
+    """Recordings: two scenes, and one that is broken."""
+    (folder / "recordings" / "monday").mkdir(parents=True)
+    for name in ("arc", "loop"):
+        made = strand.synthetic.scene(name, views=2, size=(160, 120), seed=1)
+        made.save(folder / "recordings" / "monday" / f"{name}.npz")
+    (folder / "recordings" / "broken.npz").write_bytes(b"nonsense")
+
+
 # by page: what lies in the folder in which its blocks run
 FILES: dict[str, tuple[Callable[[Path], None], ...]] = {
     "README.md": (scene_folder, single_files),
+    "docs/batch.md": (many,),
     "docs/command-line.md": (scene_folder,),
     "docs/files.md": (single_files,),
     "docs/pictures.md": (scene_folder,),

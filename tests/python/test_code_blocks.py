@@ -59,6 +59,18 @@ def readme(names, out, folder):
     assert max(len(nodes) for nodes, _ in names["arcs"]) > 10
 
 
+def batch(names, out, folder):
+    assert (names["done"].made, names["done"].errors) == (3, 1)
+    assert names["table"].num_rows == 3
+    assert [row[0] for row in names["lengths"]] == [
+        f"recordings/monday/{name}.npz" for name in ("loop", "arc")
+    ]
+    assert names["failed"] == [("FileFormatError", 1)]
+    assert names["nodes"].shape[1] == 3
+    assert len(names["found"]) == 2
+    assert (folder / "summary.html").exists()
+
+
 def configuration(names, out, folder):
     (block,) = [block for block in blocks("docs/configuration.md") if block.language == "toml"]
     (folder / "numbers.toml").write_text(block.text)
@@ -121,6 +133,7 @@ def recipes(names, out, folder):
 
 CHECKS = {
     "README.md": readme,
+    "docs/batch.md": batch,
     "docs/configuration.md": configuration,
     "docs/export.md": export,
     "docs/first_grasp.md": first_grasp,

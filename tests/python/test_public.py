@@ -16,7 +16,7 @@ def test_only_public_names_are_shown():
     assert dir(strand) == sorted(strand.__all__)
     assert [name for name in dir(strand) if name.startswith("_")] == ["__version__"]
     modules = [name for name in dir(strand) if isinstance(getattr(strand, name), types.ModuleType)]
-    assert modules == ["config", "export", "figures", "msgs", "synthetic"]
+    assert modules == ["batch", "config", "export", "figures", "msgs", "synthetic"]
 
 
 @pytest.mark.parametrize("name", [name for name in strand.__all__ if name != "__version__"])

@@ -42,7 +42,7 @@ def _loaded(options: argparse.Namespace) -> Scene:
         options.mask,
         viewpoint=options.viewpoint,
         camera_frame=options.camera_frame,
-        intrinsics=_matrix_of(options.intrinsics),
+        intrinsics=matrix_of(options.intrinsics),
         depth_scale=options.depth_scale,
         max_bytes=options.max_bytes,
         outside=options.outside,
@@ -60,7 +60,7 @@ def open_recording(options: argparse.Namespace) -> Recording:
         options.topic,
         world=options.world,
         tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
-        intrinsics=_matrix_of(options.intrinsics),
+        intrinsics=matrix_of(options.intrinsics),
         depth_scale=options.depth_scale,
         ignore_distortion=options.ignore_distortion,
         max_bytes=options.max_bytes,
@@ -89,7 +89,7 @@ def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None
             raise ValueError(f"--{name.replace('_', '-')}: {why}")
 
 
-def _matrix_of(given: tuple[float, ...] | Path | None) -> Array | None:
+def matrix_of(given: tuple[float, ...] | Path | None) -> Array | None:
     """(3, 3) The pinhole matrix of four numbers, or of a file."""
     if given is None or isinstance(given, Path):
         return None if given is None else read_intrinsics(given)

@@ -21,6 +21,16 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy); or a recording: a .bag, "
         ".mcap or .db3 file, or the folder of a ROS 2 bag",
     )
+    add_camera(command)
+    group = command.add_argument_group("recordings")
+    add_recording(group)
+    group.add_argument(
+        "--frame", type=int, metavar="N", help="which frame, or the first of several, from 0 (default: 0)"
+    )
+
+
+def add_camera(command: argparse.ArgumentParser) -> None:
+    """Add what single files do not say of themselves."""
     command.add_argument(
         "--viewpoint",
         type=values.place,
@@ -46,18 +56,15 @@ def add_scene(command: argparse.ArgumentParser) -> None:
         help="what a unit of a single depth image or a recording's is, such as 0.001 (default: floats are "
         "metres, and a recording's whole numbers what it says, else 0.001)",
     )
-    _add_recording_options(command.add_argument_group("recordings"))
 
 
-def _add_recording_options(group: argparse._ArgumentGroup) -> None:
+def add_recording(group: argparse._ArgumentGroup) -> None:
+    """Add which of a recording's topics are read, and how."""
     group.add_argument(
         "--topic",
         nargs="+",
         metavar="TOPIC",
         help="topics with depth, one a camera; * stands for any text (default: the only one with depth)",
-    )
-    group.add_argument(
-        "--frame", type=int, metavar="N", help="which frame, or the first of several, from 0 (default: 0)"
     )
     group.add_argument(
         "--world",
@@ -77,6 +84,19 @@ def _add_recording_options(group: argparse._ArgumentGroup) -> None:
 
 def add_known(command: argparse.ArgumentParser) -> None:
     """Add what may be known of a scene, and how it is worked on."""
+    add_ropes(command)
+    command.add_argument(
+        "--mask",
+        type=values.path,
+        nargs="+",
+        metavar="PATH",
+        help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
+        "numbers are ropes or pieces of them (default: the scene's)",
+    )
+
+
+def add_ropes(command: argparse.ArgumentParser) -> None:
+    """Add what may be known of ropes in any scene, and how it is worked on."""
     command.add_argument(
         "--radius",
         type=values.length,
@@ -99,14 +119,6 @@ def add_known(command: argparse.ArgumentParser) -> None:
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="extraction range in the world frame, low and high corner, metres (default: the scene's)",
-    )
-    command.add_argument(
-        "--mask",
-        type=values.path,
-        nargs="+",
-        metavar="PATH",
-        help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
-        "numbers are ropes or pieces of them (default: the scene's)",
     )
     command.add_argument(
         "--config", type=values.path, metavar="FILE", help="a TOML file with the method's numbers"

@@ -5,10 +5,17 @@ from __future__ import annotations
 import argparse
 
 import strand
-from strand.cli import demo, info, reconstruct, report, view
+from strand.cli import batch, demo, info, reconstruct, report, view
 from strand.cli.outcome import EXIT_CODES
 
-_COMMANDS = {"demo": demo, "info": info, "reconstruct": reconstruct, "report": report, "view": view}
+_COMMANDS = {
+    "batch": batch,
+    "demo": demo,
+    "info": info,
+    "reconstruct": reconstruct,
+    "report": report,
+    "view": view,
+}
 
 
 def parser() -> argparse.ArgumentParser:

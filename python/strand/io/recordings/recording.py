@@ -166,6 +166,11 @@ class Recording:
         return len(self.stamps)
 
     @property
+    def most_frames(self) -> int:
+        """How many frames there are at most: messages of the first topic, as the index counts them."""
+        return self._bag.counts[self.topics[0]]
+
+    @property
     def stamps(self) -> NDArray[np.int64]:
         """(F,) Time stamps of the frames, nanoseconds since 1970; the whole file is read once for them."""
         return self._plan[0]

@@ -1,0 +1,117 @@
+"""Ray as an engine: a task for each unit, on one machine or many."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from strand._core import set_num_threads
+from strand.batch.local import TRIES
+from strand.batch.shards import Written
+from strand.batch.units import Unit
+from strand.files import extra
+
+AHEAD = 2
+"""Tasks that are asked for, for each that can run: enough that no worker waits for the driver."""
+
+# seconds after which a cluster may have grown; asking takes as long as a task
+_GROWS = 2.0
+
+
+def each(
+    work: Callable[[Unit], Written],
+    units: Iterator[Unit],
+    workers: int,
+    threads: int,
+    address: str | None = None,
+) -> Iterator[tuple[Unit, Written | None]]:
+    """Work on units in tasks of Ray; a task takes as many of Ray's CPUs as it has threads.
+
+    Parameters
+    ----------
+    work : callable
+        What is done with a unit.
+    units : iterator of Unit
+    workers : int
+        How many tasks run at once, if there is no address: Ray is started here, on the loopback address,
+        without dashboard and usage statistics, and stopped at the end.
+    threads : int
+        How many threads each has.
+    address : str, optional
+        A cluster's, such as "10.0.0.1:6379" or "auto"; as many tasks run as it has CPUs for, also when it
+        grows. A Ray that the caller has connected to is used, whatever is given.
+
+    Yields
+    ------
+    unit : Unit
+        In the order in which they end.
+    written : Written or None
+        What the work returned; None if the task's process died, `TRIES` times.
+
+    Raises
+    ------
+    ImportError
+        If ray is not installed.
+    Exception
+        What the work raises, or Ray if there is no cluster; other work is ended.
+    """
+    ray = extra("ray")
+    ours = not ray.is_initialized()
+    if ours:
+        _connect(ray, workers * threads, address)
+    pending: dict[Any, Unit] = {}
+    try:
+        task = ray.remote(num_cpus=threads, max_retries=TRIES - 1)(_task)
+        shared = ray.put(work)
+        most, asked = 0, -math.inf
+        while True:
+            if time.monotonic() - asked > _GROWS:
+                most, asked = AHEAD * _room(ray, threads), time.monotonic()
+            while len(pending) < most and (unit := next(units, None)) is not None:
+                pending[task.remote(shared, threads, unit)] = unit
+            if not pending:
+                return
+            ended, _ = ray.wait(list(pending), num_returns=1)
+            for reference in ended:
+                unit = pending.pop(reference)
+                try:
+                    written = ray.get(reference)
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from error
+                except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
+                    written = None
+                yield unit, written
+    finally:
+        for reference in pending:
+            ray.cancel(reference, force=True)
+        if ours:
+            ray.shutdown()
+
+
+def _connect(ray: Any, cpus: int, address: str | None) -> None:
+    if address is not None:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
+        return
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    ray.init(
+        address="local",
+        num_cpus=cpus,
+        include_dashboard=False,
+        log_to_driver=False,
+        logging_level=logging.WARNING,
+        _node_ip_address="127.0.0.1",
+    )
+
+
+def _room(ray: Any, threads: int) -> int:
+    """How many tasks the cluster has CPUs for."""
+    return max(int(ray.cluster_resources().get("CPU", 0)) // threads, 1)
+
+
+def _task(work: Callable[[Unit], Written], threads: int, unit: Unit) -> Written:
+    set_num_threads(threads)
+    return work(unit)

@@ -1,0 +1,150 @@
+"""Reading a batch back: one table, or models frame by frame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strand.batch.shards import names
+from strand.batch.table import schema
+from strand.chain import Chain
+from strand.checks import several, text
+from strand.files import FileFormatError, extra
+from strand.model import Model, ModelWarning
+
+
+def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> Any:
+    """Read a batch's table.
+
+    Parameters
+    ----------
+    out : path
+        The folder of shards.
+    columns : sequence of str, optional
+        Which columns; all if not given. Without nodes and covariances a table is a hundred times smaller.
+
+    Returns
+    -------
+    pyarrow.Table
+        In the order of recordings, frames and ropes.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
+    ValueError
+        If there is no such column.
+    strand.FileFormatError
+        If a shard is damaged.
+    ImportError
+        If pyarrow is not installed.
+    """
+    pa, wanted = extra("pyarrow"), _columns(columns)
+    read = [one for _, one in tables(out, [*dict.fromkeys(["recording", "frame", *wanted])])]
+    # each shard has frames of one recording in order, so shards are put in order instead of rows
+    read.sort(key=_place)
+    if not read:
+        return schema().empty_table().select(wanted)
+    return pa.concat_tables(read).select(wanted)
+
+
+def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]:
+    """Go through a batch's models, one shard in memory at a time; frames with an error are left out.
+
+    Parameters
+    ----------
+    out : path
+        The folder of shards.
+
+    Yields
+    ------
+    recording : str
+    frame : int
+    model : Model
+        With its chains, their covariances and confidences, its own confidence and its warnings: what the
+        table holds. It has no poses, curves, doubts, joins and alternatives. Recordings come in no special
+        order, and each one's frames in theirs.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
+    strand.FileFormatError
+        If a shard is damaged.
+    ImportError
+        If pyarrow is not installed.
+    """
+    for path, table in tables(out, _columns(None)):
+        rows: list[dict[str, Any]] = []
+        for row in table.to_pylist():
+            if rows and row["frame"] != rows[0]["frame"]:
+                yield from _model(path, rows)
+                rows = []
+            rows.append(row)
+        yield from _model(path, rows)
+
+
+def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
+    """Go through the paths and tables of all shards, in the order of their names."""
+    pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
+    wanted = schema()
+    for name in sorted(names(Path(out)), key=_in_order):
+        path = Path(out, name)
+        try:
+            table = pq.ParquetFile(path).read(columns=list(columns), use_threads=False)
+            yield path, table.select(columns).cast(pa.schema([wanted.field(one) for one in columns]))
+        except (pa.ArrowInvalid, KeyError, pa.ArrowKeyError) as error:
+            raise FileFormatError(path, f"truncated, damaged or no shard ({error})") from error
+
+
+def _in_order(name: str) -> tuple[str, int]:
+    """Sort a recording's stretches by their first frame."""
+    recording, _, start, _ = name.split("-", 3)
+    return recording, int(start)
+
+
+def _place(table: Any) -> tuple[str, int]:
+    frame = table["frame"][0].as_py() if len(table) else None
+    return (table["recording"][0].as_py() if len(table) else ""), -1 if frame is None else frame
+
+
+def _columns(columns: Sequence[str] | None) -> list[str]:
+    if columns is None:
+        return list(schema().names)
+    wanted = [text("columns", one) for one in several("columns", columns, "names")]
+    for one in wanted:
+        if one not in schema().names:
+            raise ValueError(f"columns: expected some of {', '.join(schema().names)}, got {one!r}")
+    return wanted
+
+
+def _model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, int, Model]]:
+    """Make the model of a frame's rows, if it has no error."""
+    if not rows or rows[0]["error"] is not None:
+        return
+    try:
+        chains = tuple(_chain(row) for row in rows if row["rope"] is not None)
+        said = dict.fromkeys(words for row in rows for words in row["warnings"])
+        warnings = tuple(ModelWarning(*words.split(": ", 1)) for words in said)
+        sure = rows[0]["model_confidence"]
+        model = Model(
+            chains, np.empty((0, 4, 4)), warnings=warnings, confidence=float("nan") if sure is None else sure
+        )
+    except (TypeError, ValueError) as error:
+        raise FileFormatError.of(path, error) from error
+    yield rows[0]["recording"], rows[0]["frame"], model
+
+
+def _chain(row: dict[str, Any]) -> Chain:
+    covariance = row["covariance"]
+    return Chain(
+        np.array(row["nodes"]),
+        row["radius"],
+        row["closed"],
+        covariance=None if covariance is None else np.array(covariance).reshape(-1, 3, 3),
+        confidence=float("nan") if row["confidence"] is None else row["confidence"],
+    )

@@ -1,0 +1,186 @@
+"""A batch: recordings in, a folder of shards out; what is there already is not made again."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from strand.batch import local, ray
+from strand.batch.settings import Settings
+from strand.batch.shards import Shards, Work, Written, made_ready, says_errors
+from strand.batch.units import Unit, find
+from strand.checks import flag, one_of, several, text, whole
+from strand.files import extra
+
+ENGINES = ("local", "ray")
+"""What units may be worked on by."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a batch did, so far or in all.
+
+    Attributes
+    ----------
+    made : int
+        Units whose shards were made: recordings, or stretches of them.
+    skipped : int
+        Units whose shards were there.
+    rows : int
+        Rows that were made.
+    errors : int
+        Of these, rows that say an error.
+    """
+
+    made: int = 0
+    skipped: int = 0
+    rows: int = 0
+    errors: int = 0
+
+
+def run(
+    recordings: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    settings: Settings | None = None,
+    *,
+    engine: str = "local",
+    workers: int | None = None,
+    threads: int = 1,
+    address: str | None = None,
+    root: str | os.PathLike[str] = ".",
+    retry_errors: bool = False,
+    progress: Callable[[Done], None] | None = None,
+) -> Done:
+    """Reconstruct the ropes of many recordings, and write a Parquet shard for each.
+
+    A shard that is there, made of the same input by the same settings and version of strand, is kept. What
+    was made of another state of a recording, or by others, is replaced. Whatever ends this call, whole shards
+    are left only, and the next call makes the others.
+
+    Parameters
+    ----------
+    recordings : path, or sequence of paths
+        Scene folders, `.npz` archives, bags, MCAP files, folders of depth images, single files; or folders
+        in which these are sought.
+    out : path
+        The folder of shards; it is made if there is none.
+    settings : Settings, optional
+        What is known of all recordings, and how they are read.
+    engine : {"local", "ray"}
+        `"local"`: processes of this machine; `"ray"`: tasks of Ray, here or on a cluster.
+    workers : int, optional
+        How many units are worked on at once; as many as `threads` fit the cores if not given. A cluster has
+        its own number.
+    threads : int
+        How many threads each worker has.
+    address : str, optional
+        Of a Ray cluster. Recordings and `out` are at the same paths on all its machines.
+    root : path
+        The folder below which the table names recordings; those elsewhere have their whole path.
+    retry_errors : bool
+        Whether units whose shards say errors are made again.
+    progress : callable, optional
+        Called with what was done so far after each unit.
+
+    Returns
+    -------
+    Done
+        When every unit has its shard.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is of the wrong kind or out of range, workers and threads need more cores than there
+        are, or a folder holds no recording.
+    OSError
+        If a path does not exist, or a shard cannot be written: a full disk, for example.
+    ImportError
+        If pyarrow, ray or what reading a recording needs is not installed.
+    RuntimeError
+        If processes do not start, or have another version of strand.
+    """
+    given = [recordings] if isinstance(recordings, (str, os.PathLike)) else recordings
+    paths = [Path(one) for one in several("recordings", given, "paths")]
+    if not paths:
+        raise ValueError("recordings: expected at least one path, got none")
+    settings = Settings() if settings is None else settings
+    if not isinstance(settings, Settings):
+        raise TypeError(f"settings: expected strand.batch.Settings, got {type(settings).__name__}")
+    one_of("engine", engine, ENGINES)
+    threads = whole("threads", threads, 1)
+    if address is not None:
+        text("address", address)
+        if engine != "ray":
+            raise ValueError("address: only Ray has one; give engine='ray' (--engine ray)")
+    workers = _workers(workers, threads, elsewhere=address is not None)
+    flag("retry_errors", retry_errors)
+    # that something is missing is said before the work
+    extra("pyarrow.parquet")
+    if engine == "ray":
+        extra("ray")
+    folder = Path(out).absolute()
+    units = find(paths, settings, Path(root), folder)
+    first = next(units, None)
+    made_ready(folder, settings)
+    shards, work = Shards(folder), Work(settings, str(folder))
+    skipped = 0
+
+    def missing() -> Iterator[Unit]:
+        nonlocal skipped
+        for unit in _after(first, units):
+            there = shards.there(unit, settings.digest)
+            if retry_errors and any(says_errors(name) for name in there):
+                for name in there:
+                    shards.remove(name)
+            elif there:
+                skipped += 1
+                continue
+            shards.remove_stale(unit, settings.digest)
+            yield unit
+
+    def ended() -> Iterator[tuple[Unit, Written | None]]:
+        todo = missing()
+        unit = next(todo, None)
+        if unit is None:
+            # nothing is started for nothing
+            return iter(())
+        if engine == "ray":
+            return ray.each(work, _after(unit, todo), workers, threads, address)
+        return local.each(work, _after(unit, todo), workers, threads)
+
+    done = Done()
+    for unit, written in ended():
+        if written is None:
+            written = work.give_up(unit, f"WorkerDied: {local.TRIES} processes ended while they worked on it")
+        done = Done(done.made + 1, skipped, done.rows + written.rows, done.errors + written.errors)
+        if progress is not None:
+            progress(done)
+    return Done(done.made, skipped, done.rows, done.errors)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:
+    """Return how many workers there are: never more than have cores."""
+    if workers is None:
+        return max(cores() // threads, 1)
+    workers = whole("workers", workers, 1)
+    if not elsewhere and workers * threads > max(cores(), threads):
+        needed = workers * threads
+        raise ValueError(
+            f"workers: {workers} of {threads} threads each need {needed} cores, and there are {cores()}"
+        )
+    return workers
+
+
+def _after(first: Unit | None, others: Iterator[Unit]) -> Iterator[Unit]:
+    if first is not None:
+        yield first
+    yield from others

@@ -1,0 +1,138 @@
+"""Settings: what is known of all recordings of a batch, and how they are read; their digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from strand.box import Bounds, extraction_range
+from strand.checks import flag, not_negative, pinhole, positive, several, small_array, text, whole
+from strand.config import Config
+from strand.evidence.prior import Prior
+from strand.files import plain
+from strand.io.budget import MAX_BYTES
+from strand.io.recordings.recording import TOLERANCE
+from strand.io.single import Camera
+from strand.lazy import lazy
+
+DIGITS = 16
+"""How many hexadecimal digits a digest has in tables and names."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """What is known of all recordings of a batch, and how they are read.
+
+    What a recording says of itself (a scene's radius and bounds) holds where nothing is given here.
+
+    Parameters
+    ----------
+    radius, bounds, ropes, length, config, deadline
+        As `strand.reconstruct` takes them. With a deadline rows depend on the machine's speed.
+    every : int
+        Of recordings and folders of images each so-manieth frame is taken, from the first on.
+    stretch : int, optional
+        How many frames, of those that are taken, a unit of work has; a whole recording if not given. Where it
+        is given, whoever lists the recordings opens each bag to read its index.
+    topics, world, tolerance, ignore_distortion
+        Of bags, as `strand.Recording` takes them.
+    intrinsics : (3, 3) array_like, optional
+        Of bags, folders of images and single depth images: the pinhole matrix, pixels.
+    depth_scale : float, optional
+        Of the same: metres for each unit of whole numbers.
+    viewpoint, camera_frame
+        Of single files of points, as `strand.load_scene` takes them.
+    max_bytes, outside
+        As `strand.load_scene` takes them, for each recording.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is of the wrong kind or out of range.
+    """
+
+    radius: float | Sequence[float] | None = None
+    bounds: Bounds | None = None
+    ropes: int | None = None
+    length: float | Sequence[float] | None = None
+    config: Config = field(default_factory=Config)
+    deadline: float | None = None
+    every: int = 1
+    stretch: int | None = None
+    topics: Sequence[str] | None = None
+    world: str | None = None
+    tolerance: float = TOLERANCE
+    ignore_distortion: bool = False
+    intrinsics: ArrayLike | None = None
+    depth_scale: float | None = None
+    viewpoint: ArrayLike | None = None
+    camera_frame: bool = False
+    max_bytes: int = MAX_BYTES
+    outside: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.config, Config):
+            raise TypeError(f"config: expected a strand.Config, got {type(self.config).__name__}")
+        Camera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
+        flag("ignore_distortion", self.ignore_distortion)
+        flag("outside", self.outside)
+        # in one form, however they are given: their digest says whether two are the same
+        checked: dict[str, Any] = {
+            "radius": _lengths("radius", self.radius),
+            "bounds": None if self.bounds is None else extraction_range(self.bounds),
+            "length": _lengths("length", self.length),
+            "deadline": None if self.deadline is None else positive("deadline", self.deadline),
+            "every": whole("every", self.every, 1),
+            "stretch": None if self.stretch is None else whole("stretch", self.stretch, 1),
+            "world": None if self.world is None else text("world", self.world),
+            "tolerance": not_negative("tolerance", self.tolerance),
+            "intrinsics": None if self.intrinsics is None else pinhole("intrinsics", self.intrinsics),
+            "depth_scale": None if self.depth_scale is None else float(self.depth_scale),
+            "max_bytes": whole("max_bytes", self.max_bytes, 1),
+        }
+        if self.topics is not None:
+            given = several("topics", self.topics, "text")
+            checked["topics"] = tuple(text("topics", one) for one in given)
+        if self.viewpoint is not None:
+            checked["viewpoint"] = small_array("viewpoint", self.viewpoint, (3,))
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        Prior.given(self.ropes, self.length, None)
+
+    @property
+    def in_words(self) -> dict[str, Any]:
+        """All of it in JSON's types, the numbers of the method too."""
+        said: dict[str, Any] = _finite(plain(self))
+        return said
+
+    @lazy
+    def digest(self) -> str:
+        """16 hexadecimal digits of all of it: what the column `configuration` holds."""
+        return digest_of(json.dumps(self.in_words, sort_keys=True))
+
+
+def _lengths(name: str, given: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
+    """Return one length or several, metres."""
+    if given is None or isinstance(given, (int, float)):
+        return None if given is None else positive(name, given)
+    return tuple(positive(name, one) for one in several(name, given, "numbers"))
+
+
+def _finite(value: Any) -> Any:
+    """Return a value in JSON's types with text for what is infinite, as sides of bounds may be."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def digest_of(words: str) -> str:
+    """Return the first 16 hexadecimal digits of a text's SHA-256."""
+    return hashlib.sha256(words.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]

@@ -1,0 +1,207 @@
+"""Units of work: recordings, or stretches of them, found in files and folders and opened by whoever works."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+
+from strand.batch.settings import Settings, digest_of
+from strand.io.recordings import Recording, is_recording
+from strand.io.recordings.bags import METADATA, SUFFIXES
+from strand.io.view_files import SUFFIXES as SINGLE
+
+SCENE, BAG, IMAGES = "scene", "bag", "images"
+"""What kinds of recording there are: `strand.load_scene` reads it; `strand.Recording` does; depth images."""
+
+DEPTH_IMAGES = (".png", ".tif", ".tiff")
+"""What a folder of depth images is known by."""
+
+_DESCRIPTION = "scene.toml"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A recording, or a stretch of it: all that a worker needs to open it.
+
+    Attributes
+    ----------
+    recording : str
+        What the rows call it: its path below the root, or its whole path if it is elsewhere.
+    path : str
+        Where it is.
+    kind : str
+        `SCENE`, `BAG` or `IMAGES`.
+    digest : str
+        Of the names below it, sizes and times of modification of its files.
+    start : int
+        The first frame.
+    stop : int or None
+        The frame before which it ends; None: it goes to the end.
+    """
+
+    recording: str
+    path: str
+    kind: str
+    digest: str
+    start: int = 0
+    stop: int | None = None
+
+
+def find(
+    given: Sequence[Path], settings: Settings, root: Path, leave_out: Path | None = None
+) -> Iterator[Unit]:
+    """Go through the units of files and folders, in the order of their names; each comes once.
+
+    Parameters
+    ----------
+    given : sequence of Path
+        Recordings, and folders in which they are sought.
+    settings : Settings
+        How they are read.
+    root : Path
+        The folder below which recordings are named.
+    leave_out : Path, optional
+        A folder that is not searched.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a path does not exist, before anything is found.
+    ValueError
+        If there is no recording in one of them, before anything is found.
+    """
+    kept = None if leave_out is None else os.path.realpath(leave_out)
+    places = _outermost(given)
+    for place in places:
+        if next(_found(place, kept), None) is None:
+            raise ValueError(
+                f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
+                f"images, and no .npz, {', '.join(SUFFIXES)} file"
+            )
+    for place in places:
+        for path, kind in _found(place, kept):
+            unit = Unit(_name(path, root), path, kind, _input_digest(path, kind))
+            yield from _stretches(unit, settings)
+
+
+def _outermost(given: Sequence[Path]) -> list[str]:
+    """Return whole paths, without those that are inside of others."""
+    places = sorted({os.path.abspath(path) for path in given})
+    for place in places:
+        os.stat(place)
+    inside = set(places)
+    return [place for place in places if not any(str(above) in inside for above in Path(place).parents)]
+
+
+def _found(place: str, leave_out: str | None) -> Iterator[tuple[str, str]]:
+    """Go through the paths of recordings at or below a path, with their kinds."""
+    if not os.path.isdir(place):
+        suffix = os.path.splitext(place)[1].lower()
+        if suffix in SUFFIXES:
+            yield place, BAG
+        elif suffix in (".npz", ".toml", *SINGLE):
+            yield place, SCENE
+        return
+    if leave_out is not None and os.path.realpath(place) == leave_out:
+        return
+    try:
+        with os.scandir(place) as listed:
+            entries = sorted(listed, key=lambda entry: entry.name)
+    except OSError:
+        # who opens it says why it cannot be read
+        yield place, SCENE
+        return
+    names = {entry.name for entry in entries}
+    if METADATA in names:
+        yield place, BAG
+        return
+    if _DESCRIPTION in names:
+        yield place, SCENE
+        return
+    if any(name.lower().endswith(DEPTH_IMAGES) for name in names):
+        yield place, IMAGES
+    for entry in entries:
+        if entry.is_dir(follow_symlinks=False):
+            yield from _found(entry.path, leave_out)
+        elif entry.name.lower().endswith(".npz"):
+            yield entry.path, SCENE
+        elif is_recording(entry.path):
+            yield entry.path, BAG
+
+
+def images_of(folder: str) -> list[str]:
+    """Return the paths of a folder's depth images in the order of their names."""
+    return [
+        os.path.join(folder, name)
+        for name in sorted(os.listdir(folder))
+        if name.lower().endswith(DEPTH_IMAGES)
+    ]
+
+
+def _name(path: str, root: Path) -> str:
+    above = os.path.abspath(root)
+    below = Path(path).is_relative_to(above) and path != above
+    name = Path(os.path.relpath(path, above) if below else path).as_posix()
+    # tables hold UTF-8, names of files any bytes
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _input_digest(path: str, kind: str) -> str:
+    """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes."""
+    files = _files_below(path) if os.path.isdir(path) else [path]
+    if kind == IMAGES:
+        files = [file for file in files if os.path.dirname(file) == path]
+    if os.path.basename(path).lower().endswith(".toml"):
+        files = _files_below(os.path.dirname(path))
+    said = [kind]
+    for file in files:
+        try:
+            status = os.stat(file)
+        except OSError:
+            continue
+        said.append(f"{os.path.relpath(file, path)}\n{status.st_size}\n{status.st_mtime_ns}")
+    return digest_of("\n\n".join(said))
+
+
+def _files_below(folder: str) -> list[str]:
+    return sorted(os.path.join(above, name) for above, _, names in os.walk(folder) for name in names)
+
+
+def _stretches(unit: Unit, settings: Settings) -> Iterator[Unit]:
+    """Go through a recording's stretches; if it cannot be opened it is one, whose row says why."""
+    if settings.stretch is None or unit.kind == SCENE:
+        yield unit
+        return
+    try:
+        frames = len(images_of(unit.path)) if unit.kind == IMAGES else _most_frames(unit.path, settings)
+    except Exception:
+        yield unit
+        return
+    long = settings.stretch * settings.every
+    for start in count(0, long):
+        last = start + long >= frames
+        yield replace(unit, start=start, stop=None if last else start + long)
+        if last:
+            return
+
+
+def _most_frames(path: str, settings: Settings) -> int:
+    with open_bag(path, settings) as recording:
+        return recording.most_frames
+
+
+def open_bag(path: str, settings: Settings) -> Recording:
+    """Open a bag as the settings say."""
+    return Recording(
+        path,
+        settings.topics,
+        world=settings.world,
+        tolerance=settings.tolerance,
+        intrinsics=settings.intrinsics,
+        depth_scale=settings.depth_scale,
+        ignore_distortion=settings.ignore_distortion,
+        max_bytes=settings.max_bytes,
+    )

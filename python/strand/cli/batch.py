@@ -1,0 +1,145 @@
+"""`strand batch`: a table of the ropes of many recordings."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from strand.batch import Settings, write_summary
+from strand.batch.running import ENGINES, Done
+from strand.batch.running import run as run_batch
+from strand.cli import values
+from strand.cli.inputs import matrix_of
+from strand.cli.options import add_camera, add_recording, add_ropes
+from strand.cli.outcome import say
+from strand.cli.solving import known
+from strand.files import require_writable
+from strand.io.recordings.recording import TOLERANCE
+
+HINT = "a table of the ropes of many recordings"
+DESCRIPTION = """\
+Reconstruct the ropes of many recordings, and write a folder of Parquet files
+with a row for each rope. What is there already is not made again, and a
+recording that is broken is a row with its error."""
+
+# seconds from one line about what was done to the next
+_EVERY = 10.0
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the command's words."""
+    command.add_argument(
+        "recordings",
+        type=values.path,
+        nargs="+",
+        metavar="PATH",
+        help="a scene's folder, an .npz, .bag, .mcap or .db3 file, the folder of a ROS 2 bag, a folder of "
+        "depth images, a single file of one view; or a folder in which these are sought",
+    )
+    command.add_argument(
+        "-o", "--out", type=values.path, required=True, metavar="OUT", help="the folder of Parquet files"
+    )
+    command.add_argument(
+        "--engine",
+        choices=ENGINES,
+        default="local",
+        help="who works: processes of this machine, or a Ray cluster (default: local)",
+    )
+    command.add_argument(
+        "--address", metavar="HOST:PORT", help="of a Ray cluster; Ray is started on this machine if not given"
+    )
+    command.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="how many recordings are worked on at once (default: one for each core)",
+    )
+    command.add_argument(
+        "--threads", type=int, default=1, metavar="N", help="how many threads each has (default: 1)"
+    )
+    command.add_argument(
+        "--stretch",
+        type=int,
+        metavar="N",
+        help="work on long recordings in stretches of so many frames (default: whole recordings)",
+    )
+    command.add_argument(
+        "--every", type=int, default=1, metavar="N", help="take every Nth frame of a recording (default: 1)"
+    )
+    command.add_argument(
+        "--root",
+        type=values.path,
+        default=Path("."),
+        metavar="DIR",
+        help="the folder below which recordings are named (default: the current one)",
+    )
+    command.add_argument(
+        "--retry-errors", action="store_true", help="make again what holds errors (default: keep it)"
+    )
+    command.add_argument(
+        "--summary", type=values.path, metavar="PAGE", help="also write an HTML page about the whole table"
+    )
+    add_camera(command)
+    add_recording(command.add_argument_group("recordings"))
+    add_ropes(command)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Reconstruct recordings, and say what was done."""
+    if options.summary is not None:
+        require_writable(options.summary)
+    done = run_batch(
+        options.recordings,
+        options.out,
+        _settings(options),
+        engine=options.engine,
+        workers=options.workers,
+        threads=options.threads,
+        address=options.address,
+        root=options.root,
+        retry_errors=options.retry_errors,
+        progress=_shown(),
+    )
+    print(f"made     {done.made} units, {done.rows} rows, {done.errors} of them errors")
+    print(f"skipped  {done.skipped} units that were there")
+    print(options.out)
+    if options.summary is not None:
+        write_summary(options.out, options.summary)
+        print(options.summary)
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    return Settings(
+        **known(options),
+        every=options.every,
+        stretch=options.stretch,
+        topics=options.topic,
+        world=options.world,
+        tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+        ignore_distortion=options.ignore_distortion,
+        intrinsics=matrix_of(options.intrinsics),
+        depth_scale=options.depth_scale,
+        viewpoint=options.viewpoint,
+        camera_frame=options.camera_frame,
+        max_bytes=options.max_bytes,
+        outside=options.outside,
+    )
+
+
+def _shown() -> Callable[[Done], None]:
+    """Say now and then on stderr what was done so far."""
+    begun = last = time.monotonic()
+
+    def show(done: Done) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _EVERY:
+            last = now
+            rate = done.made / (now - begun)
+            say(
+                f"strand: {done.made} made, {done.skipped} skipped, {done.errors} errors, {rate:.1f} a second"
+            )
+
+    return show

@@ -1,0 +1,278 @@
+"""Batches by processes of this machine: made, skipped, replaced; killed drivers and workers, full disks."""
+
+from __future__ import annotations
+
+import errno
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scenes
+
+import strand
+from strand.batch import Done, Settings, find, load, local, run
+from strand.batch.running import cores
+from strand.batch.shards import Work, made_ready, names
+
+COUNT = 18
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    return scenes(tmp_path_factory.mktemp("recordings"), COUNT)
+
+
+@pytest.fixture(scope="module")
+def expected(recordings, tmp_path_factory):
+    """The table of a run that nothing disturbed, by two workers."""
+    out = tmp_path_factory.mktemp("expected")
+    assert run(recordings, out, SETTINGS, root=recordings, workers=2) == Done(COUNT, 0, COUNT, 0)
+    return read(out)
+
+
+def again(recordings, out):
+    """Run once more, and return what was done."""
+    return run(recordings, out, SETTINGS, root=recordings, workers=1)
+
+
+def test_each_recording_has_its_rows_and_a_second_run_makes_none(recordings, expected, tmp_path):
+    seen = []
+    done = run(recordings, tmp_path / "out", SETTINGS, root=recordings, workers=1, progress=seen.append)
+    assert done == Done(COUNT, 0, COUNT, 0)
+    assert [one.made for one in seen] == list(range(1, COUNT + 1))
+    assert read(tmp_path / "out").equals(expected)
+    before = {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in names(tmp_path / "out")}
+    assert again(recordings, tmp_path / "out") == Done(0, COUNT, 0, 0)
+    assert {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in before} == before
+
+
+def test_what_changed_is_made_again_in_place_of_what_was_there(recordings, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    for name in ("0/00.npz", "0/03.npz"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(recordings / name, folder / name)
+    known = Settings(ropes=1, length=0.4)
+
+    def made(settings):
+        return run(folder, out, settings, root=folder, workers=1)
+
+    first = made(SETTINGS)
+    shutil.copy(recordings / "1" / "01.npz", folder / "0" / "00.npz")
+    assert (first, made(SETTINGS)) == (Done(2, 0, 2, 0), Done(1, 1, 1, 0))
+    assert load(out, ["recording"]).column(0).to_pylist() == ["0/00.npz", "0/03.npz"]
+    assert made(known).made == 2
+    assert set(load(out, ["configuration"]).column(0).to_pylist()) == {known.digest}
+    assert len(load(out)) == len(names(out)) == 2
+    # what is given no more stays
+    (folder / "0" / "03.npz").unlink()
+    assert made(known) == Done(0, 1, 0, 0)
+    assert len(load(out)) == 2
+
+
+def test_errors_are_rows_that_are_kept_or_tried_again(recordings, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    shutil.copy(recordings / "0" / "00.npz", folder / "good.npz")
+    (folder / "bad.npz").write_bytes(b"nonsense")
+    (folder / "gone.npz").symlink_to(folder / "nothing.npz")
+    assert run(folder, out, SETTINGS, root=folder, workers=1) == Done(3, 0, 3, 2)
+    rows = load(out, ["recording", "error"]).to_pylist()
+    assert [(row["recording"], (row["error"] or "").partition(":")[0]) for row in rows] == [
+        ("bad.npz", "FileFormatError"),
+        ("gone.npz", "FileNotFoundError"),
+        ("good.npz", ""),
+    ]
+    assert run(folder, out, SETTINGS, root=folder) == Done(0, 3, 0, 0)
+    assert run(folder, out, SETTINGS, root=folder, workers=1, retry_errors=True) == Done(2, 1, 2, 2)
+    assert len(load(out)) == 3
+
+
+DRIVER = """
+import sys
+from pathlib import Path
+from batch_recordings import SETTINGS
+from strand.batch import run
+
+if __name__ == "__main__":
+    run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], workers=2)
+"""
+
+
+def children(parent):
+    return [int(word) for word in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+def until(true, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
+    recordings, expected, tmp_path
+):
+    out = tmp_path / "out"
+    made_ready(out, SETTINGS)
+    (tmp_path / "driver.py").write_text(DRIVER)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, str(tmp_path / "driver.py"), str(recordings), str(out)]
+    driver = subprocess.Popen(command, env=paths, stderr=subprocess.PIPE)
+    until(lambda: len(names(out)) >= 3)
+    workers = children(driver.pid)
+    assert len(workers) >= 2
+    driver.kill()
+    driver.communicate()
+    # whoever worked for it ends what it has, and then itself
+    until(lambda: not any(Path(f"/proc/{one}").exists() for one in workers))
+    before = left(out)
+    assert 3 <= len(before) < COUNT
+    assert again(recordings, out) == Done(COUNT - len(before), len(before), COUNT - len(before), 0)
+    assert read(out).equals(expected)
+    assert len(names(out)) == COUNT
+
+
+def test_a_worker_that_is_killed_is_replaced_and_its_unit_made(recordings, expected, tmp_path):
+    killed = []
+
+    def kill(done):
+        if done.made in (2, 5):
+            for one in multiprocessing.active_children()[: done.made - 1]:
+                os.kill(one.pid, signal.SIGKILL)
+                killed.append(one.pid)
+
+    done = run(recordings, tmp_path, SETTINGS, root=recordings, workers=2, progress=kill)
+    assert len(killed) == 3
+    assert done == Done(COUNT, 0, COUNT, 0)
+    assert read(tmp_path).equals(expected)
+    assert not multiprocessing.active_children()
+
+
+def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recordings, tmp_path):
+    out, notes = tmp_path / "out", tmp_path / "notes"
+    notes.mkdir()
+    made_ready(out, SETTINGS)
+    units = list(find([recordings], SETTINGS, recordings))
+    bad, bad_once = units[1].recording, units[4].recording
+    work = Work(SETTINGS, str(out))
+    deadly = Deadly(Deadly(work, (bad_once,), 1, str(notes)), (bad,), 99, str(notes))
+    answers = dict(local.each(deadly, iter(units), workers=2, threads=1))
+    assert [unit.recording for unit, written in answers.items() if written is None] == [bad]
+    assert len(answers) == len(units)
+    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * local.TRIES
+    work.give_up(next(unit for unit in units if unit.recording == bad), "WorkerDied: here")
+    rows = load(out, ["recording", "error"]).to_pylist()
+    assert [row for row in rows if row["error"]] == [{"recording": bad, "error": "WorkerDied: here"}]
+    assert len(rows) == COUNT
+
+
+def mounted(folder, size):
+    """Whether a small disk can be mounted there: that takes rights that not everyone has."""
+    folder.mkdir(exist_ok=True)
+    words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    return subprocess.run(words, capture_output=True).returncode == 0
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """A folder, and whether it is a disk of its own that holds few shards."""
+    folder = tmp_path / "disk"
+    own = mounted(folder, "256k")
+    yield folder, own
+    if own:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_disk_that_fills_up_stops_the_run_and_leaves_whole_shards(recordings, expected, disk):
+    out, own = disk
+    if own:
+        with pytest.raises(OSError, match="No space left") as raised:
+            run(recordings, out, SETTINGS, root=recordings, workers=2)
+    else:
+        made_ready(out, SETTINGS)
+        full = FullDisk(Work(SETTINGS, str(out)), 5)
+        with pytest.raises(OSError, match="No space left") as raised:
+            list(local.each(full, find([recordings], SETTINGS, recordings), 2, 1))
+    assert raised.value.errno == errno.ENOSPC
+    before = left(out)
+    assert 0 < len(before) < COUNT
+    assert not list(out.glob("*/.strand-*.tmp"))
+    if own:
+        subprocess.run(["mount", "-o", "remount,size=16m", str(out)], check=True)
+    assert again(recordings, out) == Done(COUNT - len(before), len(before), COUNT - len(before), 0)
+    assert read(out).equals(expected)
+
+
+def test_what_is_half_written_is_no_shard_and_goes_when_it_is_old(recordings, tmp_path):
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Done(1, 0, 1, 0)
+    (name,) = names(tmp_path)
+    old, new = ((tmp_path / name).with_name(f".strand-{k}.tmp") for k in "01")
+    for half in (old, new):
+        half.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Done(0, 1, 0, 0)
+    assert (old.exists(), new.exists(), len(load(tmp_path))) == (False, True, 1)
+
+
+def test_workers_are_deaf_to_interrupts(recordings):
+    units = list(find([recordings], SETTINGS, recordings))[:2]
+    assert len(list(local.each(never, iter(units), 1, 1))) == 2
+
+
+def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
+    with pytest.raises(ValueError, match="cores, and there are"):
+        run(recordings, tmp_path, workers=cores() + 1)
+    with pytest.raises(ValueError, match="cores, and there are"):
+        run(recordings, tmp_path, workers=cores(), threads=2)
+    before = strand.num_threads(), dict(os.environ)
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, threads=cores()).made == 1
+    assert (strand.num_threads(), dict(os.environ)) == before
+
+
+def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
+    made_ready(tmp_path, SETTINGS)
+    other = Work(SETTINGS, str(tmp_path), version="0.0.1")
+    with pytest.raises(RuntimeError, match=f"version {strand.__version__} here, and 0.0.1 where"):
+        list(local.each(other, find([recordings], SETTINGS, recordings), 1, 1))
+    assert not names(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "said"),
+    [
+        ({"engine": "dask"}, ValueError, "engine: expected one of local, ray"),
+        ({"address": "127.0.0.1:1"}, ValueError, "address: only Ray has one"),
+        ({"settings": {"radius": 1}}, TypeError, "settings: expected strand.batch.Settings"),
+        ({"threads": 0}, ValueError, "threads: expected at least 1"),
+        ({"recordings": []}, ValueError, "recordings: expected at least one"),
+    ],
+)
+def test_arguments_are_checked_before_the_work(recordings, tmp_path, wrong, error, said):
+    with pytest.raises(error, match=said):
+        run(**{"recordings": recordings, "out": tmp_path / "out", **wrong})
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_script_without_a_guard_is_told_of_it(recordings, tmp_path):
+    (tmp_path / "script.py").write_text(
+        f"from strand.batch import run\nrun({str(recordings)!r}, {str(tmp_path / 'out')!r}, workers=1)\n"
+    )
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, str(tmp_path / "script.py")]
+    done = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=60)
+    assert 'below if __name__ == "__main__":' in done.stderr
+    assert done.returncode == 1
+    assert not names(tmp_path / "out")
+
+
+def test_pyarrow_is_asked_for_where_it_is_missing(recordings, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(ImportError, match=r'pyarrow is needed here: pip install ".\[batch\]"'):
+        run(recordings, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

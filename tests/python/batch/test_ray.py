@@ -1,0 +1,173 @@
+"""Batches by Ray: a cluster of a head and two workers on the loopback address, started here."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import ray
+from batch_recordings import SETTINGS, Deadly, FullDisk, left, read, scenes
+from ray.cluster_utils import Cluster
+
+from strand.batch import Done, find, load, local, run
+from strand.batch import ray as engine
+from strand.batch.shards import Work, made_ready, names
+
+COUNT = 12
+# Ray takes 127.0.0.1 for the machine's address in its network
+HERE = "127.0.0.2"
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    return scenes(tmp_path_factory.mktemp("recordings"), COUNT)
+
+
+@pytest.fixture(scope="module")
+def expected(recordings, tmp_path_factory):
+    """The table of the local engine."""
+    out = tmp_path_factory.mktemp("expected")
+    run(recordings, out, SETTINGS, root=recordings, workers=1)
+    return read(out)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """The address of a cluster that fetches and tells nothing, and cannot be reached from elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        # its processes find what this one does
+        patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        # else it would leave a key in the user's folder
+        patch.setenv("RAY_AUTH_MODE", "disabled")
+        node = {"node_ip_address": HERE, "object_store_memory": 80 << 20, "include_dashboard": False}
+        started = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **node})
+        for _ in range(2):
+            started.add_node(num_cpus=1, **node)
+        yield started.address
+        ray.shutdown()
+        started.shutdown()
+
+
+def by_ray(recordings, out, cluster, **more):
+    return run(recordings, out, SETTINGS, root=recordings, engine="ray", address=cluster, **more)
+
+
+def test_rows_are_those_of_the_local_engine_bit_for_bit(recordings, expected, cluster, tmp_path):
+    seen = []
+    assert by_ray(recordings, tmp_path, cluster, progress=seen.append) == Done(COUNT, 0, COUNT, 0)
+    assert [one.made for one in seen] == list(range(1, COUNT + 1))
+    assert read(tmp_path).equals(expected)
+    assert by_ray(recordings, tmp_path, cluster) == Done(0, COUNT, 0, 0)
+    # what was made by one engine is not made again by the other
+    assert run(recordings, tmp_path, SETTINGS, root=recordings) == Done(0, COUNT, 0, 0)
+    assert not ray.is_initialized()
+
+
+def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cluster):
+    ray.init(address=cluster, log_to_driver=False)
+    try:
+        alive = [node for node in ray.nodes() if node["Alive"]]
+        assert sorted(node["Resources"].get("CPU", 0) for node in alive) == [0, 1, 1]
+        assert {node["NodeManagerAddress"] for node in alive} == {HERE}
+        units = list(find([recordings], SETTINGS, recordings))[:6]
+        answers = dict(engine.each(where, iter(units), 1, 1))
+        # each task had the only CPU of its node
+        assert len({node for node, _ in answers.values()}) == 2
+        assert {threads for _, threads in answers.values()} == {1}
+        # a Ray that the caller has connected to stays
+        assert ray.is_initialized()
+    finally:
+        ray.shutdown()
+
+
+def where(unit):
+    """Work that says on which node it was, and with how many threads."""
+    import strand
+
+    time.sleep(0.3)
+    return ray.get_runtime_context().get_node_id(), strand.num_threads()
+
+
+def test_units_are_taken_no_faster_than_they_are_done(recordings, cluster):
+    units = list(find([recordings], SETTINGS, recordings))
+    taken = []
+
+    def given():
+        for unit in units:
+            taken.append(unit)
+            yield unit
+
+    ends = engine.each(where, given(), 1, 1, cluster)
+    for done, _ in enumerate(ends, start=1):
+        # two workers, and for each as many units again that wait
+        assert len(taken) <= done + 2 * engine.AHEAD
+    assert len(taken) == COUNT
+
+
+def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(recordings, cluster, tmp_path):
+    out, notes = tmp_path / "out", tmp_path / "notes"
+    notes.mkdir()
+    made_ready(out, SETTINGS)
+    units = list(find([recordings], SETTINGS, recordings))[:6]
+    bad, bad_once = units[1].recording, units[4].recording
+    work = Work(SETTINGS, str(out))
+    deadly = Deadly(Deadly(work, (bad_once,), 1, str(notes)), (bad,), 99, str(notes))
+    answers = dict(engine.each(deadly, iter(units), 1, 1, cluster))
+    assert [unit.recording for unit, written in answers.items() if written is None] == [bad]
+    assert len(answers) == len(units)
+    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * local.TRIES
+    assert len(load(out)) == len(units) - 1
+
+
+def test_a_full_disk_stops_the_run_and_leaves_whole_shards(recordings, expected, cluster, tmp_path):
+    made_ready(tmp_path, SETTINGS)
+    full = FullDisk(Work(SETTINGS, str(tmp_path)), 4)
+    with pytest.raises(OSError, match="No space left"):
+        list(engine.each(full, find([recordings], SETTINGS, recordings), 1, 1, cluster))
+    count = len(left(tmp_path))
+    assert 0 < count < COUNT
+    assert by_ray(recordings, tmp_path, cluster).skipped >= count
+    assert read(tmp_path).equals(expected)
+
+
+DRIVER = """
+import sys
+from batch_recordings import SETTINGS
+from strand.batch import run
+
+run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], engine="ray", address=sys.argv[3])
+"""
+
+
+def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
+    recordings, expected, cluster, tmp_path
+):
+    made_ready(tmp_path, SETTINGS)
+    command = [sys.executable, "-c", DRIVER, str(recordings), str(tmp_path), cluster]
+    driver = subprocess.Popen(command, stderr=subprocess.PIPE)
+    end = time.monotonic() + 60.0
+    while len(names(tmp_path)) < 2:
+        assert time.monotonic() < end
+        time.sleep(0.002)
+    os.kill(driver.pid, signal.SIGKILL)
+    driver.communicate()
+    count = len(left(tmp_path))
+    assert 2 <= count < COUNT
+    done = by_ray(recordings, tmp_path, cluster)
+    assert done.made + done.skipped == COUNT
+    assert done.skipped >= count
+    assert read(tmp_path).equals(expected)
+    assert len(names(Path(tmp_path))) == COUNT
+
+
+def test_ray_is_asked_for_where_it_is_missing(recordings, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ImportError, match=r'ray is needed here: pip install ".\[ray\]"'):
+        run(recordings, tmp_path / "out", engine="ray")
+    assert not (tmp_path / "out").exists()

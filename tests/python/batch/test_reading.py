@@ -1,0 +1,112 @@
+"""Reading batches back: tables, models, the page about them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bag_files import film, write
+from batch_recordings import SETTINGS, scenes
+
+import strand
+from strand.batch import Settings, load, load_models, run, write_summary
+from strand.batch.shards import names
+from strand.batch.summary import summarised
+from strand.batch.table import schema
+from strand.files import FileFormatError
+
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
+KNOWN = {"radius": 0.0042, "bounds": SCENE.bounds}
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory):
+    """A scene, a broken one, and a recording of three frames in two stretches."""
+    folder, out = tmp_path_factory.mktemp("in"), tmp_path_factory.mktemp("out")
+    film_of = tmp_path_factory.mktemp("film") / "film"
+    write(film_of, "mcap", film(SCENE, 3)).rename(folder / "film.mcap")
+    scenes(folder, 1)
+    (folder / "broken.npz").write_bytes(b"nonsense")
+    run(folder, out, Settings(**KNOWN, world="world", stretch=2), root=folder)
+    return folder, out
+
+
+def test_a_table_is_in_order_and_of_the_schema(batch):
+    table = load(batch[1])
+    assert table.schema == schema()
+    places = [(row["recording"], row["frame"]) for row in table.select(["recording", "frame"]).to_pylist()]
+    assert places == [("0/00.npz", 0), ("broken.npz", None), *(("film.mcap", k) for k in range(3))]
+    assert load(batch[1], ["rope", "error"]).schema.names == ["rope", "error"]
+
+
+def test_models_are_those_of_reconstruct(batch):
+    folder, out = batch
+    found = {(name, frame): model for name, frame, model in load_models(out)}
+    assert set(found) == {("0/00.npz", 0), *(("film.mcap", k) for k in range(3))}
+    with strand.Recording(folder / "film.mcap", world="world") as recording:
+        previous = None
+        for frame in recording.read(0, 2):
+            want = previous = strand.reconstruct(frame.views, **KNOWN, previous=previous)
+            got = found["film.mcap", frame.number]
+            for chain, other in zip(got.chains, want.chains, strict=True):
+                np.testing.assert_array_equal(chain.points, other.points)
+                np.testing.assert_array_equal(chain.covariance, other.covariance)
+                assert (chain.radius, chain.closed, chain.confidence) == (
+                    other.radius,
+                    other.closed,
+                    other.confidence,
+                )
+            assert got.confidence == want.confidence
+            about = {(w.kind, w.message) for w in want.warnings}
+            assert {(w.kind, w.message) for w in got.warnings} == about
+
+
+def test_an_empty_folder_is_an_empty_table(tmp_path):
+    assert load(tmp_path).schema == schema()
+    assert list(load_models(tmp_path)) == []
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / "missing")
+
+
+def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
+    run(scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS)
+    with pytest.raises(ValueError, match="columns: expected some of recording, frame"):
+        load(tmp_path / "out", ["length"])
+    (name,) = names(tmp_path / "out")
+    shard = tmp_path / "out" / name
+    for content in (b"", b"PAR1", shard.read_bytes()[:-20], b"\0" * 200):
+        shard.write_bytes(content)
+        for reading in (load, lambda out: list(load_models(out)), summarised):
+            with pytest.raises(FileFormatError, match="truncated, damaged or no shard"):
+                reading(tmp_path / "out")
+
+
+def test_a_summary_counts_what_there_is(batch, tmp_path):
+    _, out = batch
+    found = summarised(out)
+    assert (found.recordings, found.frames, found.answered) == (3, 5, 4)
+    assert len(found.confidence) == len(found.lengths) == 4
+    lengths = sorted(chain.length for _, _, model in load_models(out) for chain in model.chains)
+    np.testing.assert_allclose(sorted(found.lengths), lengths, rtol=1e-3)
+    assert list(found.errors) == ["FileFormatError"]
+    assert found.errors["FileFormatError"][0] == 1
+    assert found.errors["FileFormatError"][1].startswith("broken.npz: FileFormatError: ")
+    spent = load(out, ["seconds"]).column(0).to_pylist()
+    assert found.seconds == pytest.approx(sum(spent))
+    assert found.slowest[0][0] == max(spent)
+    write_summary(out, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "3 recordings, 5 frames, 4 of them answered (80.0%), 4 ropes" in page
+    assert "://" not in page
+    write_summary(tmp_path, tmp_path / "empty.html")
+    assert "0 recordings, 0 frames" in (tmp_path / "empty.html").read_text()
+
+
+def test_what_recordings_are_called_is_text_on_a_page(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "<b>&.npz").write_bytes(b"nonsense")
+    run(folder, tmp_path / "out", SETTINGS, root=folder)
+    write_summary(tmp_path / "out", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "&lt;b&gt;&amp;.npz" in page
+    assert "<b>" not in page

@@ -1,0 +1,163 @@
+"""The pure function from a unit to its rows: the schema, what rows say, errors."""
+
+from __future__ import annotations
+
+import multiprocessing
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from bag_files import START, Messages, film, write
+from batch_recordings import SETTINGS, scenes
+
+import strand
+from strand.batch import Settings, find, load, rows_of, schema
+from strand.batch.shards import Work, Written
+from strand.batch.table import UNLIKE
+from strand.crossings import listed_crossings
+
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
+COLUMNS = (
+    *("recording", "frame", "time", "rope", "nodes", "arc_length", "covariance", "radius", "closed"),
+    *("confidence", "model_confidence", "warnings", "crossings", "version", "configuration", "seconds"),
+    "error",
+)
+
+
+def only(path, settings=SETTINGS):
+    (unit,) = find([path], settings, path.parent)
+    return unit
+
+
+@pytest.fixture(scope="module")
+def knot(tmp_path_factory):
+    """A rope that crosses itself, and one beside it."""
+    path = tmp_path_factory.mktemp("knot") / "knot.npz"
+    chains = strand.synthetic.random_ropes(2, 3, seed=0)
+    strand.synthetic.scene(chains=chains, seed=0, views=4).save(path)
+    return path
+
+
+def test_the_columns_are_these():
+    assert tuple(schema().names) == COLUMNS
+    assert schema().field("nodes").type == pa.list_(pa.list_(pa.float64()))
+    assert UNLIKE == "seconds"
+
+
+def test_rows_hold_the_model_bit_for_bit(knot):
+    settings = Settings()
+    batch = rows_of(only(knot, settings), settings)
+    assert batch.schema == schema()
+    scene = strand.load_scene(knot)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    crossings = listed_crossings(model.chains, (0, 0, 1), model.doubts)
+    assert len(batch) == len(model.chains) > 1
+    assert len(crossings) > 0
+    written = []
+    for k, (row, chain) in enumerate(zip(batch.to_pylist(), model.chains, strict=True)):
+        assert (row["recording"], row["frame"], row["time"], row["rope"]) == ("knot.npz", 0, None, k)
+        np.testing.assert_array_equal(row["nodes"], chain.points)
+        np.testing.assert_array_equal(row["arc_length"], chain.arc_length)
+        np.testing.assert_array_equal(np.reshape(row["covariance"], (-1, 3, 3)), chain.covariance)
+        assert (row["radius"], row["closed"], row["confidence"]) == (
+            chain.radius,
+            chain.closed,
+            chain.confidence,
+        )
+        assert row["model_confidence"] == model.confidence
+        about = [w for w in model.warnings if not w.chains or k in w.chains]
+        assert row["warnings"] == [f"{one.kind}: {one.message}" for one in about]
+        assert (row["version"], row["configuration"]) == (strand.__version__, settings.digest)
+        assert row["seconds"] > 0
+        assert row["error"] is None
+        assert {one["over_rope"] for one in row["crossings"]} <= {k}
+        written += [(one["over_at"], one["under_rope"], one["probability"]) for one in row["crossings"]]
+    assert sorted(written) == sorted((one.over[1], one.under[0], one.probability) for one in crossings)
+
+
+def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
+    empty = Messages().image(np.zeros(SCENE.depth.shape[1:], np.uint16), START + 1)
+    entries = sorted([*film(SCENE, 3), ("/depth", START + 1, empty)], key=lambda entry: entry[1])
+    path = write(tmp_path / "rope", "mcap", entries)
+    rows = rows_of(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
+    assert [row["frame"] for row in rows] == [0, 1, 2, 3]
+    assert [row["error"] is None for row in rows] == [True, False, True, True]
+    assert rows[1]["error"].startswith("NotEnoughDataError: views")
+    assert (rows[1]["rope"], rows[1]["nodes"], rows[1]["warnings"]) == (None, None, [])
+    assert rows[0]["time"] == pytest.approx(START * 1e-9)
+
+
+def test_a_stretch_beyond_the_last_frame_has_no_rows(tmp_path):
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=5)
+    beyond = replace(only(path, settings), start=5)
+    written = Work(settings, str(tmp_path / "out"))
+    (tmp_path / "out").mkdir()
+    assert written(beyond) == Written(0, 0)
+    assert load(tmp_path / "out").schema == schema()
+    assert len(load(tmp_path / "out")) == 0
+
+
+def broken(path):
+    path.write_bytes(b"nonsense")
+
+
+def cut(path):
+    strand.synthetic.scene("arc", views=1, size=(160, 120)).save(path)
+    path.write_bytes(path.read_bytes()[:2000])
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "said"),
+    [
+        ("a.npz", broken, "FileFormatError: "),
+        ("a.npz", cut, "FileFormatError: "),
+        ("a.mcap", broken, "FileFormatError: "),
+        ("a.npz", lambda path: None, "FileNotFoundError: "),
+        ("a.png", broken, "FileFormatError: "),
+    ],
+)
+def test_a_broken_recording_is_a_row_with_its_error(tmp_path, name, spoil, said):
+    path = tmp_path / name
+    path.touch()
+    unit = only(path)
+    path.unlink()
+    spoil(path)
+    (row,) = rows_of(unit, SETTINGS).to_pylist()
+    assert row["error"].startswith(said)
+    assert (row["recording"], row["frame"], row["rope"]) == (name, None, None)
+
+
+def test_a_recording_that_ends_in_damage_has_the_rows_before_it(tmp_path):
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    whole = rows_of(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world"))
+    entries = list(film(SCENE, 3))
+    topic, stamp, image = entries[-1]
+    image.encoding = "rgb8"
+    spoilt = write(tmp_path / "spoilt", "mcap", [*entries[:-1], (topic, stamp, image)])
+    rows = rows_of(only(spoilt), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
+    assert [row["frame"] for row in rows] == [0, 1, 2]
+    assert [row["nodes"] for row in rows[:2]] == whole.column("nodes").to_pylist()[:2]
+    assert rows[2]["error"].startswith("FileFormatError: ")
+
+
+def test_what_is_not_installed_is_no_broken_recording(tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    path.touch()
+
+    def without(*_, **__):
+        raise ImportError('rosbags is needed here: pip install ".[recordings]" installs it')
+
+    monkeypatch.setattr("strand.batch.frames.load_scene", without)
+    with pytest.raises(ImportError, match="rosbags"):
+        rows_of(only(path), SETTINGS)
+
+
+@pytest.mark.parametrize("start", ["fork", "forkserver", "spawn"])
+def test_rows_are_the_same_however_processes_start(tmp_path, start):
+    units = list(find([scenes(tmp_path, 2)], SETTINGS, tmp_path))
+    here = [rows_of(unit, SETTINGS).drop_columns([UNLIKE]) for unit in units]
+    with multiprocessing.get_context(start).Pool(1) as pool:
+        there = pool.starmap(rows_of, [(unit, SETTINGS) for unit in units])
+    assert [one.drop_columns([UNLIKE]) for one in there] == here

@@ -1,0 +1,151 @@
+"""Which recordings are found in folders, what they are called, and what counts as the same input."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_files import film, write
+from PIL import Image
+from scene_files import save_npz, scene_of
+
+import strand
+from strand.batch import Settings, find
+from strand.batch.frames import frames
+
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """One recording of each kind, and what is none."""
+    (tmp_path / "b" / "scene").mkdir(parents=True)
+    scene_of(tmp_path / "b" / "scene", "0.png")
+    (tmp_path / "b" / "depth").mkdir()
+    for k in (0, 1, 2):
+        Image.fromarray(SCENE.depth[k]).save(tmp_path / "b" / "depth" / f"{k}.png")
+    save_npz(tmp_path / "a.npz")
+    (tmp_path / "notes.txt").write_text("no recording")
+    write(tmp_path / "film", "mcap", film(SCENE, 3)).rename(tmp_path / "c.mcap")
+    shutil.rmtree(tmp_path / "film")
+    write(tmp_path / "d", "sqlite3", film(SCENE, 3))
+    return tmp_path
+
+
+def found(folder, settings=None, root=None, leave_out=None, given=None):
+    return list(find(given or [folder], settings or Settings(), root or folder, leave_out))
+
+
+def test_recordings_of_each_kind_are_found_in_order(folder):
+    assert [(unit.recording, unit.kind) for unit in found(folder)] == [
+        ("a.npz", "scene"),
+        ("b/depth", "images"),
+        ("b/scene", "scene"),
+        ("c.mcap", "bag"),
+        ("d", "bag"),
+    ]
+    assert {(unit.start, unit.stop) for unit in found(folder)} == {(0, None)}
+
+
+def test_recordings_come_once_however_they_are_given(folder):
+    given = [folder / "b" / "scene", folder, folder / "a.npz", Path(f"{folder}/b/../a.npz")]
+    assert found(folder, given=given) == found(folder)
+
+
+def test_names_are_below_the_root_or_whole(folder, monkeypatch):
+    monkeypatch.chdir(folder / "b")
+    assert [unit.recording for unit in find([Path("scene")], Settings(), Path("."))] == ["scene"]
+    outside = found(folder, given=[folder / "a.npz"], root=folder / "b")
+    assert [unit.recording for unit in outside] == [str(folder / "a.npz")]
+    strange = Path(os.fsdecode(os.fsencode(folder) + b"/\xff.npz"))
+    (folder / "a.npz").rename(strange)
+    assert found(folder, given=[strange])[0].recording == "\\udcff.npz".replace("\\udcff", "\\xff")
+
+
+def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):
+    before = {unit.recording: unit.digest for unit in found(folder)}
+    (folder / "notes.txt").write_text("changed")
+    assert {unit.recording: unit.digest for unit in found(folder)} == before
+    with open(folder / "b" / "scene" / "0.png", "wb") as file:
+        file.write(b"another")
+    os.utime(folder / "a.npz", ns=(1, 1))
+    after = {unit.recording: unit.digest for unit in found(folder)}
+    assert {name for name in before if before[name] != after[name]} == {"a.npz", "b/scene"}
+
+
+def test_a_copy_elsewhere_is_the_same_input(folder):
+    (before,) = found(folder, given=[folder / "b" / "depth"])
+    (folder / "e").mkdir()
+    (folder / "b").rename(folder / "e" / "b")
+    (after,) = found(folder, given=[folder / "e" / "b" / "depth"], root=folder / "e")
+    assert (after.recording, after.digest) == (before.recording, before.digest)
+
+
+def test_a_folder_can_be_left_out(folder):
+    assert [unit.recording for unit in found(folder, leave_out=folder / "b")] == ["a.npz", "c.mcap", "d"]
+
+
+@pytest.mark.parametrize(
+    ("every", "stretch", "expected"),
+    [(1, 2, [(0, 2), (2, None)]), (1, 3, [(0, None)]), (2, 1, [(0, 2), (2, None)]), (1, 99, [(0, None)])],
+)
+def test_long_recordings_are_worked_on_in_stretches(folder, every, stretch, expected):
+    settings = Settings(every=every, stretch=stretch, intrinsics=SCENE.intrinsics, depth_scale=1e-4)
+    units = [u for u in found(folder, settings) if u.kind != "scene"]
+    for name in ("b/depth", "c.mcap", "d"):
+        own = [unit for unit in units if unit.recording == name]
+        assert [(unit.start, unit.stop) for unit in own] == expected
+        numbers = [seen.number for unit in own for seen in frames(unit, settings)]
+        assert numbers == list(range(3)[::every])
+
+
+def test_frames_of_images_are_views_in_the_order_of_names(folder):
+    settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+    (unit,) = found(folder, settings, given=[folder / "b" / "depth"])
+    for seen, depth in zip(frames(unit, settings), SCENE.depth, strict=True):
+        want = strand.View.from_depth(depth, SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+        np.testing.assert_array_equal(seen.views[0].points, want.points)
+        assert seen.time is None
+
+
+def test_what_holds_no_recording_is_refused_before_the_work(folder):
+    (folder / "empty").mkdir()
+    with pytest.raises(ValueError, match="empty holds none"):
+        next(find([folder / "a.npz", folder / "empty"], Settings(), folder))
+    with pytest.raises(FileNotFoundError):
+        next(find([folder / "missing"], Settings(), folder))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error"),
+    [
+        ({"every": 0}, ValueError),
+        ({"stretch": 0}, ValueError),
+        ({"radius": -1.0}, ValueError),
+        ({"ropes": 1.5}, TypeError),
+        ({"config": "fast"}, TypeError),
+        ({"topics": "/depth"}, TypeError),
+        ({"intrinsics": np.eye(2)}, ValueError),
+        ({"bounds": (0, 1)}, ValueError),
+    ],
+)
+def test_settings_are_checked(wrong, error):
+    with pytest.raises(error, match=next(iter(wrong))):
+        Settings(**wrong)
+
+
+def test_the_digest_of_settings_is_that_of_all_numbers():
+    same = Settings(radius=0.004, bounds=([0, 0, -np.inf], [1.0, 1, 1]), config=strand.Config())
+    assert same.digest == Settings(radius=0.004, bounds=([0, 0, -np.inf], [1.0, 1, 1])).digest
+    others = [
+        Settings(),
+        Settings(radius=0.0041, bounds=same.bounds),
+        Settings(radius=0.004),
+        Settings(radius=0.004, bounds=same.bounds, config=strand.Config.published()),
+        Settings(radius=0.004, bounds=same.bounds, every=2),
+    ]
+    assert len({same.digest, *(one.digest for one in others)}) == 6
+    assert len(same.digest) == 16

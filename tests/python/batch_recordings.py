@@ -1,0 +1,78 @@
+"""Small recordings for batches, and work that ends in other ways than strand's; processes import it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+import strand
+from strand.batch import Settings, Unit, load
+from strand.batch.shards import Work, Written, names
+from strand.synthetic import SHAPES
+
+SETTINGS = Settings(ropes=1)
+
+
+def scenes(folder: Path, count: int) -> Path:
+    """A folder of scenes of one view."""
+    for seed in range(count):
+        name = SHAPES[seed % 6]
+        made = strand.synthetic.scene(name, views=1, size=(160, 120), seed=seed, flying=0.0)
+        (folder / f"{seed % 3}").mkdir(parents=True, exist_ok=True)
+        made.save(folder / f"{seed % 3}" / f"{seed:02}.npz")
+    return folder
+
+
+def read(out: Path) -> pa.Table:
+    """The table without what two runs differ in."""
+    return load(out).drop_columns(["seconds"])
+
+
+def left(out: Path) -> list[str]:
+    """Shards, each of which is whole; files that are half written have other names."""
+    found = names(out)
+    assert len(load(out)) >= len(found)
+    return found
+
+
+@dataclass(frozen=True)
+class Deadly:
+    """Work that ends its process at some recordings: at each of them so many times."""
+
+    work: Work
+    recordings: tuple[str, ...]
+    times: int
+    notes: str
+
+    def __call__(self, unit: Unit) -> Written:
+        if unit.recording in self.recordings:
+            note = Path(self.notes, unit.recording.replace("/", "-"))
+            deaths = len(note.read_bytes()) if note.exists() else 0
+            if deaths < self.times:
+                note.write_bytes(b"x" * (deaths + 1))
+                os.kill(os.getpid(), signal.SIGKILL)
+        return self.work(unit)
+
+
+@dataclass(frozen=True)
+class FullDisk:
+    """Work on a disk that holds so many shards."""
+
+    work: Work
+    most: int
+
+    def __call__(self, unit: Unit) -> Written:
+        if len(names(Path(self.work.out))) >= self.most:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), self.work.out)
+        return self.work(unit)
+
+
+def never(unit: Unit) -> Written:
+    """Work that is interrupted as by Ctrl-C in the driver's terminal, and is not meant to hear of it."""
+    os.kill(os.getpid(), signal.SIGINT)
+    return Written(1, 0)

@@ -1,0 +1,77 @@
+"""`strand batch`: what it prints, its exit codes, and what its options mean."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from batch_recordings import scenes
+
+from strand.batch import Settings, load
+from strand.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scenes(tmp_path / "in", 3)
+    (tmp_path / "in" / "broken.npz").write_bytes(b"nonsense")
+    return tmp_path
+
+
+def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
+    assert main(["batch", "in", "-o", "out", "--ropes", "1", "--summary", "page.html"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        "made     4 units, 4 rows, 1 of them errors",
+        "skipped  0 units that were there",
+        "out",
+        "page.html",
+    ]
+    assert err == ""
+    assert [row["recording"] for row in load("out", ["recording"]).to_pylist()] == [
+        *(f"in/{k}/0{k}.npz" for k in range(3)),
+        "in/broken.npz",
+    ]
+    assert "4 recordings" in (folder / "page.html").read_text()
+    assert main(["batch", "in", "-o", "out", "--ropes", "1"]) == 0
+    assert capsys.readouterr().out.startswith("made     0 units, 0 rows, 0 of them errors\nskipped  4 units")
+
+
+def test_options_are_settings(folder):
+    words = "--radius 4.2mm --bounds -1 -1 -1 1 1 1 --every 2 --stretch 7 --depth-scale 0.001 --topic /a /b"
+    more = "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 2"
+    assert main(["batch", "in", "-o", "out", *words.split(), *more.split()]) == 0
+    settings = Settings(
+        radius=0.0042,
+        bounds=(-np.ones(3), np.ones(3)),
+        every=2,
+        stretch=7,
+        depth_scale=0.001,
+        topics=["/a", "/b"],
+        intrinsics=[[100.0, 0, 50], [0, 100.0, 50], [0, 0, 1]],
+        world="map",
+        tolerance=0.5,
+        length=0.4,
+    )
+    written = folder / "out" / f"_configuration-{settings.digest}.json"
+    assert json.loads(written.read_text())["radius"] == 0.0042
+    assert set(load("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["missing", "-o", "out"], 3),
+        (["in", "-o", "in/broken.npz"], 3),
+        (["in", "-o", "out", "--summary", "nowhere/page.html"], 3),
+        (["in", "-o", "out", "--workers", "1000"], 2),
+        (["in", "-o", "out", "--address", "127.0.0.1:1"], 2),
+        (["in", "-o", "out", "--radius", "-4mm"], 2),
+    ],
+)
+def test_what_cannot_be_done_is_said_by_the_exit_code(folder, capsys, words, code):
+    assert main(["batch", *words]) == code
+    assert capsys.readouterr().err.startswith("strand: error: ")
+    assert not (folder / "out").exists()
