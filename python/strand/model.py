@@ -554,8 +554,8 @@ class Model:
         Of all moves that are possible the one with the least effort for each crossing that it undoes comes
         first: the length of the way, twice for an end that is pulled out, three times for a strand that is
         lifted over an end, and eight times the length of an end that there is no room to lay out straight.
-        This takes apart unknots, slip loops and loose knots; nothing is said of how much a tight knot
-        resists.
+        This takes apart open ropes that are loose: unknots, slip loops and knots. Rings have no ends, so only
+        loops are lifted off them. Nothing is said of how much a tight knot resists.
 
         Parameters
         ----------

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
 # shares of its length
 _BEYOND = 2.0
+_FLATTEST = 0.25  # sine of the angle at a crossing
 _WAYS = 36
 _SHARES = (1.0, 0.75, 0.5, 0.25)
 # how many times a way counts on which an end that is pulled out drags its rope, and on which a strand that is
@@ -52,6 +53,9 @@ class Pull:
         Unit vector across the direction of view: the way that the place is moved.
     distance : float
         How far, metres.
+    slack : float
+        Length of an end that there is no room to lay out straight, metres: it may stay at the crossing, and
+        then another pull is needed.
     """
 
     undoes: tuple[Crossing, ...]
@@ -62,6 +66,7 @@ class Pull:
     place: Array
     direction: Array
     distance: float
+    slack: float = 0.0
 
     def __str__(self) -> str:
         how = "lift" if self.lift else "pull out"
@@ -135,26 +140,31 @@ def _loops(
 ) -> list[_Way]:
     """Return moves of stretches that lie on another one, with nothing between (Reidemeister's second)."""
     found = []
-    beside = set()
+    beneath: dict[frozenset[int], list[tuple[int, float, float]]] = {}
+    above = []
     for row, chain in zip(passes, chains, strict=True):
         pairs = list(pairwise(row))
-        if chain.closed and len(row) > 2:
+        if chain.closed and len(row) > 1:
             pairs.append((row[-1], row[0]))
-        beside |= {frozenset((a.crossing, b.crossing)) for a, b in pairs if not a.over and not b.over}
         for a, b in pairs:
-            if not (a.over and b.over and a.crossing != b.crossing):
+            if a.over != b.over or a.crossing == b.crossing:
                 continue
             length = (b.s - a.s) % chain.length if chain.closed else b.s - a.s
-            s = (a.s + 0.5 * length) % chain.length if chain.closed else a.s + 0.5 * length
-            both = crossings[a.crossing], crossings[b.crossing]
-            place = chain.at(s)
-            away = 0.5 * (both[0].place + both[1].place) - place
-            away -= (away @ towards) * towards
-            reach = float(np.linalg.norm(away))
-            if reach < chain.radius:
-                # it lies along the other: off to a side
-                away = np.cross(towards, chain.tangent_at(s))
-            beyond = _BEYOND * sum(chains[at[0]].radius for at in (both[0].over, both[0].under))
+            if a.over:
+                above.append((a, b, length))
+            else:
+                beneath.setdefault(frozenset((a.crossing, b.crossing)), []).append((a.chain, a.s, length))
+    for a, b, length in above:
+        both = crossings[a.crossing], crossings[b.crossing]
+        chain = chains[a.chain]
+        s = a.s + 0.5 * length
+        s = s % chain.length if chain.closed else s
+        place = chain.at(s)
+        beyond = _BEYOND * sum(chains[at[0]].radius for at in (both[0].over, both[0].under))
+        for lower in beneath.get(frozenset((a.crossing, b.crossing)), ()):
+            way = _across(chains, lower, both, (a.chain, a.s, length), towards)
+            # from the place that is held to beyond all of the lower stretch
+            distance = float(((_stretch(chains, *lower) - place) @ way).max()) + beyond
             pull = Pull(
                 undoes=both,
                 move="loop",
@@ -162,11 +172,37 @@ def _loops(
                 chain=a.chain,
                 s=s,
                 place=place,
-                direction=away / np.linalg.norm(away),
-                distance=reach + beyond,
+                direction=way,
+                distance=distance,
             )
-            found.append((frozenset((a.crossing, b.crossing)), _Way(pull, pull.distance)))
-    return [way for numbers, way in found if numbers in beside]
+            found.append(_Way(pull, distance))
+    return found
+
+
+def _stretch(chains: Sequence[Chain], which: int, start: float, length: float) -> Array:
+    """(N, 3) Places along a stretch of a chain."""
+    chain = chains[which]
+    s = start + np.linspace(0.0, length, 50)
+    return np.asarray(chain.at(s % chain.length if chain.closed else s))
+
+
+def _across(
+    chains: Sequence[Chain],
+    lower: tuple[int, float, float],
+    both: tuple[Crossing, Crossing],
+    upper: tuple[int, float, float],
+    towards: Array,
+) -> Array:
+    """(3,) Unit vector in the plan, from the upper of two stretches that cross twice to the lower one."""
+    chord = both[1].place - both[0].place
+    across = np.cross(towards, chord)
+    apart = _stretch(chains, *lower).mean(axis=0) - _stretch(chains, *upper).mean(axis=0)
+    apart -= (apart @ towards) * towards
+    length = float(np.linalg.norm(across))
+    if length < min(chains[lower[0]].radius, chains[upper[0]].radius):
+        # crossings at one place: between the stretches' middles
+        across, length = apart, float(np.linalg.norm(apart))
+    return np.asarray(across / length * (1.0 if across @ apart >= 0.0 else -1.0))
 
 
 def _ends(
@@ -179,7 +215,9 @@ def _ends(
             continue
         for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
             one = crossings[first.crossing]
+            # clear of the other strand, also where they cross at a flat angle
             beyond = _BEYOND * sum(chains[at[0]].radius for at in (one.over, one.under))
+            beyond /= max(np.sin(one.angle), _FLATTEST)
             turn = float(np.clip(first.s + inwards * beyond, 0.0, chain.length))
             tail = abs(first.s - end) + beyond
             way = _free_way(chains, i, turn, end, tail, inwards, towards)
@@ -188,6 +226,7 @@ def _ends(
             move = root + way - place if first.over else way
             move -= (move @ towards) * towards
             distance = float(np.linalg.norm(move))
+            slack = max(tail - float(np.linalg.norm(way)), 0.0)
             pull = Pull(
                 undoes=(one,),
                 move="end",
@@ -197,11 +236,11 @@ def _ends(
                 place=place,
                 direction=move / distance,
                 distance=distance,
+                slack=slack,
             )
             if not first.over:
                 off = _off_end(chains, one, i, end, tail, towards)
                 found += [] if off is None else [off]
-            slack = tail - float(np.linalg.norm(way))
             found.append(_Way(pull, distance * (1.0 if pull.lift else _DRAGGED) + _SLACK * slack))
     return found
 

@@ -114,3 +114,61 @@ def test_what_lies_free_needs_no_pull_and_linked_rings_are_left():
     assert (plan.pulls, len(plan.left)) == ((), 2)
     with pytest.raises(ValueError, match="direction"):
         model(one).pull_plan((0, 0, 0))
+
+
+def carried(chains, pull):
+    """The ropes after the move of a loop: it goes straight from where it was left to the goal, and back."""
+    chain = chains[pull.chain]
+    passes = [s for one in pull.undoes for i, s in (one.over, one.under) if i == pull.chain]
+    goal = pull.place + pull.distance * pull.direction + 10 * R * UP
+    before = chain.arc_length < min(passes) - 4 * R
+    after = chain.arc_length > max(passes) + 4 * R
+    nodes = np.vstack([chain.points[before], goal, chain.points[after]])
+    return [Chain(nodes, R) if i == pull.chain else one for i, one in enumerate(chains)]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("depth", [-0.08, -0.04, -0.02, 0.02, 0.04, 0.08])
+def test_a_straight_loop_is_lifted_over_all_that_bulges_beneath_it(depth, turned):
+    x = np.linspace(-0.25, 0.25, 601)
+    lower = Chain(np.stack([x, depth * (1 - (x / 0.05) ** 2), 0 * x], axis=1), R)
+    upper = np.stack([x, 0 * x, 0 * x + 2 * R], axis=1)
+    chains = [lower, Chain(upper[::-1] if turned else upper, R)]
+    (pull,) = model(*chains).pull_plan().pulls
+    assert (pull.move, len(pull.undoes)) == ("loop", 2)
+    np.testing.assert_allclose(pull.direction, [0, np.sign(depth), 0], atol=1e-6)
+    assert pull.distance == pytest.approx(abs(depth) + 4 * R, abs=1e-3)
+    assert model(*carried(chains, pull)).crossings() == ()
+
+
+@pytest.mark.parametrize("past", [0.5, 0.9, 3.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_loop_goes_back_to_its_own_ends(past, turned):
+    x = np.linspace(-0.2, 0.2, 401)
+    lower = Chain(np.stack([x, 0 * x, 0 * x], axis=1), R)
+    bight = np.stack([0.3 * x, past * R - 20 * x**2, 0 * x + 2 * R], axis=1)
+    chains = [lower, Chain(bight[::-1] if turned else bight, R)]
+    (pull,) = model(*chains).pull_plan().pulls
+    np.testing.assert_allclose(pull.direction, [0, -1, 0], atol=1e-3)
+    assert model(*carried(chains, pull)).crossings() == ()
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, 2.5, 4.0])
+def test_rings_come_apart_the_short_way_wherever_they_begin(start):
+    t = start + np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    ring = np.stack([0.1 * np.cos(t), 0.1 * np.sin(t), 0 * t], axis=1)
+    moved = ring + np.array([0.18, 0.0, 2 * R])
+    rings = [Chain(ring, R, closed=True), Chain(moved, R, closed=True)]
+    (pull,) = model(*rings).pull_plan().pulls
+    np.testing.assert_allclose(pull.direction, [1, 0, 0], atol=0.05)
+    assert pull.distance == pytest.approx(0.02 + 4 * R, abs=2e-3)
+
+
+def test_what_a_short_pull_leaves_is_said():
+    s = np.linspace(-0.1, 0.1, 101)
+    line = Chain(np.stack([s, 0 * s, 0 * s + 2 * R], axis=1), R)
+    (free,) = model(line, Chain([[0.0, -0.2, 0.0], [0.0, 0.06, 0.0]], R)).pull_plan().pulls
+    assert free.slack == pytest.approx(0.0, abs=1e-9)
+    # an end within a spiral has no room
+    (hemmed,) = model(Chain(random_ropes(1, 1, R, 0)[0], R)).pull_plan().pulls
+    assert hemmed.slack > 0.05
