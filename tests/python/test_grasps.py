@@ -63,6 +63,25 @@ def test_what_lies_between_the_jaws_is_one_stretch_of_rope():
         assert np.abs(s[held] - grasp.s).max() < 4 * R
 
 
+@pytest.mark.parametrize("bend", [3.0, 4.0])
+def test_jaws_do_not_close_on_both_legs_of_a_bend(bend):
+    leg, turn = np.linspace(0.0, 0.15, 150)[:-1], np.linspace(-0.5 * np.pi, 0.5 * np.pi, 60)
+    x = np.concatenate([leg, 0.15 + bend * R * np.cos(turn), leg[::-1]])
+    y = bend * R * np.concatenate([0 * leg - 1.0, np.sin(turn), 0 * leg + 1.0])
+    chain = Chain(np.stack([x, y, 0 * x + R], axis=1), R)
+    gripper = Gripper(opening=0.085, width=0.022, thickness=0.01, depth=0.04)
+    found = model(chain).grasps(gripper, TABLE)
+    assert found.refused
+    assert len(found) > 20
+    s = np.linspace(0, chain.length, 2000)
+    for grasp in found:
+        x, y, z = ((chain.at(s) - grasp.pose[:3, 3]) @ grasp.pose[:3, :3]).T
+        held = (np.abs(x) < 0.5 * gripper.width) & (np.abs(y) < 0.5 * grasp.width) & (z < grasp.tip + R)
+        # it passes the jaws once, and does not turn back between them
+        assert np.diff(np.flatnonzero(held)).max() == 1
+        assert np.diff(x[held]).min() > -1e-6
+
+
 def test_a_rope_alone_on_a_table_is_held_from_above_everywhere():
     found = model(LINE).grasps(GRIPPER, TABLE)
     assert not found.refused
