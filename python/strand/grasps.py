@@ -259,7 +259,7 @@ def _at(
         return "unsure"
     widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPEN]
     near, mine, held = _near(place, x, gripper, steps, which, s, chain)
-    free, on_top = _free(chain, s, passes)
+    free, shortest, on_top = _free(chain, s, passes)
     best: Grasp | None = None
     worst = "table"
     for turn in _TURNS:
@@ -280,7 +280,6 @@ def _at(
             if fault:
                 worst = fault if turn == 0.0 else worst
                 continue
-            shortest = min(abs(s - at) for at, _ in passes) if passes else inf
             parts = (
                 1.0 if np.isinf(clearance) else clearance / (clearance + 0.5 * gripper.opening),
                 1.0 if np.isinf(shortest) else shortest / (shortest + gripper.opening),
@@ -372,10 +371,15 @@ def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gr
     return float(normal @ place - offset + tip * ahead - side)
 
 
-def _free(chain: Chain, s: float, passes: Sequence[tuple[float, bool]]) -> tuple[tuple[float, float], bool]:
-    """Return the lengths up to the next crossings before and after, and who is on top at the nearer one."""
+def _free(
+    chain: Chain, s: float, passes: Sequence[tuple[float, bool]]
+) -> tuple[tuple[float, float], float, bool]:
+    """Return the lengths up to the next crossings before and after, the shorter one, and who is on top there.
+
+    Without a crossing before or after, the length is up to the end; without any the shorter one is infinite.
+    """
     if not passes:
-        return (s, chain.length - s), True
+        return (s, chain.length - s), inf, True
     at, upper = np.array([place for place, _ in passes]), np.array([top for _, top in passes])
     ahead, behind = at - s, s - at
     if chain.closed:
@@ -383,4 +387,4 @@ def _free(chain: Chain, s: float, passes: Sequence[tuple[float, bool]]) -> tuple
     before = float(behind[behind >= 0].min(initial=s if not chain.closed else inf))
     after = float(ahead[ahead >= 0].min(initial=chain.length - s if not chain.closed else inf))
     away = np.minimum(np.where(ahead >= 0, ahead, inf), np.where(behind >= 0, behind, inf))
-    return (before, after), bool(upper[away.argmin()])
+    return (before, after), float(away.min()), bool(upper[away.argmin()])

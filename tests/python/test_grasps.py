@@ -140,6 +140,22 @@ def test_rings_are_held_over_their_seam():
     assert min(grasp.clearance for grasp in found) > 0.05
 
 
+@pytest.mark.parametrize("turn", [0.15, 3.0])
+def test_where_a_ring_starts_has_no_say_in_the_score(turn):
+    angle = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False) + turn
+    ring = Chain(np.stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0 * angle + 3 * R], axis=1), R, True)
+    found = model(ring, Chain([[0.0, 0, R], [0.3, 0, R]], R)).grasps(GRIPPER, TABLE)
+    above = [grasp for grasp in found if grasp.chain == 0]
+    assert len(above) > 80
+    for grasp in above:
+        near = min(grasp.free)
+        bound = (3.0 + near / (near + GRIPPER.opening)) / 4.0
+        assert grasp.score <= bound + 1e-12
+    # the ring is the same on both sides of the line that it crosses
+    sides = [[grasp.score for grasp in above if side * grasp.pose[1, 3] > 0] for side in (1, -1)]
+    assert max(sides[0]) == pytest.approx(max(sides[1]), abs=0.01)
+
+
 def test_grippers_and_tables_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="opening: expected"):
         dataclasses.replace(GRIPPER, opening=0.0)
