@@ -41,7 +41,7 @@ REASONS = {
     "between": "another strand, or the other leg of a bend, lies between the jaws",
     "fingers": "another strand is in the way of a finger or of the palm",
     "bend": "the rope bends too closely for the fingers",
-    "table": "the table is in the way of the fingers",
+    "table": "the table is in the way of a finger or of the palm",
 }
 
 
@@ -65,7 +65,7 @@ class Grasp:
     clearance : float
         From fingers and palm to the nearest other strand, metres; infinite without one.
     table_clearance : float
-        From fingers to the table, metres; NaN if no table was given.
+        From fingers and palm to the table, metres; NaN if no table was given.
     free : (float, float)
         Length of rope before and after the place up to the next crossing, metres; up to the end, if none is
         before that.
@@ -364,11 +364,17 @@ def _norm(x: Array, y: Array, z: Array) -> Array:
 
 
 def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper) -> float:
-    """How far the lowest corner of the fingers is above the table, metres."""
+    """How far the lowest corner of fingers and palm is above the table, metres."""
     normal, offset = table
-    along, across, ahead = np.abs(normal @ axes[:, :1])[0], abs(normal @ axes[:, 1]), normal @ axes[:, 2]
-    side = 0.5 * gripper.width * along + (0.5 * width + gripper.thickness) * across
-    return float(normal @ place - offset + tip * ahead - side)
+    along, across, ahead = abs(normal @ axes[:, 0]), abs(normal @ axes[:, 1]), normal @ axes[:, 2]
+    lowest = []
+    # half the extent from jaw to jaw, and where the box starts and ends along the approach
+    for wide, far, near in (
+        (0.5 * width + gripper.thickness, tip, tip - gripper.depth),
+        (0.5 * gripper.opening + gripper.thickness, tip - gripper.depth, tip - 2.0 * gripper.depth),
+    ):
+        lowest.append(min(far * ahead, near * ahead) - 0.5 * gripper.width * along - wide * across)
+    return float(normal @ place - offset + min(lowest))
 
 
 def _free(

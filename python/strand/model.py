@@ -516,8 +516,8 @@ class Model:
         Places are half a finger's width apart. At each the gripper comes down across the rope, with the
         approach turned about the rope by 0, 15 and 30 degrees to both sides, the jaws opened by different
         amounts and tips at different depths. Between the jaws may be no other strand, and no second leg of a
-        bend; fingers and palm, a box as deep as the fingers, keep the gripper's clearance from all strands,
-        and the fingers from the table.
+        bend; fingers and palm, a box as deep as the fingers, keep the gripper's clearance from all strands
+        and from the table.
         The best grasp at each place has the greatest score, the mean of four parts: clearance c as c / (c +
         half the opening); length f to the nearest crossing as f / (f + opening); 1 if the rope is on top
         there; and the fourth power of the cosine of the turn.

@@ -140,6 +140,20 @@ def test_rings_are_held_over_their_seam():
     assert min(grasp.clearance for grasp in found) > 0.05
 
 
+def test_the_palm_keeps_off_the_table_too():
+    gripper = Gripper(opening=0.03, width=0.01, thickness=0.003, depth=0.04)
+    # from the side the palm reaches 18 mm down: at 12 mm it has to come from higher up
+    for height, from_above in ((0.012, True), (0.03, False)):
+        line = Chain(LINE.points + np.array([0, 0, height - R]), R)
+        found = model(line).grasps(gripper, TABLE, (0, 1, 0))
+        assert len(found) > 10
+        for grasp in found:
+            lowest = min(part[:, 2].min() for part in boxes(grasp, gripper))
+            assert lowest >= gripper.clearance - 1e-9
+            assert grasp.table_clearance == pytest.approx(lowest)
+            assert (grasp.approach[2] < -0.1) == from_above
+
+
 @pytest.mark.parametrize("turn", [0.15, 3.0])
 def test_where_a_ring_starts_has_no_say_in_the_score(turn):
     angle = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False) + turn
