@@ -449,9 +449,11 @@ class Model:
     def contacts(self, distance: float, direction: ArrayLike = (0, 0, 1)) -> tuple[Contact, ...]:
         """Find where strands lie near each other and do not cross.
 
-        Each stretch along which two strands are near is one contact. Where they cross, what is nearer to each
-        other because of that belongs to the crossing. Legs of a bend are strands of their own where the rope
-        between them is longer than a half circle from one to the other.
+        Each stretch along which two strands are near is one contact. A crossing reaches as far as the strands
+        come apart by a third, or more, of what straight ones of its angle do; where they stay nearer than
+        that, they lie side by side. What a smaller distance finds between two chains, a larger one finds
+        too. Legs of a bend are strands of their own where the rope between them is longer than a half circle
+        from one to the other, drawn as far apart as `distance` lets their axes be.
 
         Parameters
         ----------
