@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 
 # strands are compared in steps of so many radii, and of not more than so many in all
 _STEP, _MOST_STEPS = 0.5, 1_000_000
-# a crossing reaches as far as straight strands of its angle are near each other, its sine at least this
-_FLATTEST = 0.1
-# a step of one strand, of the other, or of both
-_BESIDE = [offset for offset in product((-1, 0, 1), repeat=2) if offset != (0, 0)]
+# a crossing reaches as far as strands come apart by so much of what straight ones of its angle do, the sine
+# of the angle at least this; a circle's arc comes apart by half of that until it is parallel
+_LEAVES, _FLATTEST = 1.0 / 3.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,17 +92,11 @@ def find_contacts(chains: Sequence[Chain], distance: float, direction: ArrayLike
         return ()
     steps = _steps(chains)
     pairs, places, away = _near(chains, steps, most)
-    crossed = _of_crossings(chains, steps, pairs, places, find_crossings(chains, towards, ()), most)
+    crossed = _of_crossings(chains, steps, pairs, places, away, find_crossings(chains, towards, ()), most)
     keys = pairs[:, 0] * len(steps.chain) + pairs[:, 1]
     found = []
     for group in _together(steps, pairs, keys, ~crossed):
-        best = group[away[group].argmin()]
-        # on the flank of a crossing strands are nearest to each other where it begins
-        if crossed[_beside(steps, pairs[best], keys)].any():
-            continue
-        found.append(
-            _contact(chains, steps, pairs[group], places[group], int(np.flatnonzero(group == best)[0]))
-        )
+        found.append(_contact(chains, steps, pairs[group], places[group], int(away[group].argmin())))
     return tuple(sorted(found, key=lambda contact: (contact.first, contact.second)))
 
 
@@ -185,43 +178,39 @@ def _of_crossings(
     steps: _Steps,
     pairs: NDArray[np.intp],
     places: Array,
+    away: Array,
     crossings: Sequence[Crossing],
     distance: float,
 ) -> NDArray[np.bool_]:
-    """(P,) Which pairs are near each other because the strands cross."""
+    """(P,) Which pairs are near each other because the strands cross.
+
+    That is told for each pair alone: `distance` only bounds where to look for them.
+    """
     crossed = np.zeros(len(pairs), dtype=bool)
     first = np.searchsorted(steps.chain, np.arange(len(chains)))
     count = np.searchsorted(steps.chain, np.arange(len(chains)), side="right") - first
     for one in crossings:
         (i, s), (k, t) = sorted((one.over, one.under))
-        limit = chains[i].radius + chains[k].radius + distance
-        reach = limit / max(np.sin(one.angle), _FLATTEST)
-        for turn in (-1, 0, 1) if chains[i].closed else (0,):
+        sine, radii = max(np.sin(one.angle), _FLATTEST), chains[i].radius + chains[k].radius
+        reach = (radii + distance) / (_LEAVES * sine)
+        turns = (-1, 0, 1) if chains[i].closed else (0,)
+        # past the seam of a ring the later place of its crossing with itself comes first
+        orders = [(s, t), (t, s)] if i == k and chains[i].closed else [(s, t)]
+        for order, turn in product(orders, turns):
             # pairs are sorted by their first step
-            around = np.array([s - reach, s + reach]) + turn * chains[i].length
+            around = np.array([order[0] - reach, order[0] + reach]) + turn * chains[i].length
             numbers = first[i] + np.clip(around / chains[i].length * count[i], -1, count[i] + 1)
             low, high = np.searchsorted(pairs[:, 0], [np.floor(numbers[0]), np.ceil(numbers[1]) + 1])
             some = slice(low, high)
-            off = np.abs(places[some] - [s, t])
+            off = np.abs(places[some] - order)
             for side, chain in ((0, chains[i]), (1, chains[k])):
                 if chain.closed:
                     off[:, side] = np.minimum(off[:, side], chain.length - off[:, side])
             mine = (steps.chain[pairs[some]] == [i, k]).all(axis=1)
-            crossed[some] |= mine & (off <= reach).all(axis=1)
+            # straight strands are so far apart there, and tubes that cut into each other are no contact
+            straight = off.max(axis=1) * sine
+            crossed[some] |= mine & (straight <= np.maximum(radii, (away[some] + radii) / _LEAVES))
     return crossed
-
-
-def _beside(steps: _Steps, pair: NDArray[np.intp], keys: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return which pairs are a step from one, along either strand."""
-    ways = np.stack([steps.before[pair], pair, steps.after[pair]])
-    wanted = [
-        sorted((int(ways[one + 1, 0]), int(ways[other + 1, 1])))
-        for one, other in _BESIDE
-        if ways[one + 1, 0] >= 0 and ways[other + 1, 1] >= 0
-    ]
-    numbers = np.array([i * len(steps.chain) + j for i, j in wanted], dtype=np.intp)
-    at = np.minimum(np.searchsorted(keys, numbers), len(keys) - 1)
-    return np.asarray(at[keys[at] == numbers])
 
 
 def _together(

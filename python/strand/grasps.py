@@ -28,6 +28,8 @@ _OPEN = (1.0, 0.5, 0.2, 0.0)
 _BELOW = (1.0, 0.3)
 # ropes are looked at in steps of so many radii, and not more of them
 _STEP, _MOST_STEPS = 0.5, 200_000
+# a rope that runs back by so much is another leg of it, in radii
+_BACK = 0.5
 # a rope that runs within so much of the direction of approach cannot be held across it, radians
 _STEEP = np.radians(45.0)
 
@@ -36,10 +38,10 @@ REASONS = {
     "unseen": "no point supports the rope here",
     "steep": "the rope runs along the approach",
     "unsure": "the rope's place is not known well enough for the jaws",
-    "between": "another strand lies between the jaws",
+    "between": "another strand, or the other leg of a bend, lies between the jaws",
     "fingers": "another strand is in the way of a finger or of the palm",
     "bend": "the rope bends too closely for the fingers",
-    "table": "the table is in the way of the fingers",
+    "table": "the table is in the way of a finger or of the palm",
 }
 
 
@@ -63,7 +65,7 @@ class Grasp:
     clearance : float
         From fingers and palm to the nearest other strand, metres; infinite without one.
     table_clearance : float
-        From fingers to the table, metres; NaN if no table was given.
+        From fingers and palm to the table, metres; NaN if no table was given.
     free : (float, float)
         Length of rope before and after the place up to the next crossing, metres; up to the end, if none is
         before that.
@@ -256,8 +258,8 @@ def _at(
     if least + 2.0 * spread > gripper.opening:
         return "unsure"
     widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPEN]
-    near, mine = _near(place, gripper, steps, which, s, chain)
-    free, on_top = _free(chain, s, passes)
+    near, mine, held = _near(place, x, gripper, steps, which, s, chain)
+    free, shortest, on_top = _free(chain, s, passes)
     best: Grasp | None = None
     worst = "table"
     for turn in _TURNS:
@@ -274,11 +276,10 @@ def _at(
                 gap = max(gap, gripper.clearance)
             if tip < 0.0:
                 continue
-            fault, clearance = _fault(local, steps.radius[near], mine, tip, width, gripper)
+            fault, clearance = _fault(local, steps.radius[near], mine, held, tip, width, gripper)
             if fault:
                 worst = fault if turn == 0.0 else worst
                 continue
-            shortest = min(abs(s - at) for at, _ in passes) if passes else inf
             parts = (
                 1.0 if np.isinf(clearance) else clearance / (clearance + 0.5 * gripper.opening),
                 1.0 if np.isinf(shortest) else shortest / (shortest + gripper.opening),
@@ -294,29 +295,44 @@ def _at(
 
 
 def _near(
-    place: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Chain
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return the steps that the gripper may touch, and which of these are the stretch that it holds."""
+    place: Array, x: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Chain
+) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the steps that the gripper may touch, which are the stretch held, and which pass the jaws once.
+
+    `x` is the rope's direction at the place.
+    """
     reach = gripper.opening + 2.0 * gripper.thickness + gripper.width + 2.0 * gripper.depth
     away = np.linalg.norm(steps.places - place, axis=1)
     near = np.flatnonzero(away < reach + 2.0 * steps.radius.max())
     own = np.flatnonzero(steps.chain == which)
     middle = int(np.abs(steps.s[own] - s).argmin())
-    held = np.zeros(len(away), dtype=bool)
+    mine, held = np.zeros(len(away), dtype=bool), np.zeros(len(away), dtype=bool)
     half = len(own) // 2 if chain.closed else len(own)
     for way in (1, -1):
         path = np.roll(own, -middle)[:half] if chain.closed else own[middle:]
         if way < 0:
             path = np.roll(own[::-1], middle + 1)[:half] if chain.closed else own[middle::-1]
-        # up to where the rope comes back
-        far = np.maximum.accumulate(away[path])
-        back = np.flatnonzero(far - away[path] > chain.radius)
-        held[path[: back[0] if len(back) else None]] = True
-    return near, held[near]
+        path = path[: _outward(away[path], chain.radius)]
+        mine[path] = True
+        # the other leg of a bend is a second strand for the jaws before it comes back to the place
+        held[path[: _outward(way * ((steps.places[path] - place) @ x), _BACK * chain.radius)]] = True
+    return near, mine[near], held[near]
+
+
+def _outward(far: Array, least: float) -> int | None:
+    """Return how many steps there are up to where the rope comes back by so much; None if it does not."""
+    back = np.flatnonzero(np.maximum.accumulate(far) - far > least)
+    return int(back[0]) if len(back) else None
 
 
 def _fault(
-    local: Array, radius: Array, mine: NDArray[np.bool_], tip: float, width: float, gripper: Gripper
+    local: Array,
+    radius: Array,
+    mine: NDArray[np.bool_],
+    held: NDArray[np.bool_],
+    tip: float,
+    width: float,
+    gripper: Gripper,
 ) -> tuple[str, float]:
     """Return what is in the way, or nothing, and the clearance to other strands.
 
@@ -332,10 +348,9 @@ def _fault(
     fingers = _norm(along, np.maximum(np.maximum(inner - across, across - outer), 0.0), deep) - radius
     between = _norm(along, np.maximum(across - inner, 0.0), deep) - radius
     body = np.minimum(fingers, _norm(along, np.maximum(across - wide, 0.0), palm) - radius)
-    others = ~mine
-    if (between[others] < 0.0).any():
+    if (between[~held] < 0.0).any():
         return "between", 0.0
-    clearance = float(body[others].min(initial=inf))
+    clearance = float(body[~mine].min(initial=inf))
     if clearance < gripper.clearance:
         return "fingers", clearance
     # a rope that just fits is no bend
@@ -349,17 +364,28 @@ def _norm(x: Array, y: Array, z: Array) -> Array:
 
 
 def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper) -> float:
-    """How far the lowest corner of the fingers is above the table, metres."""
+    """How far the lowest corner of fingers and palm is above the table, metres."""
     normal, offset = table
-    along, across, ahead = np.abs(normal @ axes[:, :1])[0], abs(normal @ axes[:, 1]), normal @ axes[:, 2]
-    side = 0.5 * gripper.width * along + (0.5 * width + gripper.thickness) * across
-    return float(normal @ place - offset + tip * ahead - side)
+    along, across, ahead = abs(normal @ axes[:, 0]), abs(normal @ axes[:, 1]), normal @ axes[:, 2]
+    lowest = []
+    # half the extent from jaw to jaw, and where the box starts and ends along the approach
+    for wide, far, near in (
+        (0.5 * width + gripper.thickness, tip, tip - gripper.depth),
+        (0.5 * gripper.opening + gripper.thickness, tip - gripper.depth, tip - 2.0 * gripper.depth),
+    ):
+        lowest.append(min(far * ahead, near * ahead) - 0.5 * gripper.width * along - wide * across)
+    return float(normal @ place - offset + min(lowest))
 
 
-def _free(chain: Chain, s: float, passes: Sequence[tuple[float, bool]]) -> tuple[tuple[float, float], bool]:
-    """Return the lengths up to the next crossings before and after, and who is on top at the nearer one."""
+def _free(
+    chain: Chain, s: float, passes: Sequence[tuple[float, bool]]
+) -> tuple[tuple[float, float], float, bool]:
+    """Return the lengths up to the next crossings before and after, the shorter one, and who is on top there.
+
+    Without a crossing before or after, the length is up to the end; without any the shorter one is infinite.
+    """
     if not passes:
-        return (s, chain.length - s), True
+        return (s, chain.length - s), inf, True
     at, upper = np.array([place for place, _ in passes]), np.array([top for _, top in passes])
     ahead, behind = at - s, s - at
     if chain.closed:
@@ -367,4 +393,4 @@ def _free(chain: Chain, s: float, passes: Sequence[tuple[float, bool]]) -> tuple
     before = float(behind[behind >= 0].min(initial=s if not chain.closed else inf))
     after = float(ahead[ahead >= 0].min(initial=chain.length - s if not chain.closed else inf))
     away = np.minimum(np.where(ahead >= 0, ahead, inf), np.where(behind >= 0, behind, inf))
-    return (before, after), bool(upper[away.argmin()])
+    return (before, after), float(away.min()), bool(upper[away.argmin()])

@@ -449,9 +449,11 @@ class Model:
     def contacts(self, distance: float, direction: ArrayLike = (0, 0, 1)) -> tuple[Contact, ...]:
         """Find where strands lie near each other and do not cross.
 
-        Each stretch along which two strands are near is one contact. Where they cross, what is nearer to each
-        other because of that belongs to the crossing. Legs of a bend are strands of their own where the rope
-        between them is longer than a half circle from one to the other.
+        Each stretch along which two strands are near is one contact. A crossing reaches as far as the strands
+        come apart by a third, or more, of what straight ones of its angle do; where they stay nearer than
+        that, they lie side by side. What a smaller distance finds between two chains, a larger one finds
+        too. Legs of a bend are strands of their own where the rope between them is longer than a half circle
+        from one to the other, drawn as far apart as `distance` lets their axes be.
 
         Parameters
         ----------
@@ -515,8 +517,9 @@ class Model:
 
         Places are half a finger's width apart. At each the gripper comes down across the rope, with the
         approach turned about the rope by 0, 15 and 30 degrees to both sides, the jaws opened by different
-        amounts and tips at different depths. Between the jaws may be no other strand; fingers and palm, a box
-        as deep as the fingers, keep the gripper's clearance from all strands, and the fingers from the table.
+        amounts and tips at different depths. Between the jaws may be no other strand, and no second leg of a
+        bend; fingers and palm, a box as deep as the fingers, keep the gripper's clearance from all strands
+        and from the table.
         The best grasp at each place has the greatest score, the mean of four parts: clearance c as c / (c +
         half the opening); length f to the nearest crossing as f / (f + opening); 1 if the rope is on top
         there; and the fourth power of the cosine of the turn.

@@ -8,6 +8,7 @@ from drawn import circle
 
 from strand import Chain, Model
 from strand.contacts import nearest_on_segments
+from strand.synthetic import random_ropes
 
 R = 0.004
 S = np.linspace(-0.1, 0.1, 101)[:, None]
@@ -65,6 +66,58 @@ def test_strands_that_cross_and_touch_elsewhere_do_both():
     (found,) = both.contacts(0.001)
     assert found.first[1] == pytest.approx(0.175, abs=0.02)
     assert found.gap == pytest.approx(0.1 * R)
+
+
+def beside_after_crossing(slope):
+    """A strand that crosses the x axis, and lies beside it then, 0.1 radii off, for most of half a metre."""
+    x = np.linspace(-0.2, 0.5, 1401)
+    there = 2.1 * R / slope
+    height = np.interp(x, [-0.2, 0.6 * there, there + 0.01, 0.5], [2 * R, 2 * R, 0, 0])
+    return model(
+        Chain(np.stack([x, 0 * x, 0 * x], axis=1), R),
+        Chain(np.stack([x, np.minimum(slope * x, 2.1 * R), height], axis=1), R),
+    )
+
+
+@pytest.mark.parametrize("distance", [0.001, 0.003, 0.01, 0.03, 0.1])
+@pytest.mark.parametrize(("slope", "shortest"), [(1.0, 0.45), (0.3, 0.38), (0.1, 0.2)])
+def test_strands_that_cross_and_then_lie_side_by_side_do_both(slope, shortest, distance):
+    both = beside_after_crossing(slope)
+    assert len(both.crossings()) == 1
+    (found,) = both.contacts(distance)
+    assert found.gap == pytest.approx(0.1 * R, abs=1e-6)
+    start, stop = found.stretch_first
+    assert stop - start > shortest
+    assert stop == pytest.approx(0.7, abs=R)
+
+
+def test_what_a_distance_finds_a_larger_one_finds_too():
+    scenes = [
+        Model(tuple(Chain(points, R) for points in random_ropes(3, 3, R, seed)), np.eye(4)[None])
+        for seed in (2, 6, 7)
+    ]
+    for scene in (*scenes, beside_after_crossing(0.5)):
+        fewer = ()
+        for distance in (0.001, 0.003, 0.01, 0.02, 0.05):
+            more = [one for one in scene.contacts(distance) if one.first[0] != one.second[0]]
+            for small in fewer:
+                assert any(
+                    (small.first[0], small.second[0]) == (large.first[0], large.second[0])
+                    and large.stretch_first[0] <= small.first[1] <= large.stretch_first[1]
+                    and large.stretch_second[0] <= small.second[1] <= large.stretch_second[1]
+                    for large in more
+                )
+            fewer = more
+        assert fewer
+
+
+def test_a_ring_that_crosses_itself_at_its_seam_is_no_contact():
+    # a figure of eight, which crosses itself a little before and after where its points start
+    for start in (-0.05, -0.01, 0.0, 0.01, 0.05, 1.0):
+        t = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False) + start
+        eight = Chain(np.stack([0.1 * np.sin(t), 0.05 * np.sin(2 * t), R * np.cos(t)], axis=1), R, True)
+        assert len(eight.crossings()) == 1
+        assert model(eight).contacts(0.003) == ()
 
 
 def test_the_legs_of_a_bend_touch_and_a_bend_does_not():

@@ -63,6 +63,25 @@ def test_what_lies_between_the_jaws_is_one_stretch_of_rope():
         assert np.abs(s[held] - grasp.s).max() < 4 * R
 
 
+@pytest.mark.parametrize("bend", [3.0, 4.0])
+def test_jaws_do_not_close_on_both_legs_of_a_bend(bend):
+    leg, turn = np.linspace(0.0, 0.15, 150)[:-1], np.linspace(-0.5 * np.pi, 0.5 * np.pi, 60)
+    x = np.concatenate([leg, 0.15 + bend * R * np.cos(turn), leg[::-1]])
+    y = bend * R * np.concatenate([0 * leg - 1.0, np.sin(turn), 0 * leg + 1.0])
+    chain = Chain(np.stack([x, y, 0 * x + R], axis=1), R)
+    gripper = Gripper(opening=0.085, width=0.022, thickness=0.01, depth=0.04)
+    found = model(chain).grasps(gripper, TABLE)
+    assert found.refused
+    assert len(found) > 20
+    s = np.linspace(0, chain.length, 2000)
+    for grasp in found:
+        x, y, z = ((chain.at(s) - grasp.pose[:3, 3]) @ grasp.pose[:3, :3]).T
+        held = (np.abs(x) < 0.5 * gripper.width) & (np.abs(y) < 0.5 * grasp.width) & (z < grasp.tip + R)
+        # it passes the jaws once, and does not turn back between them
+        assert np.diff(np.flatnonzero(held)).max() == 1
+        assert np.diff(x[held]).min() > -1e-6
+
+
 def test_a_rope_alone_on_a_table_is_held_from_above_everywhere():
     found = model(LINE).grasps(GRIPPER, TABLE)
     assert not found.refused
@@ -119,6 +138,36 @@ def test_rings_are_held_over_their_seam():
     assert not found.refused
     # the other side of the ring
     assert min(grasp.clearance for grasp in found) > 0.05
+
+
+def test_the_palm_keeps_off_the_table_too():
+    gripper = Gripper(opening=0.03, width=0.01, thickness=0.003, depth=0.04)
+    # from the side the palm reaches 18 mm down: at 12 mm it has to come from higher up
+    for height, from_above in ((0.012, True), (0.03, False)):
+        line = Chain(LINE.points + np.array([0, 0, height - R]), R)
+        found = model(line).grasps(gripper, TABLE, (0, 1, 0))
+        assert len(found) > 10
+        for grasp in found:
+            lowest = min(part[:, 2].min() for part in boxes(grasp, gripper))
+            assert lowest >= gripper.clearance - 1e-9
+            assert grasp.table_clearance == pytest.approx(lowest)
+            assert (grasp.approach[2] < -0.1) == from_above
+
+
+@pytest.mark.parametrize("turn", [0.15, 3.0])
+def test_where_a_ring_starts_has_no_say_in_the_score(turn):
+    angle = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False) + turn
+    ring = Chain(np.stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0 * angle + 3 * R], axis=1), R, True)
+    found = model(ring, Chain([[0.0, 0, R], [0.3, 0, R]], R)).grasps(GRIPPER, TABLE)
+    above = [grasp for grasp in found if grasp.chain == 0]
+    assert len(above) > 80
+    for grasp in above:
+        near = min(grasp.free)
+        bound = (3.0 + near / (near + GRIPPER.opening)) / 4.0
+        assert grasp.score <= bound + 1e-12
+    # the ring is the same on both sides of the line that it crosses
+    sides = [[grasp.score for grasp in above if side * grasp.pose[1, 3] > 0] for side in (1, -1)]
+    assert max(sides[0]) == pytest.approx(max(sides[1]), abs=0.01)
 
 
 def test_grippers_and_tables_that_make_no_sense_are_refused():
