@@ -215,9 +215,10 @@ def _ends(
             continue
         for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
             one = crossings[first.crossing]
-            # clear of the other strand, also where they cross at a flat angle
             beyond = _BEYOND * sum(chains[at[0]].radius for at in (one.over, one.under))
-            beyond /= max(np.sin(one.angle), _FLATTEST)
+            if not first.over:
+                # it is held there, clear of the other strand also where they cross at a flat angle
+                beyond /= max(np.sin(one.angle), _FLATTEST)
             turn = float(np.clip(first.s + inwards * beyond, 0.0, chain.length))
             tail = abs(first.s - end) + beyond
             way = _free_way(chains, i, turn, end, tail, inwards, towards)
