@@ -7,7 +7,7 @@ import pytest
 from drawn import circle
 
 from strand import Chain, Model
-from strand.contacts import nearest_on_segments
+from strand.clearance import nearest_on_segments
 
 R = 0.004
 S = np.linspace(-0.1, 0.1, 101)[:, None]
