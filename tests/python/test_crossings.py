@@ -355,6 +355,8 @@ def test_stretches_between_crossings():
             both.segment_between_crossings(0, s)
     with pytest.raises(ValueError, match="chain: expected at most 1"):
         both.segment_between_crossings(2, 0.1)
+    with pytest.raises(ValueError, match=r"chain: expected .* the model has no chains"):
+        model().segment_between_crossings(0, 0.0)
 
 
 def test_a_crossing_that_makes_no_sense_is_refused():
