@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import TubeQueries
-from strand.bending import least_bend, torsion_of_curve, torsion_of_nodes
+from strand.bending import (
+    REACH,
+    STRAIGHT,
+    least_bend,
+    over_window,
+    torsion_of_curve,
+    torsion_of_nodes,
+    torsion_over_window,
+)
 from strand.checks import (
     Array,
     as_array,
@@ -54,9 +62,10 @@ class Chain:
     closed : bool
         Whether the last node joins the first, as in a ring.
     curve : Curve, optional
-        The smooth curve that the nodes are places of: `at`, `tangents` and `curvature` then come from it.
+        The smooth curve that the nodes are places of: `at`, `tangents` and, without covariance, `curvature`
+        then come from it.
     covariance : (M, 3, 3) ndarray, optional
-        Covariance of each node, m^2.
+        Covariance of each node, m^2. With it bends are those over a window: see `curvature_vector`.
     points_seen, views_seen : (M,) ndarray of int, optional
         How many points support each node, from how many views; 0 where the curve only bridges a gap.
     radius_sd : float
@@ -176,11 +185,21 @@ class Chain:
 
     @lazy
     def curvature(self) -> Array:
-        """(M,) Curvature at the nodes, 1/m: the length of the second difference by arc length.
+        """(M,) Curvature at the nodes, 1/m: the length of `curvature_vector` there.
 
-        The two ends of an open chain repeat their neighbours' value; a chain of two nodes has none.
+        Without covariance and curve it is that of the second difference by arc length: the two ends of an
+        open chain repeat their neighbours' value; a chain of two nodes has none.
         """
+        if self.covariance is not None:
+            bend = over_window(self.at, *self._window(self.arc_length))[1]
+            return np.asarray(np.linalg.norm(bend, axis=1))
         return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
+
+    def _window(self, s: Array) -> tuple[Array, float]:
+        """Return the middles of windows for places, and how far they reach: inside of an open chain."""
+        reach = min(REACH * self.radius, 0.5 * self.length)
+        around = self.closed and self.curve is None
+        return s if around else np.clip(s, reach, self.length - reach), reach
 
     def _derivatives(self) -> tuple[Array, Array]:
         """Return unit tangents and curvature vectors at the nodes."""
@@ -441,7 +460,11 @@ class Chain:
         Returns
         -------
         (..., 3) ndarray
-            The tangent's derivative by arc length, 1/m: of `curve`; without one between the nodes' values.
+            The tangent's derivative by arc length, 1/m. If the chain has covariances it is that of the
+            quintic that fits best to four radii of rope on either side: nodes of a reconstruction have
+            errors, above all where a ring's ends meet and at open ends, which are no bends of the rope.
+            Within four radii of an open end it is as four radii from it. Without covariances it is that of
+            `curve`, or between the nodes' values.
 
         Raises
         ------
@@ -449,6 +472,8 @@ class Chain:
             As `at`.
         """
         at = self._held(s)
+        if self.covariance is not None:
+            return over_window(self.at, *self._window(at.ravel()))[1].reshape(*at.shape, 3)
         if self.curve is not None:
             return self.curve.at(at.ravel())[2].reshape(*at.shape, 3)
         return self._mixed(self._derivatives()[1], at)
@@ -464,10 +489,11 @@ class Chain:
         Returns
         -------
         (...,) ndarray
-            1/m, positive as of a right-handed helix; 0 where the rope is straight. Of `curve` it is
-            det(c', c'', c''') / |c' × c''|^2, which steps at the ends of the cubic's pieces. Without one it
+            1/m, positive as of a right-handed helix; 0 where the rope is straight. It is
+            det(c', c'', c''') / |c' × c''|^2: if the chain has covariances, of the quintics of
+            `curvature_vector`, else of `curve`, where it steps at the ends of the pieces. Without either it
             is the angle between the planes of three nodes each, over the length of the step that they share,
-            and linear between the steps' middles.
+            and linear between the steps' middles. Where a reconstructed rope hardly bends it is noise.
 
         Raises
         ------
@@ -475,6 +501,8 @@ class Chain:
             As `at`.
         """
         at = self._held(s)
+        if self.covariance is not None:
+            return torsion_over_window(self.at, *self._window(at.ravel())).reshape(at.shape)
         if self.curve is not None:
             return torsion_of_curve(self.curve, at)
         return torsion_of_nodes(self.points, self.closed, at)
@@ -485,16 +513,19 @@ class Chain:
         Returns
         -------
         radius : float
-            Of the circle that fits best there, metres; infinite if the rope is straight.
+            One over the curvature there, as `curvature_vector` has it, metres; infinite if the rope is
+            straight.
         s : float
-            Arc length of that place, metres, the first of several; 0 if the rope is straight. Without
-            `curve` it is a node.
+            Arc length of that place, metres, the first of several; 0 if the rope is straight. With
+            covariances, or without `curve`, it is a node.
         """
-        if self.curve is not None:
+        if self.curve is not None and self.covariance is None:
             return least_bend(self.curve, self.arc_length)
         worst = int(self.curvature.argmax())
         bend = float(self.curvature[worst])
-        return (1.0 / bend, float(self.arc_length[worst])) if bend > 0 else (float("inf"), 0.0)
+        if bend * self.length <= STRAIGHT:
+            return float("inf"), 0.0
+        return 1.0 / bend, float(self.arc_length[worst])
 
     def resample(self, n: int) -> Chain:
         """Return the same rope with `n` nodes, evenly apart along it.

@@ -13,6 +13,7 @@ import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
 from strand.checks import Array, not_negative
+from strand.clearance import nearest_on_segments
 from strand.crossings import Crossing, find_crossings, unit_direction
 from strand.meeting import meeting
 
@@ -150,27 +151,6 @@ def _near(chains: Sequence[Chain], steps: _Steps, distance: float) -> tuple[NDAr
 
 def _along(arcs: Array, share: Array) -> Array:
     return np.asarray(arcs[:, 0] + share * (arcs[:, 1] - arcs[:, 0]))
-
-
-def nearest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Closest places of segments a to b and c to d (Ericson 2005, section 5.1.9).
-
-    Returns
-    -------
-    shares : (2, K) ndarray
-        How far along both, from 0 to 1.
-    away : (K,) ndarray
-        Distance between them, metres.
-    """
-    u, v, w = b - a, d - c, a - c
-    uu, vv, uv = ((p * q).sum(axis=1) for p, q in ((u, u), (v, v), (u, v)))
-    uw, vw = ((p * w).sum(axis=1) for p in (u, v))
-    square = uu * vv - uv * uv
-    parallel = square <= 1e-12 * uu * vv
-    s = np.where(parallel, 0.5, np.clip((uv * vw - uw * vv) / np.where(parallel, 1.0, square), 0.0, 1.0))
-    t = np.clip((uv * s + vw) / vv, 0.0, 1.0)
-    s = np.clip((uv * t - uw) / uu, 0.0, 1.0)
-    return np.stack([s, t]), np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
 
 
 def _of_crossings(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
+from strand.clearance import least_distance
 from strand.doubt import Doubt
 from strand.evidence.order import probability_of_order
 from strand.plan import crossed
@@ -48,8 +49,10 @@ class Crossing:
         Its standard deviation by the covariances of both chains, metres: of the distance of the axes, over
         the cosine between that and the direction. NaN if a chain has no covariance.
     gap : float
-        Clearance between the surfaces, metres: the distance of the axes' tangents at the two places from each
-        other, less both radii. Below 0 the tubes of the model cut into each other.
+        Clearance between the surfaces, metres: the least distance of both axes around the crossing, less both
+        radii. Below 0 the tubes of the model cut into each other. Each strand counts to `height` and four
+        radii (the mean of both) along it to either side; between two places of one rope four radii of rope
+        are left out, as that only bends.
     angle : float
         Angle between the strands in the plan, whichever way they run, radians, from 0 to pi/2.
     sign : int
@@ -118,7 +121,7 @@ def find_crossings(
     """
     towards = unit_direction(direction)
     first, second, turns = _met(chains, towards)
-    number = np.stack([first[0], second[0]])
+    number, at = np.stack([first[0], second[0]]), np.stack([first[1], second[1]])
     point, tangent = (np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True))
     covariance = np.stack([_covariance(chains, first), _covariance(chains, second)])
     rise = (point[0] - point[1]) @ towards
@@ -129,8 +132,8 @@ def find_crossings(
     with np.errstate(divide="ignore"):
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
     radii = np.array([chain.radius for chain in chains])[number].sum(axis=0) if chains else np.empty(0)
+    gap = _gap(chains, number, at, height, radii)
     probability = probability_of_order(height, sd, radii, point.mean(axis=0), doubts)
-    at = np.stack([first[1], second[1]])
     found = []
     for k in range(len(height)):
         over, under = (upper[k], k), (1 - upper[k], k)
@@ -142,7 +145,7 @@ def find_crossings(
                 point_under=point[under],
                 height=float(height[k]),
                 height_sd=float(sd[k]),
-                gap=float(height[k] * lever[k] - radii[k]),
+                gap=float(gap[k]),
                 angle=float(angle[k]),
                 sign=int(turns[k] if upper[k] == 0 else -turns[k]),
                 probability=float(probability[k]),
@@ -317,6 +320,25 @@ def _covariance(chains: Sequence[Chain], places: Places) -> Array:
         if chain.covariance is not None:
             covariance[here] = chain.interpolated(chain.covariance, s[here])
     return covariance
+
+
+def _gap(chains: Sequence[Chain], number: NDArray[np.intp], at: Array, height: Array, radii: Array) -> Array:
+    """(K,) Clearance between the surfaces around crossings, metres."""
+    # the nearest place of a steep strand is as far along it as it is high
+    reach = np.broadcast_to(height + 0.5 * _APART * radii, at.shape)
+    back, ahead = reach.copy(), reach.copy()
+    for i in np.unique(number):
+        chain, here = chains[i], number == i
+        back[here] = np.minimum(back[here], 0.5 * chain.length if chain.closed else at[here])
+        ahead[here] = np.minimum(ahead[here], 0.5 * chain.length if chain.closed else chain.length - at[here])
+        mine = here.all(axis=0)
+        between = at[1, mine] - at[0, mine]
+        half = np.maximum(0.5 * (between - _APART * chain.radius), 0.0)
+        ahead[0, mine], back[1, mine] = np.minimum(ahead[0, mine], half), np.minimum(back[1, mine], half)
+        if chain.closed:
+            half = np.maximum(0.5 * (chain.length - between - _APART * chain.radius), 0.0)
+            back[0, mine], ahead[1, mine] = np.minimum(back[0, mine], half), np.minimum(ahead[1, mine], half)
+    return least_distance(chains, number, at, back, ahead) - radii
 
 
 def _apart(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:

@@ -504,6 +504,8 @@ class Model:
         ValueError
             If there is no such chain, `s` is not on it, or `direction` is as `crossings` refuses it.
         """
+        if not self.chains:
+            raise ValueError(f"chain: expected the number of a chain, got {chain!r}: the model has no chains")
         number_ = whole("chain", chain, 0, len(self.chains) - 1)
         return free_stretch(self.chains[number_], number_, s, self.crossings(direction))
 

@@ -7,7 +7,7 @@ import pytest
 from drawn import circle
 
 from strand import Chain, Model
-from strand.contacts import nearest_on_segments
+from strand.clearance import nearest_on_segments
 from strand.synthetic import random_ropes
 
 R = 0.004

@@ -94,6 +94,54 @@ def test_named_shapes_cross_as_they_are_known_to(name):
         assert abs(sum(c.sign for c in found)) == 3
 
 
+def closest(one, other):
+    """The least distance of the surfaces of two chains of radius R, at many places."""
+    return one.signed_distance(other.at(np.linspace(0, other.length, 20_001))).min() - R
+
+
+@pytest.mark.parametrize("rise", [0.03, 0.05, 0.1])
+def test_gap_of_a_strand_that_climbs_is_that_of_the_surfaces(rise):
+    y = np.linspace(-0.1, 0.1, 801)
+    climbs = Chain(np.stack([0 * y, y, 3 * R + rise / (1 + np.exp(-y / 0.0025))], axis=1), R)
+    line = Chain(S * [1, 0, 0] + [0, 0, R], R)
+    (found,) = model(line, climbs).crossings()
+    assert found.height > 0.018
+    assert found.gap == pytest.approx(closest(line, climbs), abs=0.03 * R)
+
+
+@pytest.mark.parametrize("tilt", [1, 0.1, 0.003])
+@pytest.mark.parametrize("across", [0.0, 1.0])
+def test_gap_of_an_end_that_stands_up_is_that_of_the_end(tilt, across):
+    foot = tilt * np.array([0.05 * (1 - across), 0.05 * across + 0.003, 0])
+    stands = Chain(np.array([[0, 0, 0.1], [0, 0, 0.03]]) + np.outer([-1, 1], foot), R)
+    line = Chain(S * [1, 0, 0], R)
+    (found,) = model(line, stands).crossings()
+    assert found.gap == pytest.approx(closest(line, stands), abs=1e-6)
+
+
+def test_gap_at_a_seam_is_that_anywhere_else():
+    gaps = []
+    for first in (0, 20, 217):
+        ring = Chain(np.roll(knot().points, -first, axis=0), R, closed=True)
+        found = ring.crossings()
+        gaps.append(sorted(c.gap for c in found))
+        assert min(gaps[-1]) > 0
+    np.testing.assert_allclose(gaps[1:], [gaps[0]] * 2, atol=0.01 * R)
+
+
+def test_gap_of_a_small_loop_is_not_that_to_the_rope_beside_it():
+    turn = np.linspace(0, 2 * np.pi, 200)
+    for radius in (1.5 * R, 2 * R, 4 * R):
+        loop = np.stack([radius * np.sin(turn), radius * (1 - np.cos(turn)), 3 * R * turn / turn[-1]], axis=1)
+        out = np.linspace(0.02, 1e-4, 30)[:, None] * [1, 0, 0]
+        chain = Chain(np.vstack([loop[0] - out, loop, loop[-1] + out[::-1]]), R)
+        s = np.linspace(0, chain.length, 1000)
+        away = np.linalg.norm(chain.at(s)[:, None] - chain.at(s), axis=2)
+        least = away[np.abs(s[:, None] - s) > 6 * R].min() - 2 * R
+        (found,) = chain.crossings()
+        assert found.gap == pytest.approx(least, abs=0.01 * R)
+
+
 def brute_force(chains):
     """All crossings from above, by all pairs of segments: chains, arc lengths, which is higher."""
     pieces = []
@@ -307,6 +355,8 @@ def test_stretches_between_crossings():
             both.segment_between_crossings(0, s)
     with pytest.raises(ValueError, match="chain: expected at most 1"):
         both.segment_between_crossings(2, 0.1)
+    with pytest.raises(ValueError, match=r"chain: expected .* the model has no chains"):
+        model().segment_between_crossings(0, 0.0)
 
 
 def test_a_crossing_that_makes_no_sense_is_refused():

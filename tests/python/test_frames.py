@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import circle
 
+import strand
 from strand import Chain
 from strand.curve import Curve
 
@@ -99,14 +102,57 @@ def test_bends_of_a_curve_are_those_of_its_derivatives():
     assert 1 / np.linalg.norm(chain.curvature_vector(at)) == pytest.approx(radius)
 
 
+def unsure(chain):
+    """The same chain with covariances, as if it was reconstructed."""
+    return replace(chain, covariance=np.tile(1e-8 * np.eye(3), (len(chain.points), 1, 1)))
+
+
+@pytest.mark.parametrize("hand", [1.0, -1.0])
+def test_bends_over_a_window_are_those_of_a_helix_up_to_its_ends(hand):
+    chain, a, b = unsure(replace(helix(hand=hand), radius=0.004)), 0.05, 0.01
+    s = np.linspace(0, chain.length, 50)
+    np.testing.assert_allclose(chain.torsion(s), hand * b / (a * a + b * b), rtol=2e-2)
+    np.testing.assert_allclose(
+        np.linalg.norm(chain.curvature_vector(s), axis=1), chain.curvature[0], rtol=3e-3
+    )
+    np.testing.assert_allclose(chain.curvature, a / (a * a + b * b), rtol=3e-3)
+    assert chain.min_bend_radius()[0] == pytest.approx((a * a + b * b) / a, rel=3e-3)
+    assert chain.torsion(0.1).shape == ()
+    assert chain.torsion([[0.1, 99.0]]).shape == (1, 2)
+    ring = unsure(circle(0.05, 400, True))
+    np.testing.assert_allclose(ring.curvature, 20.0, rtol=1e-3)
+    np.testing.assert_allclose(ring.curvature_vector(0.0), ring.curvature_vector(ring.length), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [0.06, 0.1])
+def test_a_reconstructed_ring_bends_at_its_seam_as_elsewhere(size):
+    turn = np.linspace(0, 2 * np.pi, 301)
+    nodes = np.stack([size * np.cos(turn), 0.9 * size * np.sin(turn), 0.0042 + 0 * turn], axis=1)
+    scene = strand.synthetic.scene(chains=[nodes], seed=0)
+    (ring,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
+    assert ring.closed
+    # the closest bend of an ellipse
+    assert ring.min_bend_radius()[0] == pytest.approx(0.81 * size, rel=0.2)
+    assert ring.curvature[[0, 1, 2, -1, -2, -3]].max() < 1.25 / (0.81 * size)
+
+
+@pytest.mark.parametrize(("name", "least", "most"), [("straight", 0.2, np.inf), ("arc", 0.085, 0.13)])
+def test_ends_of_a_reconstructed_rope_are_no_bends(name, least, most):
+    scene = strand.synthetic.scene(name, seed=0)
+    (chain,) = strand.reconstruct(scene.views, scene.radius, scene.bounds).chains
+    assert least < chain.min_bend_radius()[0] < most
+
+
 def test_a_straight_rope_bends_nowhere():
     for chain in (
+        unsure(Chain(np.linspace([0.0, 0, 0], [1.0, 2, 0.3], 9), 0.01)),
+        unsure(Chain([[0.0, 0, 0], [0.001, 0.002, 0]], 0.01)),
         Chain([[0.0, 0, 0], [1.0, 2, 0]], 0.01),
         Chain(np.linspace([0.0, 0, 0], [1.0, 0, 0], 9), 0.01),
     ):
         assert chain.min_bend_radius() == (np.inf, 0.0)
         np.testing.assert_array_equal(chain.torsion([0.0, 0.5]), [0, 0])
-        np.testing.assert_array_equal(chain.curvature_vector(0.5), [0, 0, 0])
+        np.testing.assert_allclose(chain.curvature_vector(0.5), [0, 0, 0], atol=1e-9)
 
 
 def test_even_nodes_along_the_same_rope(paper_model):

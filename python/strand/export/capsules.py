@@ -106,7 +106,7 @@ def _places(chain: Chain, error: float) -> tuple[Array, Array]:
             return chain.arc_length, chain.points
         return np.append(chain.arc_length, chain.length), np.vstack([chain.points, chain.points[:1]])
     # a circle is curvature * step^2 / 8 away from its chord; between nodes curvature may be twice theirs
-    bend = 2.0 * float(chain.curvature.max())
+    bend = 2.0 * float(np.linalg.norm(chain.curve.at(chain.arc_length)[2], axis=1).max())
     step = chain.length / (len(chain.points) - 1)
     if bend > 0:
         step = min(step, math.sqrt(8.0 * _SAMPLING * error / bend))
