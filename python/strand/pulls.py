@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
 # shares of its length
 _BEYOND = 2.0
-_FLATTEST = 0.25  # sine of the angle at a crossing
+_FLATTEST = 0.25  # the least sine of the angle at a crossing that counts
 _WAYS = 36
 _SHARES = (1.0, 0.75, 0.5, 0.25)
 # how many times a way counts on which an end that is pulled out drags its rope, and on which a strand that is
@@ -135,6 +135,11 @@ def _passes(chains: Sequence[Chain], crossings: dict[int, Crossing]) -> list[lis
     return [sorted(row, key=lambda each: each.s) for row in passes]
 
 
+def _beyond(chains: Sequence[Chain], crossing: Crossing) -> float:
+    """Return how far a rope goes beyond a crossing that it leaves, metres."""
+    return _BEYOND * (chains[crossing.over[0]].radius + chains[crossing.under[0]].radius)
+
+
 def _loops(
     chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
@@ -160,11 +165,11 @@ def _loops(
         s = a.s + 0.5 * length
         s = s % chain.length if chain.closed else s
         place = chain.at(s)
-        beyond = _BEYOND * sum(chains[at[0]].radius for at in (both[0].over, both[0].under))
         for lower in beneath.get(frozenset((a.crossing, b.crossing)), ()):
             way = _across(chains, lower, both, (a.chain, a.s, length), towards)
             # from the place that is held to beyond all of the lower stretch
-            distance = float(((_stretch(chains, *lower) - place) @ way).max()) + beyond
+            passed = max(float(((_stretch(chains, *lower) - place) @ way).max()), 0.0)
+            distance = passed + _beyond(chains, both[0])
             pull = Pull(
                 undoes=both,
                 move="loop",
@@ -202,20 +207,25 @@ def _across(
     if length < min(chains[lower[0]].radius, chains[upper[0]].radius):
         # crossings at one place: between the stretches' middles
         across, length = apart, float(np.linalg.norm(apart))
+    if length < 1e-9:
+        # one stretch right above the other: either way
+        tangent = chains[upper[0]].tangent_at(upper[1])
+        across = np.cross(towards, tangent if abs(tangent @ towards) < 0.999 else tangent[[1, 2, 0]])
+        length = float(np.linalg.norm(across))
     return np.asarray(across / length * (1.0 if across @ apart >= 0.0 else -1.0))
 
 
 def _ends(
     chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
-    """Return moves of ends that go back over, or beneath, the crossing that is next to them."""
+    """Return moves that undo the crossings next to ends: of an end, or of a strand lifted over it."""
     found = []
     for i, (row, chain) in enumerate(zip(passes, chains, strict=True)):
         if chain.closed or not row:
             continue
         for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
             one = crossings[first.crossing]
-            beyond = _BEYOND * sum(chains[at[0]].radius for at in (one.over, one.under))
+            beyond = _beyond(chains, one)
             if not first.over:
                 # it is held there, clear of the other strand also where they cross at a flat angle
                 beyond /= max(np.sin(one.angle), _FLATTEST)
@@ -255,7 +265,7 @@ def _off_end(
     way = last - place
     way -= (way @ towards) * towards
     length = float(np.linalg.norm(way))
-    beyond = _BEYOND * (chains[upper].radius + chains[which].radius)
+    beyond = _beyond(chains, crossing)
     if length < 1e-9:
         return None
     way /= length

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import R, circle
 
 from strand import Chain, Model
+from strand.pulls import plan_pulls
 from strand.synthetic import random_ropes, shape
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -151,6 +154,17 @@ def test_a_loop_goes_back_to_its_own_ends(past, turned):
     (pull,) = model(*chains).pull_plan().pulls
     np.testing.assert_allclose(pull.direction, [0, -1, 0], atol=1e-3)
     assert model(*carried(chains, pull)).crossings() == ()
+
+
+def test_a_rope_right_above_another_one_is_moved_to_a_side():
+    x = np.linspace(-0.1, 0.1, 101)
+    upper, lower = (Chain(np.stack([x, 0 * x, 0 * x + z], axis=1), R) for z in (2 * R, 0.0))
+    (one,) = model(upper, Chain(lower.points[:, [1, 0, 2]], R)).crossings()
+    # two at the same place, as of strands that lie too close together to tell
+    twice = [replace(one, over=(0, s), under=(1, s)) for s in (0.09, 0.11)]
+    (pull,) = plan_pulls((upper, lower), twice, UP).pulls
+    np.testing.assert_allclose(np.abs(pull.direction), [0, 1, 0], atol=1e-9)
+    assert pull.distance == pytest.approx(4 * R)
 
 
 @pytest.mark.parametrize("start", [0.0, 1.0, 2.5, 4.0])
