@@ -31,6 +31,7 @@ __all__ = [
     "count_neighbors_each",
     "crop",
     "crop_images",
+    "crossed_segments",
     "depth_bends",
     "edge_distances",
     "end_direction",
@@ -459,6 +460,9 @@ def overlapping(
     distance: float,
     apart: float,
 ) -> NDArray[np.bool_]: ...
+def crossed_segments(
+    nodes: NDArray[np.float64], segments: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int8]]: ...
 def typical_neighbors(points: ArrayLike, radius: float) -> int: ...
 def occupied_voxels(points: Sequence[ArrayLike], side: float) -> int: ...
 def variances_around(

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand._core import crossed_segments
 from strand.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
 from strand.clearance import least_distance
 from strand.doubt import Doubt
 from strand.evidence.order import probability_of_order
-from strand.plan import crossed
 
 if TYPE_CHECKING:
     from strand.chain import Chain
@@ -28,8 +28,8 @@ _APART = 4.0
 _SIDE_BY_SIDE = 0.5
 # crossings of more nodes are not listed
 _MOST_LISTED = 8_000
-# steps of Newton's method
-_STEPS = 4
+# steps of Newton's method, at most; the last moves no place by more than this part of a chain
+_STEPS, _SETTLED = 4, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +241,7 @@ def _met(chains: Sequence[Chain], towards: Array) -> tuple[Places, Places, NDArr
     basis = np.column_stack([aside, np.cross(towards, aside)])
     nodes, segments, number, arcs = segments_of(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    pairs, shares, turns = crossed((nodes - origin) @ basis, segments)
+    pairs, shares, turns = crossed_segments((nodes - origin) @ basis, segments)
     which = number[pairs]
     at = arcs[pairs, 0] + shares * (arcs[pairs, 1] - arcs[pairs, 0])
     radius, length, closed = (
@@ -294,8 +294,11 @@ def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis:
         with np.errstate(divide="ignore", invalid="ignore"):
             move = np.stack([x * by - y * bx, x * ay - y * ax], axis=1) / det[:, None]
         # along strands that run side by side a step may lead anywhere: these stay where they are
+        before = s
         s = np.where(np.isfinite(move) & (np.abs(s + move - start) <= spacing), s + move, start)
         s = np.clip(s, 0.0, length)
+        if (np.abs(s - before) <= _SETTLED * length).all():
+            break
     refined = at.copy()
     refined[some] = s
     return refined
@@ -306,8 +309,11 @@ def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array]:
     number, s = places
     point, tangent = np.empty((2, len(s), 3))
     for i in np.unique(number):
-        here = np.flatnonzero(number == i)
-        point[here], tangent[here] = chains[i].at(s[here]), chains[i].tangent_at(s[here])
+        here, chain = np.flatnonzero(number == i), chains[i]
+        if chain.curve is None:
+            point[here], tangent[here] = chain.at(s[here]), chain.tangent_at(s[here])
+        else:
+            point[here], tangent[here], _ = chain.curve.at(s[here])
     return point, tangent
 
 

@@ -11,29 +11,6 @@ from numpy.typing import NDArray
 Pairs = NDArray[np.intp]
 
 
-def pieces(size: NDArray[Any], longest: float) -> tuple[Pairs, NDArray[np.float64]]:
-    """Cut lines into pieces of even length.
-
-    Parameters
-    ----------
-    size : (S,) ndarray
-        How long each line is.
-    longest : float
-        How long a piece may be.
-
-    Returns
-    -------
-    owner : (P,) ndarray of int
-        The line that each piece is of, in order.
-    shares : (P, 2) ndarray
-        Where it begins and ends along it, from 0 to 1.
-    """
-    count = np.maximum(np.ceil(size / longest), 1.0).astype(np.intp)
-    owner = np.repeat(np.arange(len(size)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    return owner, np.stack([place, place + 1], axis=1) / count[owner][:, None]
-
-
 def meeting(low: NDArray[Any], high: NDArray[Any], cell: float) -> Iterator[tuple[Pairs, Pairs]]:
     """Yield all pairs of boxes that meet, each once, some of them at a time.
 

@@ -6,7 +6,6 @@
 //! diagrams of `stretches`.
 
 mod alexander;
-mod boxes;
 mod closure;
 mod code;
 mod identity;
@@ -23,11 +22,11 @@ mod tests;
 mod thinning;
 
 use crate::Point;
+use crate::boxes::Bounds;
 use crate::checks::{check_finite, check_unit};
 use crate::error::{Error, Result};
 use crate::geometry::{normalized, sub};
 use crate::polyline::arc_length;
-use boxes::Bounds;
 use closure::{Answer, closures};
 pub(crate) use code::{GaussCode, Visit};
 use identity::{Identity, Kind, Known};

@@ -33,6 +33,7 @@
 mod apparent_radius;
 mod arclength;
 mod banded;
+mod boxes;
 mod bridge;
 mod centerline;
 mod chain;
@@ -55,6 +56,7 @@ mod normals;
 mod outline;
 mod overlap;
 mod parallel;
+mod plan;
 mod polyline;
 mod proximity;
 #[cfg(feature = "python")]

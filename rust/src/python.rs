@@ -117,6 +117,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(curves::spline_places, module)?)?;
     module.add_function(wrap_pyfunction!(curves::arc_lengths, module)?)?;
     module.add_function(wrap_pyfunction!(curves::overlapping, module)?)?;
+    module.add_function(wrap_pyfunction!(curves::crossed_segments, module)?)?;
     module.add_function(wrap_pyfunction!(curves::path_length, module)?)?;
     module.add_function(wrap_pyfunction!(curves::end_direction, module)?)?;
     module.add_function(wrap_pyfunction!(curves::bridge_nodes, module)?)?;

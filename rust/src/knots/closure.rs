@@ -4,11 +4,11 @@
 //! Nodes that a closed polyline can do without are sought once for all directions: those count whose triangles none of
 //! the two straight ways passes through.
 
-use super::boxes::Bounds;
 use super::identity::{Identity, Kind, Known};
 use super::projection::{NoDiagram, frame};
 use super::thinning::{Thinned, thin};
 use crate::Point;
+use crate::boxes::Bounds;
 use crate::geometry::{advance, dot, squared_distance, sub};
 use crate::parallel::go_on;
 

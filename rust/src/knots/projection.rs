@@ -1,8 +1,8 @@
 //! The diagram of a closed polyline: its signed crossings seen from far away.
 
-use super::boxes::{Bounds, BoxTree};
 use super::code::{GaussCode, Visit};
 use crate::Point;
+use crate::boxes::{Bounds, BoxTree};
 use crate::geometry::{cross, dot, normalized};
 use crate::parallel::go_on;
 

@@ -3,7 +3,6 @@
 use std::f64::consts::{PI, TAU};
 
 use super::alexander::{alexander, mark};
-use super::boxes::{Bounds, BoxTree};
 use super::closure::directions;
 use super::code::{GaussCode, Visit};
 use super::identity::{Identity, Kind};
@@ -13,6 +12,7 @@ use super::reidemeister::{reduced, twists};
 use super::table::{Chirality, TABLE};
 use super::thinning::thin;
 use super::*;
+use crate::boxes::{Bounds, BoxTree};
 
 /// By entry of the table: a braid whose closure is the right knot (KnotInfo, knotinfo.org).
 const BRAIDS: [&[i32]; 18] = [

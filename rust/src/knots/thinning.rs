@@ -6,8 +6,8 @@
 //! K. Koniaris, M. Muthukumar: Knottedness in ring polymers, Phys. Rev. Lett. 66 (1991);
 //! W. R. Taylor: A deeply knotted protein structure and how it might fold, Nature 406 (2000).
 
-use super::boxes::{Bounds, BoxTree};
 use crate::Point;
+use crate::boxes::{Bounds, BoxTree};
 use crate::geometry::{cross, dot, squared_distance, sub};
 use crate::parallel::go_on;
 

@@ -1,15 +1,18 @@
 //! Bindings of curves: splines, polylines and bridges between these.
 
-use numpy::PyArray1;
-use pyo3::exceptions::PyValueError;
+use numpy::{Element, PyArray1, PyArray2};
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
-use super::arguments::{Array, FloatArray, Points, point, require_same_length};
-use super::arrays::{PointsArray, list, points_array};
+use super::arguments::{Array, FloatArray, Points, point, require_same_length, wrong_shape};
+use super::arrays::{PointsArray, array, list, points_array};
 use super::released::{guarded, released_if_many};
 use crate::arclength::ByLength;
 use crate::overlap::{self, Along};
-use crate::{Point, Spline, bridge, polyline, straighten};
+use crate::{Point, Spline, bridge, plan, polyline, straighten};
+
+/// Numbers of both segments, shares along them, and turns.
+type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i8>>);
 
 /// Fit a uniform cubic B-spline through ordered nodes by least squares.
 ///
@@ -115,6 +118,70 @@ pub(super) fn overlapping<'py>(
     // each with each
     let effort = places.len().saturating_mul(places.len() / 64);
     list(py, released_if_many(py, effort, move || overlap::overlapping(&places, distance, apart))?)
+}
+
+/// Find all pairs of segments that cross in a plan, exactly.
+///
+/// A line that goes through a node of another crosses it once; one that touches it crosses it twice at the same place, or
+/// never. Segments that share a node do not cross.
+///
+/// Parameters
+/// ----------
+/// nodes : (N, 2) ndarray of float64
+///     Places in the plan.
+/// segments : (S, 2) ndarray of int64
+///     The nodes from which and to which each goes.
+///
+/// Returns
+/// -------
+/// pairs : (K, 2) ndarray of int64
+///     Numbers of the segments, the less first, sorted.
+/// shares : (K, 2) ndarray of float64
+///     How far along each segment they cross, from 0 to 1.
+/// turns : (K,) ndarray of int8
+///     1 where the second crosses the first from its right to its left, else -1.
+///
+/// Raises
+/// ------
+/// TypeError
+///     If an array holds anything else.
+/// ValueError
+///     If one has another shape, `nodes` is not finite, or a segment's node is not there.
+/// MemoryError
+///     If there are more pairs than memory holds.
+#[pyfunction]
+pub(super) fn crossed_segments<'py>(
+    py: Python<'py>,
+    nodes: &Bound<'py, PyAny>,
+    segments: &Bound<'py, PyAny>,
+) -> PyResult<Crossings<'py>> {
+    let (places, segments) =
+        (Array::<f64>::exactly("nodes", nodes, 2)?, Array::<i64>::exactly("segments", segments, 2)?);
+    let (places, ends) = (in_pairs("nodes", places)?, in_pairs("segments", segments)?);
+    if !places.as_flattened().iter().all(|x| x.is_finite()) {
+        return Err(PyValueError::new_err("nodes: expected finite coordinates, got NaN or infinity"));
+    }
+    let there = |&k: &i64| usize::try_from(k).ok().filter(|&k| k < places.len());
+    let segments = (ends.iter()).map(|[a, b]| Some([there(a)?, there(b)?])).collect::<Option<Vec<_>>>();
+    let segments = segments.ok_or_else(|| {
+        PyValueError::new_err(format!("segments: expected numbers of {} nodes", places.len()))
+    })?;
+    let found = released_if_many(py, segments.len(), move || plan::crossed(&places, &segments))?;
+    let found = found.map_err(|_| PyMemoryError::new_err("segments: no memory for all that cross"))?;
+    let pairs = found.iter().flat_map(|each| each.pair.map(|k| k as i64)).collect();
+    let shares = found.iter().flat_map(|each| each.shares).collect();
+    let shape = [found.len(), 2];
+    Ok((
+        array(py, pairs, shape)?,
+        array(py, shares, shape)?,
+        list(py, found.iter().map(|each| each.turn).collect())?,
+    ))
+}
+
+/// The rows of an array of two columns.
+fn in_pairs<T: Element + Copy + 'static>(name: &str, array: Array<T>) -> PyResult<Vec<[T; 2]>> {
+    let [_, 2] = array.shape() else { return Err(wrong_shape(name, "(N, 2)", array.shape())) };
+    Ok(array.slice().as_chunks().0.to_vec())
 }
 
 /// Arc length from the first of ordered nodes to each, metres.

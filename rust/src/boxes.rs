@@ -1,4 +1,4 @@
-//! A tree of boxes about the segments of a polyline, in their order: which segments come near a box.
+//! A tree of boxes about segments, in their order: which segments come near a box.
 
 use crate::Point;
 
