@@ -30,8 +30,9 @@ from pathlib import Path
 import pyarrow as pa
 
 import strand
+from strand._core import cores
 from strand.batch import Settings, Unit, find, load, rows_of, run
-from strand.batch.running import Done, cores
+from strand.batch.running import Done
 from strand.batch.shards import Shards, Work, parquet
 from strand.batch.table import UNLIKE, Row, record_batch
 from strand.files import write_bytes

@@ -121,6 +121,8 @@ def find_crossings(
     """
     towards = unit_direction(direction)
     first, second, turns = _met(chains, towards)
+    if not len(turns):
+        return ()
     number, at = np.stack([first[0], second[0]]), np.stack([first[1], second[1]])
     point, tangent = (np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True))
     covariance = np.stack([_covariance(chains, first), _covariance(chains, second)])
@@ -131,7 +133,7 @@ def find_crossings(
     variance = np.einsum("ki,skij,kj->k", across, covariance, across)
     with np.errstate(divide="ignore"):
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
-    radii = np.array([chain.radius for chain in chains])[number].sum(axis=0) if chains else np.empty(0)
+    radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
     gap = _gap(chains, number, at, height, radii)
     probability = probability_of_order(height, sd, radii, point.mean(axis=0), doubts)
     found = []

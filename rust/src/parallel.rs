@@ -81,9 +81,14 @@ pub fn num_threads() -> usize {
         wanted = set.map_or_else(|set| set, |_| asked);
     }
     match wanted {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        0 => cores(),
         threads => threads,
     }
+}
+
+/// How many cores this process may use: by its affinity, and by its control group's quota of processor time.
+pub(crate) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// How many threads the environment asks for, if it does; what it says, if that is no number.

@@ -69,6 +69,12 @@ fn num_threads() -> usize {
     crate::num_threads()
 }
 
+/// Tell how many cores this process may use: by its affinity, and by its control group's quota of processor time.
+#[pyfunction]
+fn cores() -> usize {
+    crate::parallel::cores()
+}
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
@@ -135,5 +141,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(masks::short_outlines, module)?)?;
     module.add_function(wrap_pyfunction!(masks::shown_radius, module)?)?;
     module.add_function(wrap_pyfunction!(set_num_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(cores, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)
 }

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from strand._core import cores
 from strand.batch import local, ray
 from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, says_errors
@@ -158,13 +159,6 @@ def run(
         if progress is not None:
             progress(done)
     return Done(done.made, skipped, done.rows, done.errors)
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:

@@ -16,8 +16,8 @@ import pytest
 from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scenes
 
 import strand
+from strand._core import cores
 from strand.batch import Done, Settings, find, load, local, run
-from strand.batch.running import cores
 from strand.batch.shards import Work, made_ready, names
 
 COUNT = 18
@@ -233,6 +233,13 @@ def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
     before = strand.num_threads(), dict(os.environ)
     assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, threads=cores()).made == 1
     assert (strand.num_threads(), dict(os.environ)) == before
+
+
+def test_cores_are_those_that_the_process_may_use():
+    script = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); "
+    script += "import strand._core; print(strand._core.cores())"
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert (found.stdout, 1 <= cores() <= len(os.sched_getaffinity(0))) == ("1\n", True)
 
 
 def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
