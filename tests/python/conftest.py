@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,12 @@ from measure import Measure, measured
 
 import strand
 from strand.synthetic import SyntheticScene
+
+
+def pytest_configure() -> None:
+    """Listen to interrupts, which tests raise: what a shell starts in the background may ignore them."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_unconfigure() -> None:
