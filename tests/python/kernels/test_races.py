@@ -28,6 +28,7 @@ shown = mask.view(np.uint8)
 flat = depth.astype(np.float32)
 number = np.zeros(4000, np.int64)
 control = points[:20]
+plan, lines = points.reshape(-1, 2)[:200], np.stack([np.arange(199), np.arange(1, 200)], axis=1)
 eye, camera = np.eye(4), ((100.0, 100.0), (40.0, 30.0))
 fit = dict(motions=[eye], radius=0.1, pose_sd=(0.01, 0.01), reference=None, iterations=2)
 line = np.column_stack([np.linspace(0.0, 1.0, 40), np.zeros(40), np.zeros(40)])
@@ -57,6 +58,8 @@ calls = {{
     "spline_through": lambda: _core.spline_through(points[:40], 0.5, 0.1),
     "spline_places": lambda: _core.spline_places(control, points[0]),
     "overlapping": lambda: _core.overlapping(points[:100], number[:100], points[:100, 0].copy(), 0.1, 0.1),
+    "crossed_segments": lambda: _core.crossed_segments(plan, lines),
+    "crossed_segments, numbers": lambda: _core.crossed_segments(plan, number[:398].reshape(-1, 2)),
     "path_length": lambda: _core.path_length(points),
     "bridge": lambda: _core.bridge(points[:9], points[9:18], 0.1, 0.1),
     "straighten": lambda: _core.straighten(points[:40], 0.1, 0.2),
@@ -162,7 +165,7 @@ def test_this_file_names_every_kernel_that_takes_arrays():
     functions = {
         line.split("(")[0].removeprefix("def ") for line in stub.splitlines() if line.startswith("def ")
     }
-    quick = {"set_num_threads", "num_threads", "rope_extents"}
+    quick = {"set_num_threads", "num_threads", "cores", "rope_extents"}
     several = {"count_neighbors_each", "estimate_normals_each", "register_in_turn"}
     small = {"arc_lengths", "end_direction", "bending", "join_cost", "occludes"}
     missing = {name for name in functions - quick - several - small if f"{name}(" not in RACE}
