@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 # pages that lie at the root of the repository, and what they are called in the site
 PAGES = {"README.md": "index.md"} | {
-    f"{name.upper()}.md": f"{name}.md" for name in ("architecture", "changelog", "contributing", "security")
+    f"{name.upper()}.md": f"{name}.md"
+    for name in ("architecture", "changelog", "contributing", "releasing", "security")
 }
 LINK = re.compile(r"\[([^][]*)\]\((?!\w+:)([^()#\s]+)(#[^()\s]*)?\)")
 # attributes by which a page takes something from elsewhere when it is shown

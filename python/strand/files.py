@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import importlib
 import json
 import math
 import os
@@ -21,19 +20,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from strand._core import StrandError
+from strand.extras import extra
 
 JSON_BYTES = 1 << 26  # a model of a rope takes 0.2 MB
 TOML_BYTES = 1 << 20  # descriptions and configurations are written by hand
 
-_EXTRAS = {
-    "rosbags": "recordings",
-    "lz4": "recordings",
-    "apsw": "recordings",
-    "plotly": "report",
-    "pyarrow": "batch",
-    "ray": "ray",
-    "rerun": "rerun",
-}
 _REASON = 400  # characters; what a file says may be in it, at any length
 # tomllib takes time and memory with the square of a key's parts
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){32}""")
@@ -76,28 +67,6 @@ class FileFormatError(StrandError, ValueError):
         if colon and len(place) < 60:
             return cls(file, reason, place)
         return cls(file, str(error) or type(error).__name__)
-
-
-def extra(module: str) -> Any:
-    """Import a package that only some uses need.
-
-    Parameters
-    ----------
-    module : str
-        Its import name, such as "PIL.Image".
-
-    Raises
-    ------
-    ImportError
-        If it is not installed; the message says how to install it.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        name = module.split(".")[0]
-        package = {"PIL": "pillow", "rerun": "rerun-sdk"}.get(name, name)
-        group = _EXTRAS.get(name, "cli")
-        raise ImportError(f'{package} is needed here: pip install ".[{group}]" installs it') from error
 
 
 def shown(value: Any) -> str:

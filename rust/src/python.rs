@@ -25,9 +25,6 @@ use pyo3::prelude::*;
 
 use crate::Error;
 
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");
 

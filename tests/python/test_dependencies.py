@@ -1,4 +1,4 @@
-"""Licences, duplicates and sources of crates, as `deny.toml` says; licences of packages."""
+"""Licences, duplicates and sources of crates, as `deny.toml` says; licences in wheels and of packages."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import subprocess
 from pathlib import Path
 
+import licences
 import pytest
 
 from strand.files import read_toml
@@ -71,6 +72,24 @@ def test_no_crate_comes_twice_but_those_of_the_list(rules, crates):
 def test_crates_come_from_the_registry_of_the_list(rules, crates):
     accepted = {f"registry+{url}" for url in rules["sources"]["allow-registry"]}
     assert {crate["source"] for crate in crates} == accepted
+
+
+def test_wheels_have_the_licences_of_all_that_is_compiled_in():
+    written = licences.WRITTEN.read_text(encoding="utf-8")
+    crates, standard = written.split(licences.STANDARD)
+    assert crates == licences.of_crates(), "run python packaging/licences.py"
+    assert {"nalgebra", "pyo3", "rayon"} <= set(re.findall(r"^  ([\w-]+) [\d.]+: ", crates, re.MULTILINE))
+    assert [name for name in licences.IN_STANDARD if not re.search(rf"library: .*\b{name}\b", standard)] == []
+    project = read_toml(ROOT / "pyproject.toml")["project"]
+    assert licences.WRITTEN.name in project["license-files"]
+
+
+def test_of_a_choice_of_licences_mit_is_told():
+    files = {"LICENSE-MIT": "m", "LICENSE-APACHE": "a", "README.md": "r"}
+    assert licences.chosen(files, "x 1.0") == ["m"]
+    assert licences.chosen({"LICENSE": "l", "NOTICE": "n"}, "x 1.0") == ["l", "n"]
+    with pytest.raises(SystemExit, match=r"x 1\.0: no file with a licence"):
+        licences.chosen({"README.md": "r"}, "x 1.0")
 
 
 def test_packages_name_their_licence():

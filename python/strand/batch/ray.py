@@ -13,7 +13,7 @@ from strand._core import set_num_threads
 from strand.batch.local import TRIES
 from strand.batch.shards import Written
 from strand.batch.units import Unit
-from strand.files import extra
+from strand.extras import extra
 
 AHEAD = 2
 """Tasks that are asked for, for each that can run: enough that no worker waits for the driver."""

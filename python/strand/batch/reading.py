@@ -13,7 +13,8 @@ from strand.batch.shards import names
 from strand.batch.table import schema
 from strand.chain import Chain
 from strand.checks import several, text
-from strand.files import FileFormatError, extra
+from strand.extras import extra
+from strand.files import FileFormatError
 from strand.model import Model, ModelWarning
 
 

@@ -13,7 +13,7 @@ from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, says_errors
 from strand.batch.units import Unit, find
 from strand.checks import flag, one_of, several, text, whole
-from strand.files import extra
+from strand.extras import extra
 
 ENGINES = ("local", "ray")
 """What units may be worked on by."""

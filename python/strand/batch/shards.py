@@ -17,7 +17,8 @@ from strand.batch.settings import Settings, digest_of
 from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
-from strand.files import extra, write_bytes, write_json
+from strand.extras import extra
+from strand.files import write_bytes, write_json
 
 SUFFIX = ".parquet"
 _FAILED = "-errors" + SUFFIX

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from strand.chain import Chain
 from strand.checks import Array
 from strand.crossings import Crossing
-from strand.files import extra
+from strand.extras import extra
 
 SCHEMA_VERSION = 1
 """Is raised when columns change; what shards say in their metadata under `strand.schema`."""

@@ -10,13 +10,14 @@ from strand.cli.inputs import files_read, load
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.solving import solve
-from strand.files import extra, require_writable
+from strand.extras import extra
+from strand.files import require_writable
 from strand.report import rerun_view
 
 HINT = "a recorded scene and its ropes in the viewer Rerun"
 DESCRIPTION = """\
-Reconstruct the ropes of a scene, and show them in Rerun: pip install
-".[rerun]" installs it."""
+Reconstruct the ropes of a scene, and show them in Rerun, which the extra
+"rerun" installs."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

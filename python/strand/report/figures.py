@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from strand.chain import Chain
 from strand.checks import Array
 from strand.crossings import listed_crossings
-from strand.files import extra, write_bytes
+from strand.extras import extra
+from strand.files import write_bytes
 from strand.model import Model
 from strand.report.sheet import (
     DIMENSION,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from strand.chain import Chain
 from strand.checks import Array
-from strand.files import extra
+from strand.extras import extra
 from strand.model import Model
 from strand.polyline import runs
 from strand.report.cameras import Camera

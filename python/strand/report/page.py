@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 import strand._core as _core
 from strand.checks import Array, finite_array
 from strand.crossings import listed_crossings
-from strand.files import extra, write_bytes
+from strand.extras import extra
+from strand.files import write_bytes
 from strand.model import Model
 from strand.pose import moved
 from strand.report.cameras import Camera, cameras_of, side_seen

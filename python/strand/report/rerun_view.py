@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from strand._core import StrandError
 from strand.checks import finite_array
 from strand.crossings import listed_crossings
-from strand.files import extra, write_bytes
+from strand.extras import extra
+from strand.files import write_bytes
 from strand.model import Model
 from strand.report.cameras import cameras_of, side_seen
 from strand.report.page import points_by_view

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strand.checks import Array
-from strand.files import extra
+from strand.extras import extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from strand.files import FileFormatError, extra, open_file, read_bytes
+from strand.extras import extra
+from strand.files import FileFormatError, open_file, read_bytes
 from strand.io.recordings.limits import (
     YAML_BYTES,
     GuardedPath,

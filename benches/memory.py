@@ -1,0 +1,78 @@
+"""Reconstruct and filter again and again: processor time, page faults and resident memory, in a table.
+
+python benches/memory.py [--calls N]
+
+It tells allocators from each other: what they give back and fetch again is in the page faults and the
+system's time, what they keep is in the memory. Small scenes are of 160 x 120 pixels; the cloud has 2,000,000
+points. Memory is what the process has after the calls, and the most that it had during them; that of Python
+and NumPy is in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import collection
+import numpy as np
+from tables import head, row
+
+import strand
+from strand.synthetic import SHAPES, scene
+
+STATUS = Path("/proc/self/status")
+PEAK = Path("/proc/self/clear_refs"), "5"  # forgets the most that was resident
+
+
+def megabytes(what: str) -> float:
+    """A line of what the system says of this process."""
+    lines = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
+    return float(lines[what].split()[0]) / 1e3
+
+
+def measured(call: Callable[[int], object], calls: int) -> list[str]:
+    """Call after a first time; what a call took of the processor, faults of a call, and memory."""
+    call(0)
+    PEAK[0].write_text(PEAK[1])
+    before = resource.getrusage(resource.RUSAGE_SELF)
+    for number in range(calls):
+        call(number)
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
+    faults = after.ru_minflt - before.ru_minflt
+    each = [f"{1e3 * user / calls:.1f}", f"{1e3 * system / calls:.1f}", f"{faults / calls:.0f}"]
+    return [*each, f"{megabytes('VmRSS'):.0f}", f"{megabytes('VmHWM'):.0f}"]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--calls", type=int, default=500, metavar="N", help="of small scenes (default: 500)")
+    calls = parser.parse_args().calls
+    small = [scene(SHAPES[k], views=1 + k % 3, size=(160, 120), seed=k) for k in range(len(SHAPES))]
+    fine = collection.scene("paper_fine")
+    cloud = np.random.default_rng(0).random((2_000_000, 3))
+
+    def reconstruct(number: int) -> None:
+        made = small[number % len(small)]
+        strand.reconstruct(made.views, made.radius, made.bounds, ropes=1)
+
+    work: dict[str, tuple[Callable[[int], object], int]] = {
+        "small scenes": (reconstruct, calls),
+        "paper_fine": (
+            lambda _: strand.reconstruct(fine.views, fine.radius, fine.bounds),
+            max(calls // 20, 1),
+        ),
+        "normals of the cloud": (lambda _: strand.estimate_normals(cloud, k=16), max(calls // 100, 1)),
+        "small scenes again": (reconstruct, max(calls // 5, 1)),
+    }
+    print(head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "most, MB"))
+    for name, (call, times) in work.items():
+        print(row(name, times, *measured(call, times)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,156 @@
+"""The distribution's name is in pyproject.toml alone, the version in Cargo.toml."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import cut
+import pytest
+
+import strand
+from strand.files import read_toml
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
+VERSION = read_toml(ROOT / "Cargo.toml")["package"]["version"]
+NAME = PROJECT["name"]
+KINDS = ("*.md", "*.py", "*.toml", "*.yml", "*.yaml", "*.sh", "*.txt")
+ROOMS = ("python", "tests", "benches", "docs", "examples", "packaging", ".github")
+# what changes with the name: requirements, names of wheels, questions about what is installed
+CARRIES = r"""(?x) \b{0}\[[a-z,]+\] | \b{0}-(\d|\*).*(whl|tar)
+    | pip3?\s+install\s([^`\n]*['"\s])?{0}(['"\s=<>`]|$)
+    | (version|distribution|requires|files)\(["']{0}["']\)"""
+
+
+def places(name):
+    """Lines outside of pyproject.toml that carry a distribution's name."""
+    files = [path for room in ROOMS for kind in KINDS for path in (ROOT / room).rglob(kind)]
+    files += [path for kind in KINDS for path in ROOT.glob(kind)]
+    skipped = {Path(__file__).resolve(), ROOT / "pyproject.toml"}
+    lines = (
+        (path, line)
+        for path in files
+        if path.resolve() not in skipped
+        for line in path.read_text(encoding="utf-8").splitlines()
+    )
+    pattern = re.compile(CARRIES.format(re.escape(name)))
+    return [f"{path.relative_to(ROOT)}: {line.strip()}" for path, line in lines if pattern.search(line)]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'pip install "rope[cli]"',
+        "pip install rope",
+        "pip install --upgrade 'rope>=1'",
+        "dist/rope-0.1.0-cp310.whl",
+        "dist/rope-*.whl",
+        'metadata.version("rope")',
+    ],
+)
+def test_what_carries_a_name(line):
+    assert re.search(CARRIES.format("rope"), line)
+
+
+@pytest.mark.parametrize(
+    "line", ["import rope", "chains[0]", "rope demo", 'pip install ".[rope]"', "rope.json"]
+)
+def test_what_carries_none(line):
+    assert not re.search(CARRIES.format("rope"), line)
+
+
+def test_the_name_is_in_one_file():
+    assert places(NAME) == []
+    assert [place for place in places("maturin") if place.startswith("CONTRIBUTING.md")] != []
+
+
+def test_extras_that_name_others_name_this_distribution():
+    listed = [entry for entries in PROJECT["optional-dependencies"].values() for entry in entries]
+    selves = [entry for entry in listed if re.match(r"[\w-]+\[[\w,]+\]$", entry)]
+    assert len(selves) == 3
+    for entry in selves:
+        name, groups = re.fullmatch(r"([\w-]+)\[([\w,]+)\]", entry).groups()
+        assert name == NAME
+        assert set(groups.split(",")) <= set(PROJECT["optional-dependencies"])
+
+
+@pytest.mark.parametrize("name", [None, "strand", "other-name"])
+def test_what_is_missing_is_asked_for_by_the_installed_name(name, tmp_path):
+    (tmp_path / "strand").symlink_to(Path(strand.__file__).parent)
+    if name is not None:
+        information = tmp_path / f"{name.replace('-', '_')}-1.0.dist-info"
+        information.mkdir()
+        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (information / "RECORD").write_text("strand/__init__.py,,\nstrand/extras.py,,\n")
+    others = [path for path in sys.path if path and Path(path).resolve() != Path(strand.__file__).parents[1]]
+    code = f"""
+import sys
+sys.path[:] = {[str(tmp_path), *others]!r}
+from strand.extras import extra
+sys.modules["plotly"] = None
+extra("plotly.graph_objects")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    wanted = "." if name is None else name
+    assert f'plotly is needed here: pip install "{wanted}[report]" installs it' in done.stderr
+
+
+def test_the_version_is_that_of_the_crate():
+    assert strand.__version__ == VERSION
+    assert "version" in PROJECT["dynamic"]
+    lock = (ROOT / "Cargo.lock").read_text(encoding="utf-8")
+    assert f'name = "strand"\nversion = "{VERSION}"\n' in lock
+    assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    installed = [
+        metadata.version(name) for name in metadata.packages_distributions().get("strand", []) if name == NAME
+    ]
+    assert set(installed) <= {VERSION}
+
+
+def headings(root):
+    return re.findall(r"^## (.+)$", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_the_changelog_has_the_version():
+    assert headings(ROOT)[0] == "Unreleased"
+    assert re.fullmatch(rf"{re.escape(VERSION)} - \d{{4}}-\d\d-\d\d", headings(ROOT)[1])
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """What a release changes, with something to release."""
+    for name in ("CHANGELOG.md", "Cargo.toml", "Cargo.lock", "CITATION.cff"):
+        shutil.copy(ROOT / name, tmp_path)
+    text = (tmp_path / "CHANGELOG.md").read_text(encoding="utf-8")
+    changed = re.sub(r"(?<=## Unreleased\n\n)(Nothing yet\.)?", "- A change.\n", text, count=1)
+    (tmp_path / "CHANGELOG.md").write_text(changed, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_release_is_cut_in_all_places(copied):
+    cut.cut(copied, "12.3.4", "2030-01-02")
+    assert headings(copied)[:3] == ["Unreleased", "12.3.4 - 2030-01-02", headings(ROOT)[1]]
+    assert "Unreleased\n\nNothing yet.\n\n## 12.3.4 - 2030-01-02\n\n- A change.\n" in (
+        copied / "CHANGELOG.md"
+    ).read_text(encoding="utf-8")
+    assert read_toml(copied / "Cargo.toml")["package"]["version"] == "12.3.4"
+    assert 'name = "strand"\nversion = "12.3.4"\n' in (copied / "Cargo.lock").read_text(encoding="utf-8")
+    said = (copied / "CITATION.cff").read_text(encoding="utf-8")
+    assert "\nversion: 12.3.4\ndate-released: 2030-01-02\n" in said
+    with pytest.raises(ValueError, match="nothing is under Unreleased"):
+        cut.cut(copied, "12.3.5", "2030-01-03")
+
+
+@pytest.mark.parametrize(
+    ("version", "reason"), [("1.2", "expected three numbers"), (VERSION, "is there already")]
+)
+def test_a_release_is_refused_before_anything_is_written(version, reason, copied):
+    before = {path.name: path.read_bytes() for path in copied.iterdir()}
+    with pytest.raises(ValueError, match=reason):
+        cut.cut(copied, version, "2030-01-02")
+    assert {path.name: path.read_bytes() for path in copied.iterdir()} == before
