@@ -72,7 +72,8 @@ fn cores() -> usize {
     crate::parallel::cores()
 }
 
-#[pymodule]
+// for interpreters without a lock: statics are atomics and mutexes, classes are frozen, and arguments are copied first
+#[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     if let Err(text) = crate::parallel::threads_of_environment() {

@@ -128,8 +128,9 @@ fn taken<T: Element + Copy + 'static, D: Dimension>(
         return Ok(Some(Values::Constant(values)));
     }
     let mut values = reserved(name, count)?;
-    // SAFETY: the array holds as many numbers from there on, and this holds the GIL, without which it is not freed; no
-    // reference is made to what other threads may write. Every pattern of bits is a number of these types
+    // SAFETY: the array holds as many numbers from there on, and they are not freed: this holds a reference, and the lock
+    // if there is one, else the caller may not resize it without a check. No reference is made to what other threads may
+    // write. Every pattern of bits is a number of these types
     unsafe {
         std::ptr::copy_nonoverlapping(array.data().cast_const(), values.as_mut_ptr(), count);
         values.set_len(count);
