@@ -22,7 +22,7 @@ NAME = PROJECT["name"]
 KINDS = ("*.md", "*.py", "*.toml", "*.yml", "*.yaml", "*.sh", "*.txt")
 ROOMS = ("python", "tests", "benches", "docs", "examples", "packaging", ".github")
 # what changes with the name: requirements, names of wheels, questions about what is installed
-CARRIES = r"""(?x) \b{0}\[[a-z,]+\] | \b{0}-(\d|\*).*(whl|tar)
+CARRIES = r"""(?x) \b{0}\[[a-z,]+\] | \b{0}-\S*\.(whl|tar)
     | pip3?\s+install\s([^`\n]*['"\s])?{0}(['"\s=<>`]|$)
     | (version|distribution|requires|files)\(["']{0}["']\)"""
 
@@ -38,7 +38,7 @@ def places(name):
         if path.resolve() not in skipped
         for line in path.read_text(encoding="utf-8").splitlines()
     )
-    pattern = re.compile(CARRIES.format(re.escape(name)))
+    pattern = re.compile(CARRIES.format(re.sub("[-_.]+", "[-_.]+", name)))
     return [f"{path.relative_to(ROOT)}: {line.strip()}" for path, line in lines if pattern.search(line)]
 
 
@@ -50,6 +50,7 @@ def places(name):
         "pip install --upgrade 'rope>=1'",
         "dist/rope-0.1.0-cp310.whl",
         "dist/rope-*.whl",
+        "rope-VERSION-cp310-abi3.whl",
         'metadata.version("rope")',
     ],
 )
