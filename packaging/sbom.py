@@ -2,7 +2,7 @@
 
 python packaging/sbom.py TARGET
 
-Maturin's own lists every system's crates and those of the build alone, and has the time and folders of the build in it.
+Maturin's own list has the crates of all systems and of the build, the time, and the folders of whoever built.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def cargo(*arguments: str) -> str:
 
 
 def compiled_in(target: str) -> set[tuple[str, str]]:
-    """Names and versions of the crates whose code a wheel holds: no macros, no crates of tests or of the build."""
+    """Names and versions of crates whose code a wheel holds: not those of macros, tests or the build."""
     tree = cargo(
         *("tree", "--edges", "normal,no-proc-macro", "--target", target, "--prefix", "none"),
         *("--format", "{p}"),
@@ -75,6 +75,15 @@ def compiler() -> dict:
     }
 
 
+def needed(node: dict, references: dict[str, str]) -> list[str]:
+    """What a crate needs when it runs, of what is compiled in."""
+    return sorted(
+        references[link["pkg"]]
+        for link in node["deps"]
+        if link["pkg"] in references and any(kind["kind"] is None for kind in link["dep_kinds"])
+    )
+
+
 def document(target: str) -> dict:
     metadata = json.loads(cargo("metadata", "--format-version", "1", "--filter-platform", target))
     inside = compiled_in(target)
@@ -89,19 +98,7 @@ def document(target: str) -> dict:
     standard = compiler()
     references = {name: f"pkg:cargo/{crate['name']}@{crate['version']}" for name, crate in crates.items()}
     dependencies = [
-        {
-            "ref": references[node["id"]],
-            "dependsOn": sorted(
-                references[name]
-                for name in node["dependencies"]
-                if name in references and any(
-                    kind["kind"] is None
-                    for link in node["deps"] if link["pkg"] == name
-                    for kind in link["dep_kinds"]
-                )
-            )
-            + [standard["bom-ref"]],
-        }
+        {"ref": references[node["id"]], "dependsOn": [*needed(node, references), standard["bom-ref"]]}
         for node in metadata["resolve"]["nodes"]
         if node["id"] in references
     ]
