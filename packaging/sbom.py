@@ -8,6 +8,7 @@ Maturin's own list has the crates of all systems and of the build, the time, and
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -59,20 +60,30 @@ def component(crate: dict, checksum: str | None) -> dict:
     return made
 
 
-def compiler() -> dict:
-    """Rust's standard library, which is compiled in too."""
-    version = subprocess.run(["rustc", "--version"], check=True, stdout=subprocess.PIPE, text=True).stdout
-    number = version.split()[1]
-    reference = f"pkg:generic/rust-std@{number}"
-    return {
-        "type": "library",
-        "bom-ref": reference,
-        "name": "rust-std",
-        "version": number,
-        "description": "The Rust standard library",
-        "licenses": [{"expression": "MIT OR Apache-2.0"}],
-        "purl": reference,
-    }
+def toolchain() -> list[dict]:
+    """What Rust and zig put into every wheel: the standard library; routines of compilers."""
+    rust = subprocess.run(["rustc", "--version"], check=True, stdout=subprocess.PIPE, text=True).stdout
+    zig = re.search(r"^ziglang==(\S+)", (ROOT / "packaging" / "requirements.txt").read_text(), re.MULTILINE)
+    parts = [
+        (f"pkg:generic/rust-std@{rust.split()[1]}", "Rust's standard library", "MIT OR Apache-2.0"),
+        (
+            f"pkg:pypi/ziglang@{zig[1]}",
+            "Compiler's routines of zig, and LLVM's libunwind",
+            "MIT AND Apache-2.0 WITH LLVM-exception",
+        ),
+    ]
+    return [
+        {
+            "type": "library",
+            "bom-ref": reference,
+            "name": reference.split("/")[1].split("@")[0],
+            "version": reference.split("@")[1],
+            "description": description,
+            "licenses": [{"expression": licence}],
+            "purl": reference,
+        }
+        for reference, description, licence in parts
+    ]
 
 
 def needed(node: dict, references: dict[str, str]) -> list[str]:
@@ -95,10 +106,11 @@ def document(target: str) -> dict:
         name: component(crate, sums.get((crate["name"], crate["version"]))) for name, crate in crates.items()
     }
     root = components.pop(metadata["resolve"]["root"])
-    standard = compiler()
+    given = toolchain()
+    always = [part["bom-ref"] for part in given]
     references = {name: f"pkg:cargo/{crate['name']}@{crate['version']}" for name, crate in crates.items()}
     dependencies = [
-        {"ref": references[node["id"]], "dependsOn": [*needed(node, references), standard["bom-ref"]]}
+        {"ref": references[node["id"]], "dependsOn": [*needed(node, references), *always]}
         for node in metadata["resolve"]["nodes"]
         if node["id"] in references
     ]
@@ -110,7 +122,7 @@ def document(target: str) -> dict:
             "component": root,
             "properties": [{"name": "cdx:rustc:sbom:target", "value": target}],
         },
-        "components": sorted([*components.values(), standard], key=lambda each: each["bom-ref"]),
+        "components": sorted([*components.values(), *given], key=lambda each: each["bom-ref"]),
         "dependencies": sorted(dependencies, key=lambda each: each["ref"]),
     }
 
