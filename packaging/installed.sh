@@ -15,11 +15,11 @@ inside=$folder/venv/bin/python
     "${wheel}[cli]" pytest hypothesis jsonschema scipy "$@"
 
 versions=$("$inside" -c 'import platform, numpy; print(platform.python_version(), "|", numpy.__version__)')
-# what strand adds to NumPy, once its bytecode is written
+# what strand adds to NumPy, once its bytecode is written; of the processor, as the machine may be busy
 seconds=$("$inside" - <<'END'
 import statistics, subprocess, sys
 def once(modules):
-    code = f"import time, numpy; a = time.perf_counter(); import {modules}; print(time.perf_counter() - a)"
+    code = f"import time, numpy; a = time.process_time(); import {modules}; print(time.process_time() - a)"
     return float(subprocess.check_output([sys.executable, "-c", code]))
 once("strand")
 print(round(1e3 * min(once("strand") for _ in range(7))))
