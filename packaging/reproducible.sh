@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Builds the last commit's wheel and source archive twice and compares their bits: packaging/reproducible.sh
-# The second time with other folders, another time zone and other permissions. Takes two builds.
+# Builds the last commit's wheel and source archive twice and compares their bits: packaging/reproducible.sh [OUT]
+# The second time with other folders, another time zone and other permissions. They are in OUT then, or dist/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+out=${1:-dist}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 git clone --quiet . "$folder/one"
@@ -17,4 +18,6 @@ unset CARGO_TARGET_DIR SOURCE_DATE_EPOCH
 (cd "$folder/first" && sha256sum -- *)
 (cd "$folder/second" && sha256sum -- *)
 diff -r "$folder/first" "$folder/second"
+mkdir -p "$out"
+cp "$folder"/first/* "$out"
 echo "reproducible.sh: the same bits twice"
