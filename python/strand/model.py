@@ -47,7 +47,7 @@ from strand.sensor import Sensor
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
 
-WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "thing", "unused view")
+WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "thing", "unused view")
 """Kinds of warning: those of doubts, and
 
 "mask": beside the doubt, a mask has labels for more ropes than there are;
@@ -56,7 +56,8 @@ WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "open pose", "thing", "un
 the data leave a direction of a view's pose open; "thing": what stands on the table and is no rope was left
 out; "unused view": a view saw nothing, or noise does
 not tell its ropes from what they lie on and only other views have masks; "kept pose": a view could
-not be registered and stays at its reported pose.
+not be registered and stays at its reported pose; "no rope": there is none, in tables of batches, as
+`reconstruct` raises `NoRopeError`.
 """
 
 # so many chains a model's repr names

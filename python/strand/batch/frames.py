@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from strand.batch.settings import Settings
@@ -11,6 +12,7 @@ from strand.batch.units import BAG, IMAGES, Unit, images_of, open_bag
 from strand.box import Bounds
 from strand.files import FileFormatError
 from strand.io.budget import Budget
+from strand.io.recordings.recording import Recording, Undecoded
 from strand.io.scenes import load_scene
 from strand.io.single import Camera, read_view
 from strand.io.view_files import SUFFIXES
@@ -23,8 +25,6 @@ class Seen:
 
     Attributes
     ----------
-    number : int
-        Which frame of the recording it is, from 0.
     time : float or None
         When, seconds since 1970; None if the recording does not say it.
     views : tuple of View
@@ -34,25 +34,25 @@ class Seen:
         The extraction range, if the recording says it.
     """
 
-    number: int
     time: float | None
     views: tuple[View, ...]
     radius: float | None = None
     bounds: Bounds | None = None
 
 
-def frames(unit: Unit, settings: Settings) -> Iterator[Seen]:
-    """Go through the frames of a unit, one in memory at a time.
+def frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], Seen]]]:
+    """Go through the frames of a unit, one in memory at a time: their numbers, and how each is read.
 
     Raises
     ------
     OSError, strand.StrandError, TypeError, ValueError, ImportError
-        As `strand.load_scene` and `strand.Recording` do.
+        If the recording cannot be opened, or ends in damage. How a frame is read raises them too, and spoils
+        no other frame.
     """
     if unit.kind == BAG:
         with open_bag(unit.path, settings) as recording:
-            for frame in recording.read(unit.start, unit.stop, settings.every):
-                yield Seen(frame.number, frame.time, frame.views)
+            for frame in recording.undecoded(unit.start, unit.stop, settings.every):
+                yield frame.number, partial(_decoded, recording, frame)
         return
     camera = Camera(settings.viewpoint, settings.camera_frame, settings.intrinsics, settings.depth_scale)
     if unit.kind == IMAGES:
@@ -60,12 +60,26 @@ def frames(unit: Unit, settings: Settings) -> Iterator[Seen]:
         if not paths:
             raise FileFormatError(unit.path, "no depth image is left")
         for number in range(len(paths))[unit.start : unit.stop : settings.every]:
-            view = read_view(Path(paths[number]), camera, None, Budget(settings.max_bytes))
-            yield Seen(number, None, (view,))
+            yield number, partial(_image, paths[number], camera, settings)
         return
-    single = Path(unit.path).suffix.lower() in SUFFIXES
+    # a scene is opened by reading all of it
+    scene = _scene(unit.path, camera, settings)
+    yield 0, lambda: scene
+
+
+def _decoded(recording: Recording, frame: Undecoded) -> Seen:
+    decoded = recording.decoded(frame)
+    return Seen(decoded.time, decoded.views)
+
+
+def _image(path: str, camera: Camera, settings: Settings) -> Seen:
+    return Seen(None, (read_view(Path(path), camera, None, Budget(settings.max_bytes)),))
+
+
+def _scene(path: str, camera: Camera, settings: Settings) -> Seen:
+    single = Path(path).suffix.lower() in SUFFIXES
     scene = load_scene(
-        unit.path,
+        path,
         viewpoint=camera.viewpoint if single else None,
         camera_frame=camera.camera_frame if single else False,
         intrinsics=camera.intrinsics if single else None,
@@ -73,4 +87,4 @@ def frames(unit: Unit, settings: Settings) -> Iterator[Seen]:
         max_bytes=settings.max_bytes,
         outside=settings.outside,
     )
-    yield Seen(0, None, scene.views, scene.radius, scene.bounds)
+    return Seen(None, scene.views, scene.radius, scene.bounds)

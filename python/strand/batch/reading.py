@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.batch.shards import names
-from strand.batch.table import schema
+from strand.batch.shards import VERSION_KEY, names
+from strand.batch.table import SCHEMA_VERSION, schema
 from strand.chain import Chain
 from strand.checks import several, text
 from strand.extras import extra
@@ -96,10 +96,19 @@ def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tupl
     for name in sorted(names(Path(out)), key=_in_order):
         path = Path(out, name)
         try:
-            table = pq.ParquetFile(path).read(columns=list(columns), use_threads=False)
+            file = pq.ParquetFile(path)
+            _require_schema(path, file.metadata.metadata)
+            table = file.read(columns=list(columns), use_threads=False)
             yield path, table.select(columns).cast(pa.schema([wanted.field(one) for one in columns]))
         except (pa.ArrowInvalid, KeyError, pa.ArrowKeyError) as error:
             raise FileFormatError(path, f"truncated, damaged or no shard ({error})") from error
+
+
+def _require_schema(path: Path, said: dict[bytes, bytes] | None) -> None:
+    version = (said or {}).get(VERSION_KEY.encode(), b"none").decode("utf-8", "replace")
+    if version != f"{SCHEMA_VERSION}":
+        reason = f"expected a shard of version {SCHEMA_VERSION} of the schema, got {version}"
+        raise FileFormatError(path, reason, VERSION_KEY)
 
 
 def _in_order(name: str) -> tuple[str, int]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from strand._core import cores
 from strand.batch import local, ray
 from strand.batch.settings import Settings
-from strand.batch.shards import Shards, Work, Written, made_ready, says_errors
+from strand.batch.shards import Shards, Work, Written, made_ready, name_of
 from strand.batch.units import Unit, find
 from strand.checks import flag, one_of, several, text, whole
 from strand.extras import extra
@@ -33,12 +33,15 @@ class Done:
         Rows that were made.
     errors : int
         Of these, rows that say an error.
+    replaced : int
+        Shards that were there and went: of other files of a recording, other settings or another version.
     """
 
     made: int = 0
     skipped: int = 0
     rows: int = 0
     errors: int = 0
+    replaced: int = 0
 
 
 def run(
@@ -126,19 +129,16 @@ def run(
     first = next(units, None)
     made_ready(folder, settings)
     shards, work = Shards(folder), Work(settings, str(folder))
-    skipped = 0
+    skipped = replaced = 0
 
     def missing() -> Iterator[Unit]:
-        nonlocal skipped
+        nonlocal skipped, replaced
         for unit in _after(first, units):
+            replaced += shards.remove_stale(unit, settings.digest)
             there = shards.there(unit, settings.digest)
-            if retry_errors and any(says_errors(name) for name in there):
-                for name in there:
-                    shards.remove(name)
-            elif there:
+            if there is not None and not (retry_errors and there == name_of(unit, settings.digest, True)):
                 skipped += 1
                 continue
-            shards.remove_stale(unit, settings.digest)
             yield unit
 
     def ended() -> Iterator[tuple[Unit, Written | None]]:
@@ -155,10 +155,11 @@ def run(
     for unit, written in ended():
         if written is None:
             written = work.give_up(unit, f"WorkerDied: {local.TRIES} processes ended while they worked on it")
-        done = Done(done.made + 1, skipped, done.rows + written.rows, done.errors + written.errors)
+        rows, errors = done.rows + written.rows, done.errors + written.errors
+        done = Done(done.made + 1, skipped, rows, errors, replaced)
         if progress is not None:
             progress(done)
-    return Done(done.made, skipped, done.rows, done.errors)
+    return replace(done, skipped=skipped, replaced=replaced)
 
 
 def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:

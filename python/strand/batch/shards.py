@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import io
+import multiprocessing
 import os
+import re
 import time
 from bisect import bisect_left
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from strand._core import __version__
-from strand.batch.settings import Settings, digest_of
+from strand.batch.settings import DIGITS, Settings, digest_of
 from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
 from strand.extras import extra
 from strand.files import write_bytes, write_json
 
+VERSION_KEY = "strand.schema"
+"""What a shard's metadata has the schema's version under."""
+
 SUFFIX = ".parquet"
 _FAILED = "-errors" + SUFFIX
+_NAME = re.compile(rf"[0-9a-f]{{{DIGITS}}}-[0-9a-f]{{{DIGITS}}}-\d+-(\d+|end)(-errors)?\.parquet")
 _LEFT = 3600.0  # seconds; writing a shard takes a fraction of one
 
 
@@ -77,30 +83,39 @@ class Work:
         return self._write(unit, lost(unit, self.settings, why))
 
     def _write(self, unit: Unit, batch: Any) -> Written:
+        driver = multiprocessing.parent_process()
+        if driver is not None and not driver.is_alive():
+            # nobody waits for it, and the next run may be there already, with other settings
+            raise SystemExit
         errors = len(batch) - batch.column("error").null_count
-        name = name_of(unit, self.settings.digest, errors > 0)
-        path = Path(self.out, name)
-        path.parent.mkdir(exist_ok=True)
-        write_bytes(path, parquet(batch, unit))
+        good, failed = (
+            Path(self.out, name_of(unit, self.settings.digest, with_errors)) for with_errors in (False, True)
+        )
+        if errors and good.exists():
+            # by a worker that died before it said so, or by another run
+            return Written(0, 0)
+        good.parent.mkdir(exist_ok=True)
+        write_bytes(failed if errors else good, parquet(batch, unit))
+        if not errors:
+            failed.unlink(missing_ok=True)
         return Written(len(batch), errors)
 
 
 def parquet(batch: Any, unit: Unit) -> bytes:
-    """Return rows as a Parquet file."""
+    """Return rows as a Parquet file; its metadata says the schema's version and the input's digest."""
     pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
-    about = {"strand.schema": f"{SCHEMA_VERSION}", "strand.input": unit.digest}
-    table = pa.Table.from_batches([batch.replace_schema_metadata(about)])
     content = io.BytesIO()
     # nodes hardly repeat: dictionaries would only take time, and zstd twice that of snappy to save a tenth;
     # Parquet's own types say all that the schema does
-    pq.write_table(
-        table,
-        content,
-        compression="snappy",
-        use_dictionary=False,
-        store_schema=False,
-        write_statistics=["recording"],
-    )
+    options = {
+        "compression": "snappy",
+        "use_dictionary": False,
+        "store_schema": False,
+        "write_statistics": ["recording"],
+    }
+    with pq.ParquetWriter(content, batch.schema, **options) as file:
+        file.write_table(pa.Table.from_batches([batch]))
+        file.add_key_value_metadata({VERSION_KEY: f"{SCHEMA_VERSION}", "strand.input": unit.digest})
     return content.getvalue()
 
 
@@ -128,7 +143,7 @@ def says_errors(name: str) -> bool:
 
 
 class Shards:
-    """The shards that a folder held when this was made.
+    """The shards that a folder held when this was made, without those that this removed.
 
     Parameters
     ----------
@@ -146,25 +161,40 @@ class Shards:
         self.out = Path(out)
         self.names = sorted(names(self.out))
 
-    def there(self, unit: Unit, configuration: str) -> Sequence[str]:
-        """Return the names of a unit's shards of the same input, configuration and version."""
-        wanted = [name_of(unit, configuration, failed) for failed in (False, True)]
-        return [name for name in self._of(unit.recording) if name in wanted]
+    def there(self, unit: Unit, configuration: str) -> str | None:
+        """Return the name of the shard with a unit's rows: of the same input, configuration and version.
 
-    def remove_stale(self, unit: Unit, configuration: str) -> None:
-        """Remove shards of the unit's recording that another input, configuration or version made.
-
-        This comes before the new ones are written, so that no row is there twice at any time.
+        Where stretches hold the rows of a recording that is one unit now, because it could not be opened when
+        it was sought, the first of these.
         """
-        current = state_key(unit, configuration)
-        for name in self._of(unit.recording):
-            if not name.startswith(current):
-                self.remove(name)
+        current = [
+            name for name in self._of(unit.recording) if name.startswith(state_key(unit, configuration))
+        ]
+        for failed in (False, True):
+            if (name := name_of(unit, configuration, failed)) in current:
+                return name
+        return current[0] if current and unit.whole else None
 
-    def remove(self, name: str) -> None:
-        """Remove a shard; one that is gone is no matter."""
-        with suppress(FileNotFoundError):
-            (self.out / name).unlink()
+    def remove_stale(self, unit: Unit, configuration: str) -> int:
+        """Remove shards of a unit's recording that hold other rows than those of today, and return how many.
+
+        Those of another input, configuration or version; errors of a unit that was made since; that of the
+        whole recording, where it is stretches. This comes before new ones are written, so that no row is
+        there twice.
+        """
+        current, kept = state_key(unit, configuration), self.there(unit, configuration)
+        stale = set()
+        if not unit.whole:
+            whole = replace(unit, start=0, stop=None)
+            stale = {name_of(whole, configuration, failed) for failed in (False, True)}
+        if kept is not None and not says_errors(kept):
+            stale.add(name_of(unit, configuration, True))
+        gone = [name for name in self._of(unit.recording) if not name.startswith(current) or name in stale]
+        for name in gone:
+            del self.names[bisect_left(self.names, name)]
+            with suppress(FileNotFoundError):
+                (self.out / name).unlink()
+        return len(gone)
 
     def _of(self, recording: str) -> Sequence[str]:
         key = recording_key(recording)
@@ -175,13 +205,13 @@ class Shards:
 
 
 def names(out: Path) -> list[str]:
-    """Return the names of all shards below a folder of shards, in no order."""
+    """Return the names of all shards below a folder of shards, in no order; other files are passed over."""
     found = []
     with os.scandir(out) as folders:
         inner = [entry for entry in folders if len(entry.name) == 2 and entry.is_dir()]
     for folder in inner:
         with os.scandir(folder.path) as entries:
-            found += [f"{folder.name}/{entry.name}" for entry in entries if entry.name.endswith(SUFFIX)]
+            found += [f"{folder.name}/{entry.name}" for entry in entries if _NAME.fullmatch(entry.name)]
     return found
 
 
@@ -192,9 +222,12 @@ def made_ready(out: Path, settings: Settings) -> None:
     """
     out.mkdir(parents=True, exist_ok=True)
     # datasets pass over names that begin with an underscore
-    write_json(out / f"_configuration-{settings.digest}.json", settings.in_words)
+    words = out / f"_configuration-{settings.digest}.json"
+    if not words.exists():
+        # what is complete may be read-only
+        write_json(words, settings.in_words)
     old = time.time() - _LEFT
-    for left in out.glob("*/.strand-*.tmp"):
+    for left in (*out.glob(".strand-*.tmp"), *out.glob("*/.strand-*.tmp")):
         with suppress(FileNotFoundError):
             if left.stat().st_mtime < old:
                 left.unlink()

@@ -130,14 +130,14 @@ def record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
         "closed": [None if chain is None else chain.closed for chain in chains],
         "confidence": [None if chain is None else _known(chain.confidence) for chain in chains],
         "model_confidence": [_known(row.model_confidence) for row in rows],
-        "warnings": [list(row.warnings) for row in rows],
+        "warnings": [[_readable(words) for words in row.warnings] for row in rows],
         "crossings": [
             None if row.chain is None else [_crossing(one) for one in row.crossings] for row in rows
         ],
         "version": [version] * len(rows),
         "configuration": [configuration] * len(rows),
         "seconds": [row.seconds for row in rows],
-        "error": [row.error for row in rows],
+        "error": [None if row.error is None else _readable(row.error) for row in rows],
     }
     arrays = [
         value if isinstance(value, pa.Array) else pa.array(value, field.type)
@@ -161,6 +161,11 @@ def _crossing(one: Crossing) -> dict[str, Any]:
         "sign": one.sign,
         "probability": _known(one.probability),
     }
+
+
+def _readable(words: str) -> str:
+    """Return text as tables hold it, UTF-8: names of files in it may have any bytes."""
+    return words.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _known(value: float) -> float | None:

@@ -49,6 +49,11 @@ class Unit:
     start: int = 0
     stop: int | None = None
 
+    @property
+    def whole(self) -> bool:
+        """Whether it is all of the recording."""
+        return self.start == 0 and self.stop is None
+
 
 def find(
     given: Sequence[Path], settings: Settings, root: Path, leave_out: Path | None = None

@@ -12,6 +12,7 @@ from strand.batch.settings import Settings
 from strand.batch.table import Row, record_batch
 from strand.batch.units import Unit
 from strand.crossings import listed_crossings
+from strand.finding.ropes import NoRopeError
 from strand.model import Model
 from strand.pipeline import reconstruct
 
@@ -47,31 +48,42 @@ def lost(unit: Unit, settings: Settings, why: str) -> Any:
 
 
 def _rows(unit: Unit, settings: Settings) -> Iterator[Row]:
-    found, previous, number = frames(unit, settings), None, None
+    found, previous = frames(unit, settings), None
+    # the frame that comes next; none before the recording is open, or if it has no other
+    number: int | None = None
     while True:
         begun = time.perf_counter()
         try:
-            seen = next(found, None)
+            look = next(found, None)
         except ImportError:
             raise
         except Exception as error:
             yield Row(unit.recording, number, None, time.perf_counter() - begun, error=in_words(error))
             return
-        if seen is None:
+        if look is None:
             break
-        number = seen.number + settings.every
+        seen, number = None, look[0]
         try:
+            seen = look[1]()
             model = _model(seen, settings, previous)
         except ImportError:
             raise
         except Exception as error:
             spent = time.perf_counter() - begun
-            yield Row(unit.recording, seen.number, seen.time, spent, error=in_words(error))
-            continue
-        previous = model
-        yield from _ropes(unit, seen, model, time.perf_counter() - begun)
+            yield _unanswered(unit, number, None if seen is None else seen.time, spent, error)
+        else:
+            previous = model
+            yield from _ropes(unit, number, seen.time, model, time.perf_counter() - begun)
+        number += settings.every
     if number is None and unit.start == 0:
         yield Row(unit.recording, None, None, 0.0, error="FileFormatError: no frame")
+
+
+def _unanswered(unit: Unit, number: int, when: float | None, seconds: float, error: Exception) -> Row:
+    """Return the row of a frame without a model: that there is no rope is an answer, all else an error."""
+    if isinstance(error, NoRopeError):
+        return Row(unit.recording, number, when, seconds, warnings=[f"no rope: {error}"])
+    return Row(unit.recording, number, when, seconds, error=in_words(error))
 
 
 def _model(seen: Seen, settings: Settings, previous: Model | None) -> Model:
@@ -87,7 +99,7 @@ def _model(seen: Seen, settings: Settings, previous: Model | None) -> Model:
     )
 
 
-def _ropes(unit: Unit, seen: Seen, model: Model, seconds: float) -> Iterator[Row]:
+def _ropes(unit: Unit, number: int, when: float | None, model: Model, seconds: float) -> Iterator[Row]:
     """Go through the rows of a model: one for each chain, or one if there is none."""
     crossings = listed_crossings(model.chains, (0, 0, 1), model.doubts)
     warned = [
@@ -97,8 +109,8 @@ def _ropes(unit: Unit, seen: Seen, model: Model, seconds: float) -> Iterator[Row
     for rope, chain in enumerate(model.chains) if model.chains else [(None, None)]:
         yield Row(
             unit.recording,
-            seen.number,
-            seen.time,
+            number,
+            when,
             seconds,
             rope,
             chain,

@@ -104,6 +104,8 @@ def run(options: argparse.Namespace) -> None:
     )
     print(f"made     {done.made} units, {done.rows} rows, {done.errors} of them errors")
     print(f"skipped  {done.skipped} units that were there")
+    if done.replaced:
+        print(f"replaced {done.replaced} units of other files, settings or versions")
     print(options.out)
     if options.summary is not None:
         write_summary(options.out, options.summary)

@@ -10,17 +10,20 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from bag_files import film, write
 from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scenes
 
 import strand
 from strand._core import cores
 from strand.batch import Done, Settings, find, load, local, run
-from strand.batch.shards import Work, made_ready, names
+from strand.batch.shards import Shards, Work, Written, made_ready, name_of, names
 
 COUNT = 18
+SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +67,9 @@ def test_what_changed_is_made_again_in_place_of_what_was_there(recordings, tmp_p
 
     first = made(SETTINGS)
     shutil.copy(recordings / "1" / "01.npz", folder / "0" / "00.npz")
-    assert (first, made(SETTINGS)) == (Done(2, 0, 2, 0), Done(1, 1, 1, 0))
+    assert (first, made(SETTINGS)) == (Done(2, 0, 2, 0), Done(1, 1, 1, 0, replaced=1))
     assert load(out, ["recording"]).column(0).to_pylist() == ["0/00.npz", "0/03.npz"]
-    assert made(known).made == 2
+    assert made(known) == Done(2, 0, 2, 0, replaced=2)
     assert set(load(out, ["configuration"]).column(0).to_pylist()) == {known.digest}
     assert len(load(out)) == len(names(out)) == 2
     # what is given no more stays
@@ -91,6 +94,50 @@ def test_errors_are_rows_that_are_kept_or_tried_again(recordings, tmp_path):
     assert run(folder, out, SETTINGS, root=folder) == Done(0, 3, 0, 0)
     assert run(folder, out, SETTINGS, root=folder, workers=1, retry_errors=True) == Done(2, 1, 2, 2)
     assert len(load(out)) == 3
+
+
+def test_rows_that_are_there_twice_are_mended_by_the_next_run(recordings, tmp_path):
+    one, out, other = recordings / "0" / "00.npz", tmp_path / "out", Settings(ropes=1, radius=0.004)
+    (unit,) = find([one], SETTINGS, recordings)
+    made_ready(out, SETTINGS)
+    # as of two runs at once with different settings; and of a worker that died after its shard was there
+    Work(other, str(out))(unit)
+    Work(SETTINGS, str(out))(unit)
+    failed = out / name_of(unit, SETTINGS.digest, True)
+    shutil.copy(out / name_of(unit, SETTINGS.digest, False), failed)
+    assert len(load(out)) == 3
+    assert run(one, out, SETTINGS, root=recordings) == Done(0, 1, 0, 0, replaced=2)
+    assert names(out) == [name_of(unit, SETTINGS.digest, False)]
+    assert Work(SETTINGS, str(out)).give_up(unit, "WorkerDied: three times") == Written(0, 0)
+    assert names(out) == [name_of(unit, SETTINGS.digest, False)]
+
+
+def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(tmp_path):
+    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=2)
+    out = tmp_path / "out"
+    made_ready(out, settings)
+    (first, second) = find([path], settings, tmp_path)
+    unopened = replace(first, stop=None)
+    Work(settings, str(out)).give_up(unopened, "PermissionError: not now")
+    assert run(path, out, settings, root=tmp_path, workers=1) == Done(2, 0, 3, 0, replaced=1)
+    expected = {name_of(unit, settings.digest, False) for unit in (first, second)}
+    assert set(names(out)) == expected
+    # and where it cannot be opened again, what was made of it stays
+    shards = Shards(out)
+    assert shards.remove_stale(unopened, settings.digest) == 0
+    assert shards.there(unopened, settings.digest) in expected
+
+
+def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Done(1, 0, 1, 0)
+    (name,) = names(tmp_path)
+    (tmp_path / name).with_name("whole.parquet").write_bytes(b"another")
+    old = tmp_path / ".strand-left.tmp"
+    old.touch()
+    os.utime(old, (0, 0))
+    assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, workers=1) == Done(0, 1, 0, 0)
+    assert (len(load(tmp_path)), old.exists()) == (1, False)
 
 
 DRIVER = """

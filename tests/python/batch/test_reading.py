@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from bag_files import film, write
 from batch_recordings import SETTINGS, scenes
@@ -78,6 +79,19 @@ def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
         for reading in (load, lambda out: list(load_models(out)), summarised):
             with pytest.raises(FileFormatError, match="truncated, damaged or no shard"):
                 reading(tmp_path / "out")
+
+
+def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
+    _, out = batch
+    for name in names(out):
+        said = pq.read_metadata(out / name).metadata
+        assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"1", 16)
+    (tmp_path / name).parent.mkdir()
+    pq.write_table(load(out), tmp_path / name)
+    with pytest.raises(
+        FileFormatError, match=r"strand\.schema: expected a shard of version 1 of the schema, got none"
+    ):
+        load(tmp_path)
 
 
 def test_a_summary_counts_what_there_is(batch, tmp_path):

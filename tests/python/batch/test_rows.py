@@ -10,9 +10,10 @@ import pyarrow as pa
 import pytest
 from bag_files import START, Messages, film, write
 from batch_recordings import SETTINGS, scenes
+from PIL import Image
 
 import strand
-from strand.batch import Settings, find, load, rows_of, schema
+from strand.batch import Settings, find, load, load_models, rows_of, schema, write_summary
 from strand.batch.shards import Work, Written
 from strand.batch.table import UNLIKE
 from strand.crossings import listed_crossings
@@ -129,17 +130,50 @@ def test_a_broken_recording_is_a_row_with_its_error(tmp_path, name, spoil, said)
     assert (row["recording"], row["frame"], row["rope"]) == (name, None, None)
 
 
-def test_a_recording_that_ends_in_damage_has_the_rows_before_it(tmp_path):
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
-    whole = rows_of(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world"))
+# who opens a recording looks at its first message
+@pytest.mark.parametrize("spoilt", [1, 2])
+def test_a_message_that_is_damaged_spoils_its_frame_alone(spoilt, tmp_path):
+    settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world")
     entries = list(film(SCENE, 3))
-    topic, stamp, image = entries[-1]
-    image.encoding = "rgb8"
-    spoilt = write(tmp_path / "spoilt", "mcap", [*entries[:-1], (topic, stamp, image)])
-    rows = rows_of(only(spoilt), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
+    images = [k for k, (topic, _, _) in enumerate(entries) if topic == "/depth"]
+    entries[images[spoilt]][2].encoding = "rgb8"
+    rows = rows_of(only(write(tmp_path / "rope", "mcap", entries)), settings).to_pylist()
     assert [row["frame"] for row in rows] == [0, 1, 2]
-    assert [row["nodes"] for row in rows[:2]] == whole.column("nodes").to_pylist()[:2]
-    assert rows[2]["error"].startswith("FileFormatError: ")
+    assert [row["error"] is None for row in rows] == [k != spoilt for k in range(3)]
+    assert rows[spoilt]["error"].startswith("FileFormatError: ")
+
+
+def test_an_image_that_is_damaged_spoils_its_frame_alone(tmp_path):
+    folder = tmp_path / "caf\udce9"
+    folder.mkdir()
+    settings = Settings(
+        radius=0.0042, intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale, stretch=3, every=2
+    )
+    for k in range(5):
+        Image.fromarray(SCENE.depth[0]).save(folder / f"{k}.png")
+    (folder / "2.png").write_bytes(b"nonsense")
+    (unit,) = find([folder], replace(settings, stretch=None), tmp_path)
+    rows = rows_of(unit, settings).to_pylist()
+    assert [row["frame"] for row in rows] == [0, 2, 4]
+    assert [row["error"] is None for row in rows] == [True, False, True]
+    # paths in messages may have any bytes, tables hold UTF-8
+    assert "caf\\udce9" in rows[1]["error"]
+
+
+def test_that_there_is_no_rope_is_an_answer(tmp_path):
+    settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+    # a table and nothing else
+    depth = np.random.default_rng(0).normal(6000.0, 3.0, SCENE.depth[0].shape).astype(np.uint16)
+    Image.fromarray(depth).save(tmp_path / "0.png")
+    (unit,) = find([tmp_path], settings, tmp_path.parent)
+    (row,) = rows_of(unit, settings).to_pylist()
+    assert (row["frame"], row["rope"], row["error"]) == (0, None, None)
+    assert row["warnings"][0].startswith("no rope: views: ")
+    (tmp_path / "out").mkdir()
+    assert Work(settings, str(tmp_path / "out"))(unit) == Written(1, 0)
+    ((_, frame, model),) = load_models(tmp_path / "out")
+    assert (frame, model.chains, [one.kind for one in model.warnings]) == (0, (), ["no rope"])
+    write_summary(tmp_path / "out", tmp_path / "summary.html")
 
 
 def test_what_is_not_installed_is_no_broken_recording(tmp_path, monkeypatch):

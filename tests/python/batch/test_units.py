@@ -98,14 +98,15 @@ def test_long_recordings_are_worked_on_in_stretches(folder, every, stretch, expe
     for name in ("b/depth", "c.mcap", "d"):
         own = [unit for unit in units if unit.recording == name]
         assert [(unit.start, unit.stop) for unit in own] == expected
-        numbers = [seen.number for unit in own for seen in frames(unit, settings)]
+        numbers = [number for unit in own for number, _ in frames(unit, settings)]
         assert numbers == list(range(3)[::every])
 
 
 def test_frames_of_images_are_views_in_the_order_of_names(folder):
     settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
     (unit,) = found(folder, settings, given=[folder / "b" / "depth"])
-    for seen, depth in zip(frames(unit, settings), SCENE.depth, strict=True):
+    for (_, read), depth in zip(frames(unit, settings), SCENE.depth, strict=True):
+        seen = read()
         want = strand.View.from_depth(depth, SCENE.intrinsics, depth_scale=SCENE.depth_scale)
         np.testing.assert_array_equal(seen.views[0].points, want.points)
         assert seen.time is None

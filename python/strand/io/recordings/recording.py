@@ -54,6 +54,22 @@ class Frame:
         return self.stamp / _SECOND
 
 
+@dataclass(frozen=True, eq=False)
+class Undecoded:
+    """A frame whose messages were read, but not decoded.
+
+    Attributes
+    ----------
+    number : int
+        Which frame of the recording it is, from 0.
+    messages : tuple of Message
+        One for each topic.
+    """
+
+    number: int
+    messages: tuple[Message, ...]
+
+
 class Recording:
     """A ROS 1 bag, ROS 2 bag or MCAP file, read frame by frame; a context that closes the file.
 
@@ -197,21 +213,38 @@ class Recording:
         strand.FileFormatError
             If a message of a frame is damaged.
         """
+        return (self.decoded(each) for each in self.undecoded(start, stop, step))
+
+    def undecoded(self, start: int = 0, stop: int | None = None, step: int = 1) -> Iterator[Undecoded]:
+        """Go through some of the frames before they are decoded: what is damaged in one spoils no other.
+
+        Parameters
+        ----------
+        start, stop, step : int
+            As for `read`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `read`.
+        strand.FileFormatError
+            If the file itself is damaged.
+        """
         start, step = whole("start", start), whole("step", step, 1)
         stop = None if stop is None else whole("stop", stop)
         if len(self.topics) == 1 and self._world is None:
             return self._each(start, stop, step)
         return self._planned(range(len(self))[start:stop:step])
 
-    def _each(self, start: int, stop: int | None, step: int) -> Iterator[Frame]:
+    def _each(self, start: int, stop: int | None, step: int) -> Iterator[Undecoded]:
         """Frames of one topic, without a look at the whole file first."""
         for number, message in enumerate(self._bag.messages(self.topics)):
             if stop is not None and number >= stop:
                 return
             if number >= start and (number - start) % step == 0:
-                yield self._frame(number, [message])
+                yield Undecoded(number, (message,))
 
-    def _planned(self, numbers: range) -> Iterator[Frame]:
+    def _planned(self, numbers: range) -> Iterator[Undecoded]:
         """Frames of which is known what they consist of; messages are held until their last frame is made."""
         parts = self._plan[1]
         left = Counter((k, int(n)) for number in numbers for k, n in enumerate(parts[number]))
@@ -235,7 +268,7 @@ class Recording:
                 if size > self._max_bytes:
                     reason = f"views of one time lie more than max_bytes={self._max_bytes} apart in the file"
                     raise FileFormatError(self.path, reason, message.place)
-            frame = self._frame(number, [held[key] for key in needed])
+            frame = Undecoded(number, tuple(held[key] for key in needed))
             for key in needed:
                 left[key] -= 1
                 if not left[key]:
@@ -243,10 +276,17 @@ class Recording:
             yield frame
             number = next(due, None)
 
-    def _frame(self, number: int, messages: Sequence[Message]) -> Frame:
-        decoded = [self._bag.decoded(message) for message in messages]
+    def decoded(self, frame: Undecoded) -> Frame:
+        """Decode a frame.
+
+        Raises
+        ------
+        strand.FileFormatError
+            If one of its messages is damaged.
+        """
+        decoded = [self._bag.decoded(message) for message in frame.messages]
         views = []
-        for k, (message, seen) in enumerate(zip(messages, decoded, strict=True)):
+        for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
             camera = self._cameras[message.topic]
             pose = self._pose(k, seen.header.frame_id, self._stamp(message, seen))
             try:
@@ -254,7 +294,7 @@ class Recording:
             except (TypeError, ValueError) as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
             views.append(view)
-        return Frame(number, self._stamp(messages[0], decoded[0]), tuple(views))
+        return Frame(frame.number, self._stamp(frame.messages[0], decoded[0]), tuple(views))
 
     def _pose(self, k: int, frame: str, stamp: int) -> Array | None:
         if self._world is None:
