@@ -60,6 +60,9 @@ def find(
 ) -> Iterator[Unit]:
     """Go through the units of files and folders, in the order of their names; each comes once.
 
+    A walk passes over links to folders and files of one view. Those that are named below a folder that is
+    named too come last.
+
     Parameters
     ----------
     given : sequence of Path
@@ -79,26 +82,33 @@ def find(
         If there is no recording in one of them, before anything is found.
     """
     kept = None if leave_out is None else os.path.realpath(leave_out)
-    places = _outermost(given)
+    places = sorted({os.path.abspath(path) for path in given})
+    for place in places:
+        os.stat(place)
     for place in places:
         if next(_found(place, kept), None) is None:
             raise ValueError(
                 f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
                 f"images, and no .npz, {', '.join(SUFFIXES)} file"
             )
-    for place in places:
-        for path, kind in _found(place, kept):
-            unit = Unit(_name(path, root), path, kind, _input_digest(path, kind))
-            yield from _stretches(unit, settings)
+    for path, kind in _once(places, kept):
+        unit = Unit(_name(path, root), path, kind, _input_digest(path, kind))
+        yield from _stretches(unit, settings)
 
 
-def _outermost(given: Sequence[Path]) -> list[str]:
-    """Return whole paths, without those that are inside of others."""
-    places = sorted({os.path.abspath(path) for path in given})
-    for place in places:
-        os.stat(place)
-    inside = set(places)
-    return [place for place in places if not any(str(above) in inside for above in Path(place).parents)]
+def _once(places: Sequence[str], leave_out: str | None) -> Iterator[tuple[str, str]]:
+    """Go through what is found at paths, once where one of them is inside of another."""
+    given = set(places)
+    inside = {place for place in places if any(str(above) in given for above in Path(place).parents)}
+    twice: set[str] = set()
+    # a walk passes over files of one view and links, which are taken if they are named
+    for place in sorted(places, key=lambda place: place in inside):
+        for path, kind in _found(place, leave_out):
+            if path in twice:
+                continue
+            if inside and any(str(above) in inside for above in (path, *Path(path).parents)):
+                twice.add(path)
+            yield path, kind
 
 
 def _found(place: str, leave_out: str | None) -> Iterator[tuple[str, str]]:

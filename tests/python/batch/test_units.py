@@ -55,6 +55,16 @@ def test_recordings_come_once_however_they_are_given(folder):
     assert found(folder, given=given) == found(folder)
 
 
+def test_what_is_named_is_taken_though_it_lies_below_a_folder_that_passes_over_it(folder, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    save_npz(elsewhere / "f.npz")
+    (folder / "link").symlink_to(elsewhere)
+    single, inner = folder / "b" / "depth" / "1.png", folder / "b"
+    walked = [unit.recording for unit in found(folder)]
+    given = [folder, inner, single, folder / "link", folder / "a.npz"]
+    assert [unit.recording for unit in found(folder, given=given)] == [*walked, "b/depth/1.png", "link/f.npz"]
+
+
 def test_names_are_below_the_root_or_whole(folder, monkeypatch):
     monkeypatch.chdir(folder / "b")
     assert [unit.recording for unit in find([Path("scene")], Settings(), Path("."))] == ["scene"]
