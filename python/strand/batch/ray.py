@@ -6,7 +6,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from strand._core import set_num_threads
@@ -56,6 +56,8 @@ def each(
     ------
     ImportError
         If ray is not installed.
+    ValueError
+        If no machine of the cluster has as many CPUs as a task has threads.
     Exception
         What the work raises, or Ray if there is no cluster; other work is ended.
     """
@@ -70,7 +72,7 @@ def each(
         most, asked = 0, -math.inf
         while True:
             if time.monotonic() - asked > _GROWS:
-                most, asked = AHEAD * _room(ray, threads), time.monotonic()
+                most, asked = AHEAD * _room(ray.nodes(), threads), time.monotonic()
             while len(pending) < most and (unit := next(units, None)) is not None:
                 pending[task.remote(shared, threads, unit)] = unit
             if not pending:
@@ -107,9 +109,16 @@ def _connect(ray: Any, cpus: int, address: str | None) -> None:
     )
 
 
-def _room(ray: Any, threads: int) -> int:
-    """How many tasks the cluster has CPUs for."""
-    return max(int(ray.cluster_resources().get("CPU", 0)) // threads, 1)
+def _room(nodes: Sequence[dict[str, Any]], threads: int) -> int:
+    """How many tasks the machines have CPUs for: all CPUs of a task are of one machine."""
+    cpus = [int(node["Resources"].get("CPU", 0)) for node in nodes if node["Alive"]]
+    room = sum(own // threads for own in cpus)
+    if not room:
+        raise ValueError(
+            f"threads: expected at most {max(cpus, default=0)}, the most CPUs that Ray has on one machine, "
+            f"got {threads}"
+        )
+    return room
 
 
 def _task(work: Callable[[Unit], Written], threads: int, unit: Unit) -> Written:

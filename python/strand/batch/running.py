@@ -75,8 +75,8 @@ def run(
     engine : {"local", "ray"}
         `"local"`: processes of this machine; `"ray"`: tasks of Ray, here or on a cluster.
     workers : int, optional
-        How many units are worked on at once; as many as `threads` fit the cores if not given. A cluster has
-        its own number.
+        How many units are worked on at once; as many as `threads` fit the cores if not given. With `address`
+        it counts for nothing: a cluster has its own number of CPUs.
     threads : int
         How many threads each worker has.
     address : str, optional
@@ -97,7 +97,7 @@ def run(
     ------
     TypeError, ValueError
         If an argument is of the wrong kind or out of range, workers and threads need more cores than there
-        are, or a folder holds no recording.
+        are, no machine of a cluster has CPUs for a worker, or a folder holds no recording.
     OSError
         If a path does not exist, or a shard cannot be written: a full disk, for example.
     ImportError

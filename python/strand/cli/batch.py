@@ -54,7 +54,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--workers",
         type=int,
         metavar="N",
-        help="how many recordings are worked on at once (default: one for each core)",
+        help="how many recordings are worked on at once (default: one for each core); nothing to a cluster, "
+        "which has its own number",
     )
     command.add_argument(
         "--threads", type=int, default=1, metavar="N", help="how many threads each has (default: 1)"

@@ -80,10 +80,25 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
         # each task had the only CPU of its node
         assert len({node for node, _ in answers.values()}) == 2
         assert {threads for _, threads in answers.values()} == {1}
+        # two machines of one CPU have no room for a task of two
+        with pytest.raises(ValueError, match="threads: expected at most 1"):
+            next(engine.each(where, iter(units), 1, 2))
         # a Ray that the caller has connected to stays
         assert ray.is_initialized()
     finally:
         ray.shutdown()
+
+
+def test_room_is_counted_machine_by_machine():
+    nodes = [
+        {"Alive": alive, "Resources": {"CPU": cpus}} for alive, cpus in [(True, 3), (True, 5), (False, 8)]
+    ]
+    nodes.append({"Alive": True, "Resources": {}})
+    assert [engine._room(nodes, threads) for threads in (1, 2, 3, 4, 5)] == [8, 3, 2, 1, 1]
+    with pytest.raises(ValueError, match="threads: expected at most 5"):
+        engine._room(nodes, 6)
+    with pytest.raises(ValueError, match="threads: expected at most 0"):
+        engine._room([], 1)
 
 
 def where(unit):
