@@ -164,10 +164,12 @@ def run(
 
 def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:
     """Return how many workers there are: never more than have cores."""
+    if not elsewhere and threads > cores():
+        raise ValueError(f"threads: expected at most {cores()}, as many as there are cores, got {threads}")
     if workers is None:
         return max(cores() // threads, 1)
     workers = whole("workers", workers, 1)
-    if not elsewhere and workers * threads > max(cores(), threads):
+    if not elsewhere and workers * threads > cores():
         needed = workers * threads
         raise ValueError(
             f"workers: {workers} of {threads} threads each need {needed} cores, and there are {cores()}"

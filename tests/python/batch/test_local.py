@@ -276,7 +276,9 @@ def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
     with pytest.raises(ValueError, match="cores, and there are"):
         run(recordings, tmp_path, workers=cores() + 1)
     with pytest.raises(ValueError, match="cores, and there are"):
-        run(recordings, tmp_path, workers=cores(), threads=2)
+        run(recordings, tmp_path, workers=2, threads=cores())
+    with pytest.raises(ValueError, match=f"threads: expected at most {cores()}, .* got {cores() + 1}"):
+        run(recordings, tmp_path, threads=cores() + 1)
     before = strand.num_threads(), dict(os.environ)
     assert run(recordings / "0" / "00.npz", tmp_path, SETTINGS, threads=cores()).made == 1
     assert (strand.num_threads(), dict(os.environ)) == before

@@ -41,7 +41,7 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
 
 def test_options_are_settings(folder):
     words = "--radius 4.2mm --bounds -1 -1 -1 1 1 1 --every 2 --stretch 7 --depth-scale 0.001 --topic /a /b"
-    more = "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 2"
+    more = "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 1"
     assert main(["batch", "in", "-o", "out", *words.split(), *more.split()]) == 0
     settings = Settings(
         radius=0.0042,
@@ -67,6 +67,7 @@ def test_options_are_settings(folder):
         (["in", "-o", "in/broken.npz"], 3),
         (["in", "-o", "out", "--summary", "nowhere/page.html"], 3),
         (["in", "-o", "out", "--workers", "1000"], 2),
+        (["in", "-o", "out", "--threads", "1000"], 2),
         (["in", "-o", "out", "--address", "127.0.0.1:1"], 2),
         (["in", "-o", "out", "--radius", "-4mm"], 2),
     ],
