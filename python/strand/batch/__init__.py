@@ -1,5 +1,6 @@
 """Thousands of recordings: a table of their ropes, by this machine's processes or by a Ray cluster."""
 
+from strand.batch.engines import EngineError
 from strand.batch.reading import load, load_models
 from strand.batch.running import Done, run
 from strand.batch.settings import Settings
@@ -10,6 +11,7 @@ from strand.batch.work import rows_of
 
 __all__ = [
     "Done",
+    "EngineError",
     "Settings",
     "Unit",
     "find",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,11 +21,12 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from strand._core import set_num_threads
+from strand.batch.engines import TRIES, EngineError
 from strand.batch.shards import Written
 from strand.batch.units import Unit
 
-TRIES = 3
-"""So many processes may die of a unit before it is given up."""
+# exit code of a process in which an error was raised; those that were killed have others
+_RAISED = 1
 
 _VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -64,13 +66,14 @@ def each(
 
     Raises
     ------
-    RuntimeError
-        If a process dies before any has begun.
+    EngineError
+        If processes do not start.
     Exception
         What the work raises; other work is ended.
     """
+    _require_starts()
     team: dict[Any, _Worker] = {}
-    begun = False
+    begun, unborn = False, 0
     again: deque[tuple[Unit, int]] = deque()
     try:
         while True:
@@ -91,13 +94,15 @@ def each(
                 try:
                     answer = one.pipe.recv()
                 except (EOFError, OSError):
-                    died = _buried(one, team)
-                    if not begun:
-                        raise RuntimeError(
-                            f"processes do not start ({died}); a script calls this below "
-                            'if __name__ == "__main__":'
-                        ) from None
-                    unit, deaths = one.unit, one.deaths + 1
+                    code = _buried(one, team)
+                    unit, deaths = one.unit, one.deaths
+                    if one.ready:
+                        deaths += 1
+                    else:
+                        # whatever ended it, its unit did not
+                        unborn += 1
+                        if unborn == TRIES * workers or (code == _RAISED and not begun):
+                            raise _not_started(code) from None
                     if unit is not None and deaths < TRIES:
                         again.append((unit, deaths))
                     elif unit is not None:
@@ -105,6 +110,7 @@ def each(
                     continue
                 if not one.ready:
                     one.ready = begun = True
+                    unborn = 0
                     _give(one)
                     continue
                 if isinstance(answer, BaseException):
@@ -116,6 +122,29 @@ def each(
         for one in list(team.values()):
             one.process.kill()
             _buried(one, team)
+
+
+def _require_starts() -> None:
+    """Refuse where no process can be started: multiprocessing says it in other words, or in the process."""
+    if multiprocessing.current_process().daemon:
+        raise EngineError(
+            "processes do not start: those of a multiprocessing.Pool and other daemonic ones may start none; "
+            "run the batch in the process that made them"
+        )
+    main = sys.modules["__main__"]
+    file = getattr(main, "__file__", None)
+    if getattr(main, "__spec__", None) is None and file is not None and not os.path.exists(file):
+        raise EngineError(
+            f"processes do not start: they import the program's file, and there is none at {file}; "
+            "save the program in a file"
+        )
+
+
+def _not_started(code: int | None) -> EngineError:
+    said = f"processes do not start (exit code {code})"
+    if code == _RAISED:
+        said += '; a script calls this below if __name__ == "__main__":'
+    return EngineError(said)
 
 
 def _started(work: Callable[[Unit], Written], threads: int, team: dict[Any, _Worker]) -> _Worker:
@@ -136,12 +165,12 @@ def _give(one: _Worker) -> None:
         one.pipe.send(one.unit)
 
 
-def _buried(one: _Worker, team: dict[Any, _Worker]) -> str:
-    """Forget a process that has ended, and say how it did."""
+def _buried(one: _Worker, team: dict[Any, _Worker]) -> int | None:
+    """Forget a process that has ended, and return its exit code."""
     del team[one.pipe]
     one.pipe.close()
     one.process.join()
-    return f"exit code {one.process.exitcode}"
+    return one.process.exitcode
 
 
 @contextmanager

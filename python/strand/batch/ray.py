@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import math
 import os
+import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from strand._core import set_num_threads
-from strand.batch.local import TRIES
+from strand.batch.engines import TRIES, EngineError
 from strand.batch.shards import Written
 from strand.batch.units import Unit
 from strand.extras import extra
@@ -20,6 +21,8 @@ AHEAD = 2
 
 # seconds after which a cluster may have grown; asking takes as long as a task
 _GROWS = 2.0
+# seconds in which a cluster answers if it is there; Ray itself would try for minutes
+_ANSWERS = 10.0
 
 
 def each(
@@ -58,8 +61,12 @@ def each(
         If ray is not installed.
     ValueError
         If no machine of the cluster has as many CPUs as a task has threads.
+    ConnectionError
+        If there is no cluster at the address.
+    EngineError
+        If Ray cannot go on.
     Exception
-        What the work raises, or Ray if there is no cluster; other work is ended.
+        What the work raises; other work is ended.
     """
     ray = extra("ray")
     ours = not ray.is_initialized()
@@ -79,14 +86,9 @@ def each(
                 return
             ended, _ = ray.wait(list(pending), num_returns=1)
             for reference in ended:
-                unit = pending.pop(reference)
-                try:
-                    written = ray.get(reference)
-                except ray.exceptions.RayTaskError as error:
-                    raise error.cause from error
-                except (ray.exceptions.WorkerCrashedError, ray.exceptions.OutOfMemoryError):
-                    written = None
-                yield unit, written
+                yield pending.pop(reference), _written(ray, reference)
+    except ray.exceptions.RayError as error:
+        raise EngineError(f"Ray: {error}") from error
     finally:
         for reference in pending:
             ray.cancel(reference, force=True)
@@ -94,9 +96,26 @@ def each(
             ray.shutdown()
 
 
+def _written(ray: Any, reference: Any) -> Written | None:
+    """Return what a task returned; None if each process or machine that worked on it died."""
+    errors = ray.exceptions
+    try:
+        written: Written = ray.get(reference)
+    except errors.RayTaskError as error:
+        raise error.cause from error
+    except (errors.WorkerCrashedError, errors.OutOfMemoryError, errors.NodeDiedError, errors.ObjectLostError):
+        return None
+    return written
+
+
 def _connect(ray: Any, cpus: int, address: str | None) -> None:
     if address is not None:
-        ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
+        _require_answer(address)
+        try:
+            ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
+        except RuntimeError as error:
+            # another version of Ray or Python, for example
+            raise EngineError(f"Ray: {error}") from error
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     ray.init(
@@ -107,6 +126,17 @@ def _connect(ray: Any, cpus: int, address: str | None) -> None:
         logging_level=logging.WARNING,
         _node_ip_address="127.0.0.1",
     )
+
+
+def _require_answer(address: str) -> None:
+    """Refuse an address at which nobody listens; Ray knows addresses without a port, such as "auto"."""
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not port.isdecimal():
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_ANSWERS).close()
+    except (OSError, OverflowError) as error:
+        raise ConnectionError(f"address: no cluster of Ray answers at {address} ({error})") from error
 
 
 def _room(nodes: Sequence[dict[str, Any]], threads: int) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from strand._core import cores
 from strand.batch import local, ray
+from strand.batch.engines import TRIES
 from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of
 from strand.batch.units import Unit, find
@@ -99,11 +100,13 @@ def run(
         If an argument is of the wrong kind or out of range, workers and threads need more cores than there
         are, no machine of a cluster has CPUs for a worker, or a folder holds no recording.
     OSError
-        If a path does not exist, or a shard cannot be written: a full disk, for example.
+        If a path does not exist, or a shard cannot be written: a full disk, for example. If no cluster
+        answers at the address.
     ImportError
         If pyarrow, ray or what reading a recording needs is not installed.
-    RuntimeError
-        If processes do not start, or have another version of strand.
+    EngineError
+        If processes do not start or have another version of strand, or Ray cannot go on; a `StrandError` and
+        a `RuntimeError`.
     """
     given = [recordings] if isinstance(recordings, (str, os.PathLike)) else recordings
     paths = [Path(one) for one in several("recordings", given, "paths")]
@@ -154,7 +157,7 @@ def run(
     done = Done()
     for unit, written in ended():
         if written is None:
-            written = work.give_up(unit, f"WorkerDied: {local.TRIES} processes ended while they worked on it")
+            written = work.give_up(unit, f"WorkerDied: {TRIES} processes ended while they worked on it")
         rows, errors = done.rows + written.rows, done.errors + written.errors
         done = Done(done.made + 1, skipped, rows, errors, replaced)
         if progress is not None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from strand._core import __version__
+from strand.batch.engines import EngineError
 from strand.batch.settings import DIGITS, Settings, digest_of
 from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
@@ -67,7 +68,7 @@ class Work:
 
         Raises
         ------
-        RuntimeError
+        EngineError
             If this process has another version of strand than the one that asks.
         OSError
             If the shard cannot be written.
@@ -75,7 +76,7 @@ class Work:
             If a package is missing.
         """
         if __version__ != self.version:
-            raise RuntimeError(f"strand is version {__version__} here, and {self.version} where it was asked")
+            raise EngineError(f"strand is version {__version__} here, and {self.version} where it was asked")
         return self._write(unit, rows_of(unit, self.settings))
 
     def give_up(self, unit: Unit, why: str) -> Written:

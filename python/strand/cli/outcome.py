@@ -10,6 +10,7 @@ from contextlib import suppress
 from io import TextIOWrapper
 
 import strand
+from strand.batch import EngineError
 
 # columns that words get on a terminal, however narrow it is
 _LEAST = 30
@@ -20,8 +21,8 @@ exit codes:
   1    the data do not support an answer; a file is damaged, not what it should
        be, or too large
   2    wrong arguments, or values that are not accepted
-  3    a file is missing, or cannot be read or written; or an optional package
-       is not installed
+  3    a file is missing, or cannot be read or written; an optional package is
+       not installed; or the processes of a batch cannot work
   130  interrupted
   141  nobody reads the output any more
 """
@@ -36,6 +37,8 @@ def code_of(error: BaseException) -> int:
             return _fail("interrupted", 130)
         case MemoryError():
             return _fail("out of memory", 1)
+        case EngineError():
+            return _fail(error, 3)
         case strand.StrandError():
             return _fail(error, 1)
         case ValueError() | TypeError():

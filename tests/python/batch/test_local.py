@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,8 @@ from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scen
 
 import strand
 from strand._core import cores
-from strand.batch import Done, Settings, find, load, local, run
+from strand.batch import Done, EngineError, Settings, find, load, local, run
+from strand.batch.engines import TRIES
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of, names
 
 COUNT = 18
@@ -201,6 +203,59 @@ def test_a_worker_that_is_killed_is_replaced_and_its_unit_made(recordings, expec
     assert not multiprocessing.active_children()
 
 
+@pytest.fixture
+def killed_at_start(monkeypatch):
+    """Have the first processes killed before they are ready, so many as are asked for."""
+    started = local._started
+
+    def kill(most):
+        pids = []
+
+        def start(*arguments):
+            one = started(*arguments)
+            if len(pids) < most:
+                pids.append(one.process.pid)
+                one.process.kill()
+            return one
+
+        monkeypatch.setattr(local, "_started", start)
+        return pids
+
+    return kill
+
+
+def test_workers_that_are_killed_while_they_start_are_replaced(recordings, killed_at_start):
+    units = list(find([recordings], SETTINGS, recordings))[:3]
+    pids = killed_at_start(TRIES)
+    answers = list(local.each(never, iter(units), workers=2, threads=1))
+    assert len(pids) == TRIES
+    # none of these deaths is a unit's
+    assert sorted(unit.recording for unit, written in answers if written) == [one.recording for one in units]
+
+
+def test_processes_that_are_always_killed_are_not_started_for_ever(recordings, killed_at_start):
+    pids = killed_at_start(99)
+    with pytest.raises(EngineError, match=r"processes do not start \(exit code -9\)$"):
+        next(local.each(never, find([recordings], SETTINGS, recordings), workers=2, threads=1))
+    assert TRIES * 2 <= len(pids) < TRIES * 2 + 2
+    assert not multiprocessing.active_children()
+
+
+def test_where_no_process_can_be_started_is_said_before_one_is(recordings, monkeypatch):
+    def begin():
+        next(local.each(never, find([recordings], SETTINGS, recordings), workers=1, threads=1))
+
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
+    with pytest.raises(EngineError, match=r"of a multiprocessing.Pool .* may start none"):
+        begin()
+    monkeypatch.undo()
+    piped = types.ModuleType("__main__")
+    piped.__file__ = "<stdin>"
+    monkeypatch.setitem(sys.modules, "__main__", piped)
+    with pytest.raises(EngineError, match="there is none at <stdin>; save the program"):
+        begin()
+
+
 def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recordings, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
@@ -212,7 +267,7 @@ def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recording
     answers = dict(local.each(deadly, iter(units), workers=2, threads=1))
     assert [unit.recording for unit, written in answers.items() if written is None] == [bad]
     assert len(answers) == len(units)
-    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * local.TRIES
+    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * TRIES
     work.give_up(next(unit for unit in units if unit.recording == bad), "WorkerDied: here")
     rows = load(out, ["recording", "error"]).to_pylist()
     assert [row for row in rows if row["error"]] == [{"recording": bad, "error": "WorkerDied: here"}]
@@ -294,7 +349,7 @@ def test_cores_are_those_that_the_process_may_use():
 def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
     made_ready(tmp_path, SETTINGS)
     other = Work(SETTINGS, str(tmp_path), version="0.0.1")
-    with pytest.raises(RuntimeError, match=f"version {strand.__version__} here, and 0.0.1 where"):
+    with pytest.raises(EngineError, match=f"version {strand.__version__} here, and 0.0.1 where"):
         list(local.each(other, find([recordings], SETTINGS, recordings), 1, 1))
     assert not names(tmp_path)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,10 +13,12 @@ from pathlib import Path
 import pytest
 import ray
 from batch_recordings import SETTINGS, Deadly, FullDisk, left, read, scenes
+from ray import exceptions as errors
 from ray.cluster_utils import Cluster
 
-from strand.batch import Done, find, load, local, run
+from strand.batch import Done, EngineError, find, load, run
 from strand.batch import ray as engine
+from strand.batch.engines import TRIES
 from strand.batch.shards import Work, made_ready, names
 
 COUNT = 12
@@ -101,6 +104,49 @@ def test_room_is_counted_machine_by_machine():
         engine._room([], 1)
 
 
+@pytest.mark.parametrize("error", [errors.NodeDiedError("gone"), errors.ObjectLostError("ab", None, "")])
+def test_a_machine_that_dies_is_no_other_than_a_process_that_does(monkeypatch, error):
+    assert engine._written(answering(monkeypatch, error), None) is None
+
+
+def test_what_work_raises_is_raised_as_it_was(monkeypatch):
+    full = OSError("No space left")
+    with pytest.raises(OSError, match="No space left"):
+        engine._written(answering(monkeypatch, errors.RayTaskError("f", "", full)), None)
+
+
+def answering(monkeypatch, error):
+    """Ray, which gives an error instead of an answer."""
+
+    def get(reference):
+        raise error
+
+    monkeypatch.setattr(ray, "get", get)
+    return ray
+
+
+def test_an_error_of_ray_is_one_of_the_engine(recordings, monkeypatch):
+    monkeypatch.setattr(ray, "is_initialized", lambda: True)
+    monkeypatch.setattr(ray, "remote", lambda **_: lambda task: task)
+
+    def lost(work):
+        raise errors.RaySystemError("the driver's node is gone")
+
+    monkeypatch.setattr(ray, "put", lost)
+    with pytest.raises(EngineError, match=r"Ray: .*the driver's node is gone"):
+        next(engine.each(where, find([recordings], SETTINGS, recordings), 1, 1))
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:{}", "ray://localhost:{}", "[::1]:{}", "127.0.0.1:99999"])
+def test_where_no_cluster_answers_is_said_at_once(recordings, tmp_path, address):
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    begun = time.monotonic()
+    with pytest.raises(ConnectionError, match="address: no cluster of Ray answers at"):
+        by_ray(recordings, tmp_path, address.format(port))
+    assert time.monotonic() - begun < 5.0
+
+
 def where(unit):
     """Work that says on which node it was, and with how many threads."""
     import strand
@@ -136,7 +182,7 @@ def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(r
     answers = dict(engine.each(deadly, iter(units), 1, 1, cluster))
     assert [unit.recording for unit, written in answers.items() if written is None] == [bad]
     assert len(answers) == len(units)
-    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * local.TRIES
+    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * TRIES
     assert len(load(out)) == len(units) - 1
 
 

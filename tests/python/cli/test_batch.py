@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from batch_recordings import scenes
 
-from strand.batch import Settings, load
+from strand.batch import EngineError, Settings, load, local
 from strand.cli import main
 
 
@@ -58,6 +58,16 @@ def test_options_are_settings(folder):
     written = folder / "out" / f"_configuration-{settings.digest}.json"
     assert json.loads(written.read_text())["radius"] == 0.0042
     assert set(load("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
+
+
+def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeypatch):
+    def other(*_):
+        raise EngineError("strand is version 2 here, and 1 where it was asked")
+
+    monkeypatch.setattr(local, "each", other)
+    assert main(["batch", "in", "-o", "out"]) == 3
+    err = capsys.readouterr().err
+    assert err == "strand: error: strand is version 2 here, and 1 where it was asked\n"
 
 
 @pytest.mark.parametrize(
