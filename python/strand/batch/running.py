@@ -87,7 +87,7 @@ def run(
     retry_errors : bool
         Whether units whose shards say errors are made again.
     progress : callable, optional
-        Called with what was done so far after each unit.
+        Called with what was done so far after each unit, made or skipped.
 
     Returns
     -------
@@ -141,6 +141,8 @@ def run(
             there = shards.there(unit, settings.digest)
             if there is not None and not (retry_errors and there == name_of(unit, settings.digest, True)):
                 skipped += 1
+                if progress is not None:
+                    progress(replace(done, skipped=skipped))
                 continue
             yield unit
 

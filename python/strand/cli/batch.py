@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from strand.batch import Settings, write_summary
@@ -91,18 +93,19 @@ def run(options: argparse.Namespace) -> None:
     """Reconstruct recordings, and say what was done."""
     if options.summary is not None:
         require_writable(options.summary)
-    done = run_batch(
-        options.recordings,
-        options.out,
-        _settings(options),
-        engine=options.engine,
-        workers=options.workers,
-        threads=options.threads,
-        address=options.address,
-        root=options.root,
-        retry_errors=options.retry_errors,
-        progress=_shown(),
-    )
+    with _shown() as show:
+        done = run_batch(
+            options.recordings,
+            options.out,
+            _settings(options),
+            engine=options.engine,
+            workers=options.workers,
+            threads=options.threads,
+            address=options.address,
+            root=options.root,
+            retry_errors=options.retry_errors,
+            progress=show,
+        )
     print(f"made     {done.made} units, {done.rows} rows, {done.errors} of them errors")
     print(f"skipped  {done.skipped} units that were there")
     if done.replaced:
@@ -131,18 +134,26 @@ def _settings(options: argparse.Namespace) -> Settings:
     )
 
 
-def _shown() -> Callable[[Done], None]:
-    """Say now and then on stderr what was done so far."""
-    begun = last = time.monotonic()
+@contextmanager
+def _shown() -> Iterator[Callable[[Done], None]]:
+    """Say every few seconds on stderr what was done so far, also while no unit ends."""
+    begun, done, ended = time.monotonic(), Done(), threading.Event()
 
-    def show(done: Done) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= _EVERY:
-            last = now
-            rate = done.made / (now - begun)
+    def show(now: Done) -> None:
+        nonlocal done
+        done = now
+
+    def say_all() -> None:
+        while not ended.wait(_EVERY):
+            rate = done.made / (time.monotonic() - begun)
             say(
                 f"strand: {done.made} made, {done.skipped} skipped, {done.errors} errors, {rate:.1f} a second"
             )
 
-    return show
+    lines = threading.Thread(target=say_all, daemon=True)
+    lines.start()
+    try:
+        yield show
+    finally:
+        ended.set()
+        lines.join()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 
 import numpy as np
 import pytest
 from batch_recordings import scenes
 
-from strand.batch import EngineError, Settings, load, local
-from strand.cli import main
+from strand.batch import Done, EngineError, Settings, load, local
+from strand.cli import batch, main
 
 
 @pytest.fixture
@@ -58,6 +60,22 @@ def test_options_are_settings(folder):
     written = folder / "out" / f"_configuration-{settings.digest}.json"
     assert json.loads(written.read_text())["radius"] == 0.0042
     assert set(load("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
+
+
+def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypatch):
+    def slow(recordings, out, settings, *, progress, **_):
+        time.sleep(0.1)
+        progress(Done(2, 5, 3, 1))
+        time.sleep(0.1)
+        return Done()
+
+    monkeypatch.setattr(batch, "_EVERY", 0.02)
+    monkeypatch.setattr(batch, "run_batch", slow)
+    assert main(["batch", "in", "-o", "out"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "strand: 0 made, 0 skipped, 0 errors, 0.0 a second"
+    assert lines[-1].startswith("strand: 2 made, 5 skipped, 1 errors, ")
+    assert not [one for one in threading.enumerate() if "say_all" in one.name]
 
 
 def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeypatch):
