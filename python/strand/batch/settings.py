@@ -39,7 +39,8 @@ class Settings:
         Of recordings and folders of images each so-manieth frame is taken, from the first on.
     stretch : int, optional
         How many frames, of those that are taken, a unit of work has; a whole recording if not given. Where it
-        is given, whoever lists the recordings opens each bag to read its index.
+        is given, whoever lists the recordings opens each bag to read its index. Each stretch decodes all of a
+        bag's messages first if there is `world` or several topics: give a tenth of its frames or more then.
     topics, world, tolerance, ignore_distortion
         Of bags, as `strand.Recording` takes them.
     intrinsics : (3, 3) array_like, optional

@@ -66,7 +66,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--stretch",
         type=int,
         metavar="N",
-        help="work on long recordings in stretches of so many frames (default: whole recordings)",
+        help="work on long recordings in stretches of so many frames (default: whole recordings); a tenth of "
+        "a recording or more with --world or several topics, as each stretch looks through all of it then",
     )
     command.add_argument(
         "--every", type=int, default=1, metavar="N", help="take every Nth frame of a recording (default: 1)"

@@ -64,9 +64,9 @@ def test_options_are_settings(folder):
 
 def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypatch):
     def slow(recordings, out, settings, *, progress, **_):
-        time.sleep(0.1)
+        time.sleep(0.3)
         progress(Done(2, 5, 3, 1))
-        time.sleep(0.1)
+        time.sleep(0.3)
         return Done()
 
     monkeypatch.setattr(batch, "_EVERY", 0.02)
