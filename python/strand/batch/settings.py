@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.box import Bounds, extraction_range
-from strand.checks import flag, not_negative, pinhole, positive, several, small_array, text, whole
+from strand.checks import flag, not_negative, own, pinhole, positive, several, small_array, text, whole
 from strand.config import Config
 from strand.evidence.prior import Prior
 from strand.files import plain
@@ -93,7 +94,7 @@ class Settings:
             "stretch": None if self.stretch is None else whole("stretch", self.stretch, 1),
             "world": None if self.world is None else text("world", self.world),
             "tolerance": not_negative("tolerance", self.tolerance),
-            "intrinsics": None if self.intrinsics is None else pinhole("intrinsics", self.intrinsics),
+            "intrinsics": None if self.intrinsics is None else own(pinhole("intrinsics", self.intrinsics)),
             "depth_scale": None if self.depth_scale is None else float(self.depth_scale),
             "max_bytes": whole("max_bytes", self.max_bytes, 1),
         }
@@ -101,7 +102,7 @@ class Settings:
             given = several("topics", self.topics, "text")
             checked["topics"] = tuple(text("topics", one) for one in given)
         if self.viewpoint is not None:
-            checked["viewpoint"] = small_array("viewpoint", self.viewpoint, (3,))
+            checked["viewpoint"] = own(small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         Prior.given(self.ropes, self.length, None)
@@ -120,9 +121,14 @@ class Settings:
 
 def _lengths(name: str, given: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
     """Return one length or several, metres."""
-    if given is None or isinstance(given, (int, float)):
-        return None if given is None else positive(name, given)
-    return tuple(positive(name, one) for one in several(name, given, "numbers"))
+    if given is None:
+        return None
+    if isinstance(given, (int, float, np.number)) or (isinstance(given, np.ndarray) and given.ndim == 0):
+        return positive(name, given)
+    values = tuple(positive(name, one) for one in several(name, given, "numbers"))
+    if not values:
+        raise ValueError(f"{name}: expected a number or several, got none")
+    return values
 
 
 def _finite(value: Any) -> Any:

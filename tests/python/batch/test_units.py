@@ -136,6 +136,9 @@ def test_what_holds_no_recording_is_refused_before_the_work(folder):
         ({"every": 0}, ValueError),
         ({"stretch": 0}, ValueError),
         ({"radius": -1.0}, ValueError),
+        ({"radius": []}, ValueError),
+        ({"radius": "4mm"}, TypeError),
+        ({"length": ()}, ValueError),
         ({"ropes": 1.5}, TypeError),
         ({"config": "fast"}, TypeError),
         ({"topics": "/depth"}, TypeError),
@@ -146,6 +149,26 @@ def test_what_holds_no_recording_is_refused_before_the_work(folder):
 def test_settings_are_checked(wrong, error):
     with pytest.raises(error, match=next(iter(wrong))):
         Settings(**wrong)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.array, lambda value: np.array([value])[0]])
+def test_numbers_of_any_kind_are_settings(kind):
+    given = Settings(radius=kind(0.25), length=kind(2.0))
+    assert given.digest == Settings(radius=0.25, length=2.0).digest
+    assert Settings(radius=np.int64(1)).radius == 1.0
+    assert Settings(radius=np.array([0.25, 0.5])).radius == (0.25, 0.5)
+
+
+def test_settings_stay_as_their_digest_says():
+    intrinsics, viewpoint = np.diag([100.0, 100.0, 1.0]), np.zeros(3)
+    settings = Settings(intrinsics=intrinsics, viewpoint=viewpoint)
+    before = settings.digest
+    intrinsics[0, 0], viewpoint[0] = 5.0, 5.0
+    assert settings.digest == Settings(intrinsics=np.diag([100.0, 100.0, 1.0]), viewpoint=(0, 0, 0)).digest
+    assert (settings.intrinsics[0, 0], settings.viewpoint[0], settings.digest) == (100.0, 0.0, before)
+    for array in (settings.intrinsics, settings.viewpoint):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 5.0
 
 
 def test_the_digest_of_settings_is_that_of_all_numbers():
