@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -121,6 +123,24 @@ def text(name: str, value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{name}: expected text, got {type(value).__name__}")
     return str(value)
+
+
+def checked_path(name: str, value: Any) -> Path:
+    """Return `value` as a path.
+
+    Raises
+    ------
+    TypeError
+        If it is no text and no path of another library.
+    ValueError
+        If it is empty.
+    """
+    words = value.__fspath__() if isinstance(value, os.PathLike) else value
+    if not isinstance(words, str):
+        raise TypeError(f"{name}: expected a path, got {type(words).__name__}")
+    if not words:
+        raise ValueError(f"{name}: expected a path, got an empty text")
+    return Path(words)
 
 
 def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from strand.batch.shards import VERSION_KEY, names
 from strand.batch.table import SCHEMA_VERSION, schema
 from strand.chain import Chain
-from strand.checks import several, text
+from strand.checks import checked_path, several, text
 from strand.extras import extra
 from strand.files import FileFormatError
 from strand.model import Model, ModelWarning
@@ -92,9 +92,9 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
 def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
     """Go through the paths and tables of all shards, in the order of their names."""
     pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
-    wanted = schema()
-    for name in sorted(names(Path(out)), key=_in_order):
-        path = Path(out, name)
+    wanted, folder = schema(), checked_path("out", out)
+    for name in sorted(names(folder), key=_in_order):
+        path = folder / name
         try:
             file = pq.ParquetFile(path)
             _require_schema(path, file.metadata.metadata)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from strand._core import cores
 from strand.batch import local, ray
@@ -13,7 +12,7 @@ from strand.batch.engines import TRIES
 from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of
 from strand.batch.units import Unit, find
-from strand.checks import flag, one_of, several, text, whole
+from strand.checks import checked_path, flag, one_of, several, text, whole
 from strand.extras import extra
 
 ENGINES = ("local", "ray")
@@ -109,9 +108,10 @@ def run(
         a `RuntimeError`.
     """
     given = [recordings] if isinstance(recordings, (str, os.PathLike)) else recordings
-    paths = [Path(one) for one in several("recordings", given, "paths")]
+    paths = [checked_path("recordings", one) for one in several("recordings", given, "paths")]
     if not paths:
         raise ValueError("recordings: expected at least one path, got none")
+    folder, above = checked_path("out", out).absolute(), checked_path("root", root)
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise TypeError(f"settings: expected strand.batch.Settings, got {type(settings).__name__}")
@@ -123,12 +123,13 @@ def run(
             raise ValueError("address: only Ray has one; give engine='ray' (--engine ray)")
     workers = _workers(workers, threads, elsewhere=address is not None)
     flag("retry_errors", retry_errors)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected something to call, got {type(progress).__name__}")
     # that something is missing is said before the work
     extra("pyarrow.parquet")
     if engine == "ray":
         extra("ray")
-    folder = Path(out).absolute()
-    units = find(paths, settings, Path(root), folder)
+    units = find(paths, settings, above, folder)
     first = next(units, None)
     made_ready(folder, settings)
     shards, work = Shards(folder), Work(settings, str(folder))

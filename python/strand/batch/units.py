@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from strand.batch.settings import Settings, digest_of
+from strand.checks import checked_path, several
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
 from strand.io.view_files import SUFFIXES as SINGLE
@@ -56,7 +57,10 @@ class Unit:
 
 
 def find(
-    given: Sequence[Path], settings: Settings, root: Path, leave_out: Path | None = None
+    given: Sequence[str | os.PathLike[str]],
+    settings: Settings,
+    root: str | os.PathLike[str],
+    leave_out: str | os.PathLike[str] | None = None,
 ) -> Iterator[Unit]:
     """Go through the units of files and folders, in the order of their names; each comes once.
 
@@ -65,24 +69,27 @@ def find(
 
     Parameters
     ----------
-    given : sequence of Path
+    given : sequence of paths
         Recordings, and folders in which they are sought.
     settings : Settings
         How they are read.
-    root : Path
+    root : path
         The folder below which recordings are named.
-    leave_out : Path, optional
+    leave_out : path, optional
         A folder that is not searched.
 
     Raises
     ------
     FileNotFoundError
         If a path does not exist, before anything is found.
+    TypeError
+        If there is something else than paths, or one path in place of several.
     ValueError
-        If there is no recording in one of them, before anything is found.
+        If a path is empty, or there is no recording in one of them; before anything is found.
     """
-    kept = None if leave_out is None else os.path.realpath(leave_out)
-    places = sorted({os.path.abspath(path) for path in given})
+    kept = None if leave_out is None else os.path.realpath(checked_path("leave_out", leave_out))
+    places = sorted({os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")})
+    above = checked_path("root", root)
     for place in places:
         os.stat(place)
     for place in places:
@@ -91,8 +98,8 @@ def find(
                 f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
                 f"images, and no .npz, {', '.join(SUFFIXES)} file"
             )
-    for path, kind in _once(places, kept):
-        unit = Unit(_name(path, root), path, kind, _input_digest(path, kind))
+    for place, kind in _once(places, kept):
+        unit = Unit(_name(place, above), place, kind, _input_digest(place, kind))
         yield from _stretches(unit, settings)
 
 

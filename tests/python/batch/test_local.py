@@ -366,6 +366,13 @@ def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
         ({"settings": {"radius": 1}}, TypeError, "settings: expected strand.batch.Settings"),
         ({"threads": 0}, ValueError, "threads: expected at least 1"),
         ({"recordings": []}, ValueError, "recordings: expected at least one"),
+        ({"recordings": ""}, ValueError, "recordings: expected a path, got an empty text"),
+        ({"recordings": [None]}, TypeError, "recordings: expected a path, got NoneType"),
+        ({"recordings": b"in"}, TypeError, "recordings: expected a sequence of paths, got bytes"),
+        ({"out": ""}, ValueError, "out: expected a path, got an empty text"),
+        ({"out": None}, TypeError, "out: expected a path, got NoneType"),
+        ({"root": 7}, TypeError, "root: expected a path, got int"),
+        ({"progress": 5}, TypeError, "progress: expected something to call, got int"),
     ],
 )
 def test_arguments_are_checked_before_the_work(recordings, tmp_path, wrong, error, said):

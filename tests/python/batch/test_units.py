@@ -112,6 +112,17 @@ def test_long_recordings_are_worked_on_in_stretches(folder, every, stretch, expe
         assert numbers == list(range(3)[::every])
 
 
+def test_one_path_in_place_of_several_is_refused(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    with pytest.raises(TypeError, match="given: expected a sequence of paths, got str"):
+        next(find("a.npz", Settings(), folder))
+    with pytest.raises(ValueError, match="given: expected a path, got an empty text"):
+        next(find([""], Settings(), folder))
+    with pytest.raises(TypeError, match="root: expected a path, got NoneType"):
+        next(find(["a.npz"], Settings(), None))
+    assert [unit.recording for unit in find(["a.npz"], Settings(), ".")] == ["a.npz"]
+
+
 def test_frames_of_images_are_views_in_the_order_of_names(folder):
     settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
     (unit,) = found(folder, settings, given=[folder / "b" / "depth"])
