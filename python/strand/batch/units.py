@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -76,7 +77,7 @@ def find(
     root : path
         The folder below which recordings are named.
     leave_out : path, optional
-        A folder that is not searched.
+        A folder that is not searched: that of the table.
 
     Raises
     ------
@@ -94,9 +95,14 @@ def find(
         os.stat(place)
     for place in places:
         if next(_found(place, kept), None) is None:
+            left = ""
+            if kept is not None and Path(kept).is_relative_to(os.path.realpath(place)):
+                left = (
+                    f"; {kept} is the folder of the table (-o) and is not searched, so give it another place"
+                )
             raise ValueError(
                 f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
-                f"images, and no .npz, {', '.join(SUFFIXES)} file"
+                f"images, and no .npz, {', '.join(SUFFIXES)} file{left}"
             )
     for place, kind in _once(places, kept):
         unit = Unit(_name(place, above), place, kind, _input_digest(place, kind))
@@ -127,31 +133,40 @@ def _found(place: str, leave_out: str | None) -> Iterator[tuple[str, str]]:
         elif suffix in (".npz", ".toml", *SINGLE):
             yield place, SCENE
         return
-    if leave_out is not None and os.path.realpath(place) == leave_out:
-        return
+    # a list instead of calls within calls, of which Python allows a thousand; the next one is its last
+    ahead: list[tuple[str, str | None]] = [(place, None)]
+    while ahead:
+        path, kind = ahead.pop()
+        if kind is not None:
+            yield path, kind
+        elif leave_out is None or os.path.realpath(path) != leave_out:
+            ahead += reversed(_inside(path))
+
+
+def _inside(folder: str) -> list[tuple[str, str | None]]:
+    """Return the paths of a folder's recordings with their kinds, and of folders to go through without."""
     try:
-        with os.scandir(place) as listed:
+        with os.scandir(folder) as listed:
             entries = sorted(listed, key=lambda entry: entry.name)
     except OSError:
         # who opens it says why it cannot be read
-        yield place, SCENE
-        return
+        return [(folder, SCENE)]
     names = {entry.name for entry in entries}
     if METADATA in names:
-        yield place, BAG
-        return
+        return [(folder, BAG)]
     if _DESCRIPTION in names:
-        yield place, SCENE
-        return
+        return [(folder, SCENE)]
+    found: list[tuple[str, str | None]] = []
     if any(name.lower().endswith(DEPTH_IMAGES) for name in names):
-        yield place, IMAGES
+        found.append((folder, IMAGES))
     for entry in entries:
         if entry.is_dir(follow_symlinks=False):
-            yield from _found(entry.path, leave_out)
+            found.append((entry.path, None))
         elif entry.name.lower().endswith(".npz"):
-            yield entry.path, SCENE
+            found.append((entry.path, SCENE))
         elif is_recording(entry.path):
-            yield entry.path, BAG
+            found.append((entry.path, BAG))
+    return found
 
 
 def images_of(folder: str) -> list[str]:
@@ -173,9 +188,7 @@ def _name(path: str, root: Path) -> str:
 
 def _input_digest(path: str, kind: str) -> str:
     """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes."""
-    files = _files_below(path) if os.path.isdir(path) else [path]
-    if kind == IMAGES:
-        files = [file for file in files if os.path.dirname(file) == path]
+    files = _files_below(path, deep=kind != IMAGES) if os.path.isdir(path) else [path]
     if os.path.basename(path).lower().endswith(".toml"):
         files = _files_below(os.path.dirname(path))
     said = [kind]
@@ -188,8 +201,18 @@ def _input_digest(path: str, kind: str) -> str:
     return digest_of("\n\n".join(said))
 
 
-def _files_below(folder: str) -> list[str]:
-    return sorted(os.path.join(above, name) for above, _, names in os.walk(folder) for name in names)
+def _files_below(folder: str, deep: bool = True) -> list[str]:
+    """Return the paths of a folder's files, in order; of those in its folders too if it is to be `deep`."""
+    files, folders = [], [folder]
+    while folders:
+        # what cannot be read is as if it were empty
+        with suppress(OSError), os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if not entry.is_dir():
+                    files.append(entry.path)
+                elif deep and not entry.is_symlink():
+                    folders.append(entry.path)
+    return sorted(files)
 
 
 def _stretches(unit: Unit, settings: Settings) -> Iterator[Unit]:

@@ -94,6 +94,34 @@ def test_a_copy_elsewhere_is_the_same_input(folder):
     assert (after.recording, after.digest) == (before.recording, before.digest)
 
 
+@pytest.fixture
+def deep(tmp_path):
+    """A folder, and one more than a thousand folders below it; pytest could not remove that."""
+    folders = [tmp_path / "deep"]
+    for _ in range(1100):
+        folders.append(folders[-1] / "d")
+    for one in folders:
+        one.mkdir()
+    yield folders[0], folders[-1]
+    for one in reversed(folders):
+        for file in one.iterdir():
+            file.unlink()
+        one.rmdir()
+
+
+def test_folders_are_searched_to_any_depth(deep):
+    top, bottom = deep
+    (bottom / "a.npz").write_bytes(b"")
+    assert [unit.path for unit in found(top)] == [str(bottom / "a.npz")]
+    # its files count as the scene's
+    (top / "scene.toml").write_text("")
+    (before,) = found(top)
+    (bottom / "a.npz").write_bytes(b"more")
+    (after,) = found(top)
+    assert before.path == after.path == str(top)
+    assert before.digest != after.digest
+
+
 def test_a_folder_can_be_left_out(folder):
     assert [unit.recording for unit in found(folder, leave_out=folder / "b")] == ["a.npz", "c.mcap", "d"]
 
@@ -131,6 +159,16 @@ def test_frames_of_images_are_views_in_the_order_of_names(folder):
         want = strand.View.from_depth(depth, SCENE.intrinsics, depth_scale=SCENE.depth_scale)
         np.testing.assert_array_equal(seen.views[0].points, want.points)
         assert seen.time is None
+
+
+def test_that_the_folder_of_the_table_is_not_searched_is_said(folder):
+    out = folder / "empty" / "out"
+    out.mkdir(parents=True)
+    for given in (out, out.parent):
+        with pytest.raises(ValueError, match=f"{given} holds none.* {out} is the folder of the table"):
+            found(folder, given=[given], leave_out=out)
+    with pytest.raises(ValueError, match=r"file$"):
+        found(folder, given=[out.parent], leave_out=folder)
 
 
 def test_what_holds_no_recording_is_refused_before_the_work(folder):
