@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +23,9 @@ from strand.files import write_bytes
 _COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "confidence", "seconds", "error")
 _BINS = 10
 _SLOWEST = 10
-# kinds of error that a page lists
-_KINDS = 30
+# kinds of error that a page lists, that are told apart, and characters of each
+_LISTED, _KINDS, _LONG = 30, 1000, 160
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)*(?:e[+-]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,8 @@ class Summary:
     lengths : (N,) ndarray
         Of each rope along its nodes, metres.
     errors : dict of str to (int, str)
-        For each kind how often it is there, the most frequent first, and one of them with its recording.
+        For each kind, with what it says but for names and numbers, how often it is there, the most frequent
+        first, and one of them with its recording.
     slowest : sequence of (float, str, int or None)
         Seconds, recording and frame of the slowest frames.
     seconds : float
@@ -80,11 +83,13 @@ def summarised(out: str | os.PathLike[str]) -> Summary:
             if row["error"] is None:
                 answered += 1
                 continue
-            kind = row["error"].partition(":")[0]
+            kind = _kind(row["error"], row["recording"])
+            if kind not in kinds and len(kinds) >= _KINDS:
+                kind = row["error"].partition(":")[0]
             kinds[kind] += 1
             examples.setdefault(kind, f"{row['recording']}: {row['error']}")
         slowest = sorted(slowest, key=lambda one: (-one[0], one[1]))[:_SLOWEST]
-    errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common(_KINDS)}
+    errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common(_LISTED)}
     return Summary(
         len(recordings),
         frames,
@@ -134,6 +139,19 @@ def _rows(table: Any) -> list[dict[str, Any]]:
     return rows
 
 
+def _kind(error: str, recording: str) -> str:
+    """Return an error without what differs from recording to recording: the file's name, and numbers."""
+    kind, _, message = error.partition(": ")
+    _, named, rest = message.partition(recording)
+    if named:
+        # below a folder the file's own name follows
+        message = rest.partition(": ")[2] or rest
+    words = _NUMBER.sub("N", message)
+    if not words:
+        return kind
+    return f"{kind}: {words if len(words) <= _LONG else words[: _LONG - 4] + ' ...'}"
+
+
 def _page(found: Summary, title: str) -> str:
     share = found.answered / max(found.frames, 1)
     parts = [
@@ -152,6 +170,7 @@ def _page(found: Summary, title: str) -> str:
                 (f"{spent:.3f}", name, "" if frame is None else f"{frame}")
                 for spent, name, frame in found.slowest
             ],
+            numbers=("seconds", "frame"),
         ),
     ]
     frame = Template(resources.files("strand.batch").joinpath("summary.html").read_text(encoding="utf-8"))
@@ -186,10 +205,15 @@ def _errors(found: Summary) -> str:
     if not found.errors:
         return "<p>None.</p>"
     rows = [(kind, f"{count}", example) for kind, (count, example) in found.errors.items()]
-    return _table(("kind", "frames", "for example"), rows)
+    return _table(("kind", "frames", "for example"), rows, numbers=("frames",))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{html.escape(head)}</th>" for head in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><tr>{top}</tr>{body}</table>"
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str]) -> str:
+    """Return a table; columns of numbers, which are named, are set flush right."""
+    kinds = [' class="n"' if head in numbers else "" for head in heads]
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        set_as = zip(kinds, cells, strict=True)
+        return f"<tr>{''.join(f'<{tag}{kind}>{html.escape(cell)}</{tag}>' for kind, cell in set_as)}</tr>"
+
+    return f"<table>{line('th', heads)}{''.join(line('td', row) for row in rows)}</table>"

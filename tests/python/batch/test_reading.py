@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from bag_files import film, write
 from batch_recordings import SETTINGS, scenes
+from browser import chromium
 
 import strand
-from strand.batch import Settings, load, load_models, run, write_summary
+from strand.batch import Settings, load, load_models, run, summary, write_summary
 from strand.batch.shards import names
-from strand.batch.summary import summarised
+from strand.batch.summary import Summary, summarised
 from strand.batch.table import schema
 from strand.files import FileFormatError
 
@@ -101,9 +104,9 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
     assert len(found.confidence) == len(found.lengths) == 4
     lengths = sorted(chain.length for _, _, model in load_models(out) for chain in model.chains)
     np.testing.assert_allclose(sorted(found.lengths), lengths, rtol=1e-3)
-    assert list(found.errors) == ["FileFormatError"]
-    assert found.errors["FileFormatError"][0] == 1
-    assert found.errors["FileFormatError"][1].startswith("broken.npz: FileFormatError: ")
+    ((kind, (count, example)),) = found.errors.items()
+    assert kind.startswith("FileFormatError: truncated, or not an .npz file")
+    assert (count, example.startswith("broken.npz: FileFormatError: ")) == (1, True)
     spent = load(out, ["seconds"]).column(0).to_pylist()
     assert found.seconds == pytest.approx(sum(spent))
     assert found.slowest[0][0] == max(spent)
@@ -113,6 +116,44 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
     assert "://" not in page
     write_summary(tmp_path, tmp_path / "empty.html")
     assert "0 recordings, 0 frames" in (tmp_path / "empty.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [
+        (
+            "FileFormatError: /data/a 12.npz: truncated after 1,200 of 3.5e+06 bytes",
+            "FileFormatError: truncated after N of N bytes",
+        ),
+        ("FileFormatError: /data/a 12.npz/0.png: not a PNG file", "FileFormatError: not a PNG file"),
+        (
+            "FileFormatError: /x.npz: not an archive, got 7.",
+            "FileFormatError: /x.npz: not an archive, got N.",
+        ),
+        ("NotEnoughDataError: views: no point in 4 views", "NotEnoughDataError: views: no point in N views"),
+        ("WorkerDied", "WorkerDied"),
+    ],
+)
+def test_errors_are_told_apart_by_what_they_say_but_for_names_and_numbers(error, kind):
+    assert summary._kind(error, "a 12.npz") == kind
+
+
+def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path):
+    name = "recording-of-a-rope" * 40
+    errors = {f"FileFormatError: {name}": (3, f"{name}: FileFormatError: {name}")}
+    found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(1.5, name, 2)], 1.5)
+    (tmp_path / "page.html").write_text(summary._page(found, f"Ropes in {name}"))
+    with chromium(tmp_path / "browser") as page:
+        size = {"width": 800, "height": 600, "deviceScaleFactor": 1, "mobile": False}
+        page.ask("Emulation.setDeviceMetricsOverride", **size)
+        page.ask("Page.navigate", url=(tmp_path / "page.html").as_uri())
+        while page.value("document.readyState") != "complete" or not page.value("document.title"):
+            time.sleep(0.02)
+        assert page.value("document.documentElement.scrollWidth") <= 800
+        columns = (
+            "[...document.querySelectorAll('tr:nth-child(2) td')].map(d => getComputedStyle(d).textAlign)"
+        )
+        assert page.value(columns) == ["left", "right", "left", "right", "left", "right"]
 
 
 def test_what_recordings_are_called_is_text_on_a_page(tmp_path):
