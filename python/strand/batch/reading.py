@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from strand.checks import checked_path, several, text
 from strand.extras import extra
 from strand.files import FileFormatError
 from strand.model import Model, ModelWarning
+
+# warnings that always name chains; of others it cannot be told whether they are about all or about none
+_ABOUT_CHAINS = ("branch", "cut end")
 
 
 def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> Any:
@@ -68,7 +72,8 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     model : Model
         With its chains, their covariances and confidences, its own confidence and its warnings: what the
         table holds. It has no poses, curves, doubts, joins and alternatives. Recordings come in no special
-        order, and each one's frames in theirs.
+        order, and each one's frames in theirs. A warning's chains are those in whose rows it is, the lowest
+        number first; it has no place, amount and view.
 
     Raises
     ------
@@ -138,8 +143,7 @@ def _model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, in
         return
     try:
         chains = tuple(_chain(row) for row in rows if row["rope"] is not None)
-        said = dict.fromkeys(words for row in rows for words in row["warnings"])
-        warnings = tuple(ModelWarning(*words.split(": ", 1)) for words in said)
+        warnings = tuple(_warnings(rows))
         sure = rows[0]["model_confidence"]
         model = Model(
             chains, np.empty((0, 4, 4)), warnings=warnings, confidence=float("nan") if sure is None else sure
@@ -147,6 +151,21 @@ def _model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, in
     except (TypeError, ValueError) as error:
         raise FileFormatError.of(path, error) from error
     yield rows[0]["recording"], rows[0]["frame"], model
+
+
+def _warnings(rows: Sequence[dict[str, Any]]) -> Iterator[ModelWarning]:
+    """Go through the warnings of a frame's rows: of equal ones in one row each is a warning of its own."""
+    ropes: dict[tuple[str, int], list[int]] = {}
+    for row in rows:
+        times: Counter[str] = Counter()
+        for words in row["warnings"]:
+            ropes.setdefault((words, times[words]), []).append(row["rope"])
+            times[words] += 1
+    for (words, _), about in ropes.items():
+        kind, message = words.split(": ", 1)
+        # what is about no chain is in the rows of all
+        named = kind in _ABOUT_CHAINS or len(about) < len(rows)
+        yield ModelWarning(kind, message, chains=tuple(about) if named else ())
 
 
 def _chain(row: dict[str, Any]) -> Chain:

@@ -12,11 +12,12 @@ from batch_recordings import SETTINGS, scenes
 from browser import chromium
 
 import strand
-from strand.batch import Settings, load, load_models, run, summary, write_summary
+from strand.batch import Settings, Unit, load, load_models, reading, run, summary, work, write_summary
 from strand.batch.shards import names
 from strand.batch.summary import Summary, summarised
 from strand.batch.table import schema
 from strand.files import FileFormatError
+from strand.model import ModelWarning
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 KNOWN = {"radius": 0.0042, "bounds": SCENE.bounds}
@@ -64,6 +65,32 @@ def test_models_are_those_of_reconstruct(batch):
             assert {(w.kind, w.message) for w in got.warnings} == about
 
 
+def test_warnings_are_about_the_chains_in_whose_rows_they_are():
+    model = strand.Model(
+        tuple(strand.Chain(np.array([[0.0, 0, k], [0.1, 0, k], [0.2, 0, k]]), 0.004) for k in range(3)),
+        np.empty((0, 4, 4)),
+        warnings=[
+            ModelWarning("cut end", "here", chains=(1,)),
+            ModelWarning("cut end", "here", chains=(1,)),
+            ModelWarning("branch", "there", chains=(0, 2)),
+            ModelWarning("noise", "of all"),
+            ModelWarning("open pose", "twice", view=0),
+            ModelWarning("open pose", "twice", view=0),
+        ],
+    )
+    unit = Unit("a.npz", "/a.npz", "scene", "")
+    rows = [{"rope": row.rope, "warnings": row.warnings} for row in work._ropes(unit, 0, None, model, 0.0)]
+    found = [(one.kind, one.message, one.chains) for one in reading._warnings(rows)]
+    assert sorted(found) == sorted((one.kind, one.message, one.chains) for one in model.warnings)
+
+
+def test_warnings_of_one_chain_are_about_it_or_about_none():
+    rows = [{"rope": 0, "warnings": ["cut end: chain 0 runs out", "noise: of all"]}]
+    assert [(one.kind, one.chains) for one in reading._warnings(rows)] == [("cut end", (0,)), ("noise", ())]
+    rows = [{"rope": None, "warnings": ["no rope: nothing is there"]}]
+    assert [(one.kind, one.chains) for one in reading._warnings(rows)] == [("no rope", ())]
+
+
 def test_an_empty_folder_is_an_empty_table(tmp_path):
     assert load(tmp_path).schema == schema()
     assert list(load_models(tmp_path)) == []
@@ -79,9 +106,9 @@ def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
     shard = tmp_path / "out" / name
     for content in (b"", b"PAR1", shard.read_bytes()[:-20], b"\0" * 200):
         shard.write_bytes(content)
-        for reading in (load, lambda out: list(load_models(out)), summarised):
+        for read in (load, lambda out: list(load_models(out)), summarised):
             with pytest.raises(FileFormatError, match="truncated, damaged or no shard"):
-                reading(tmp_path / "out")
+                read(tmp_path / "out")
 
 
 def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
@@ -139,7 +166,7 @@ def test_errors_are_told_apart_by_what_they_say_but_for_names_and_numbers(error,
 
 
 def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path):
-    name = "recording-of-a-rope" * 40
+    name = "recording_of_a_rope" * 40
     errors = {f"FileFormatError: {name}": (3, f"{name}: FileFormatError: {name}")}
     found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(1.5, name, 2)], 1.5)
     (tmp_path / "page.html").write_text(summary._page(found, f"Ropes in {name}"))
