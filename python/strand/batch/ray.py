@@ -71,7 +71,11 @@ def each(
     ray = extra("ray")
     ours = not ray.is_initialized()
     if ours:
-        _connect(ray, workers * threads, address)
+        try:
+            _connect(ray, workers * threads, address)
+        except RuntimeError as error:
+            # the cluster has another version of Ray or Python, for example
+            raise EngineError(f"Ray: {error}") from error
     pending: dict[Any, Unit] = {}
     try:
         task = ray.remote(num_cpus=threads, max_retries=TRIES - 1)(_task)
@@ -111,11 +115,7 @@ def _written(ray: Any, reference: Any) -> Written | None:
 def _connect(ray: Any, cpus: int, address: str | None) -> None:
     if address is not None:
         _require_answer(address)
-        try:
-            ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
-        except RuntimeError as error:
-            # another version of Ray or Python, for example
-            raise EngineError(f"Ray: {error}") from error
+        ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     ray.init(

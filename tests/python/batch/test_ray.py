@@ -137,6 +137,16 @@ def test_an_error_of_ray_is_one_of_the_engine(recordings, monkeypatch):
         next(engine.each(where, find([recordings], SETTINGS, recordings), 1, 1))
 
 
+def test_a_ray_that_does_not_start_is_an_error_of_the_engine(recordings, monkeypatch):
+    def other(**_):
+        raise RuntimeError("Version mismatch: the cluster has another")
+
+    monkeypatch.setattr(ray, "init", other)
+    for address in (None, "auto"):
+        with pytest.raises(EngineError, match="Ray: Version mismatch"):
+            next(engine.each(where, find([recordings], SETTINGS, recordings), 1, 1, address))
+
+
 @pytest.mark.parametrize("address", ["127.0.0.1:{}", "ray://localhost:{}", "[::1]:{}", "127.0.0.1:99999"])
 def test_where_no_cluster_answers_is_said_at_once(recordings, tmp_path, address):
     with socket.create_server(("127.0.0.1", 0)) as closed:
