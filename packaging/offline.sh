@@ -10,7 +10,7 @@ tar -xzf "$sdist" -C "$folder" --strip-components=1
 cd "$folder"
 # the one step with a network: a distribution has these crates in an archive of its own
 mkdir .cargo
-cargo vendor --quiet --locked >.cargo/config.toml
+cargo vendor --locked 2>/dev/null >.cargo/config.toml
 export CARGO_HOME=$folder/no-crates CARGO_TARGET_DIR=$folder/target PATH=$(dirname "$python"):$PATH
 unshare --net --map-root-user bash -euo pipefail -c '
     "$0" -m pip wheel --quiet --no-index --no-deps --no-build-isolation --wheel-dir wheels .

@@ -175,11 +175,11 @@ def test_a_forked_process_can_call_after_its_parent_did(busy):
 
     # a kernel at work at the moment of the fork
     working = threading.Thread(target=keep_working)
-    if busy:
-        working.start()
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
     children = [context.Process(target=forked_answers, args=(queue,), daemon=True) for _ in range(4)]
+    if busy:
+        working.start()
     try:
         for child in children:
             child.start()
