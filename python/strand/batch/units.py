@@ -105,7 +105,7 @@ def find(
                 f"images, and no .npz, {', '.join(SUFFIXES)} file{left}"
             )
     for place, kind in _once(places, kept):
-        unit = Unit(_name(place, above), place, kind, _input_digest(place, kind))
+        unit = Unit(_name(place, above), place, kind, _input_digest(place, kind, kept))
         yield from _stretches(unit, settings)
 
 
@@ -186,11 +186,17 @@ def _name(path: str, root: Path) -> str:
     return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
-def _input_digest(path: str, kind: str) -> str:
+def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
     """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes."""
-    files = _files_below(path, deep=kind != IMAGES) if os.path.isdir(path) else [path]
-    if os.path.basename(path).lower().endswith(".toml"):
-        files = _files_below(os.path.dirname(path))
+    files = [path]
+    if kind == IMAGES:
+        # what else is there is none of its frames
+        with suppress(OSError):
+            files = images_of(path)
+    elif os.path.isdir(path):
+        files = _files_below(path, leave_out)
+    elif path.lower().endswith(".toml"):
+        files = _files_below(os.path.dirname(path), leave_out)
     said = [kind]
     for file in files:
         try:
@@ -201,8 +207,8 @@ def _input_digest(path: str, kind: str) -> str:
     return digest_of("\n\n".join(said))
 
 
-def _files_below(folder: str, deep: bool = True) -> list[str]:
-    """Return the paths of a folder's files, in order; of those in its folders too if it is to be `deep`."""
+def _files_below(folder: str, leave_out: str | None) -> list[str]:
+    """Return the paths of all files below a folder but one, in order."""
     files, folders = [], [folder]
     while folders:
         # what cannot be read is as if it were empty
@@ -210,7 +216,7 @@ def _files_below(folder: str, deep: bool = True) -> list[str]:
             for entry in entries:
                 if not entry.is_dir():
                     files.append(entry.path)
-                elif deep and not entry.is_symlink():
+                elif not entry.is_symlink() and os.path.realpath(entry.path) != leave_out:
                     folders.append(entry.path)
     return sorted(files)
 

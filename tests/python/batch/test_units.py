@@ -86,6 +86,16 @@ def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):
     assert {name for name in before if before[name] != after[name]} == {"a.npz", "b/scene"}
 
 
+def test_what_a_batch_writes_into_a_recording_is_no_part_of_it(folder):
+    out = folder / "b" / "scene" / "table"
+    before = {unit.recording: unit.digest for unit in found(folder, leave_out=out)}
+    (out / "ab").mkdir(parents=True)
+    (out / "ab" / "shard.parquet").touch()
+    (folder / "b" / "depth" / "summary.html").touch()
+    assert {unit.recording: unit.digest for unit in found(folder, leave_out=out)} == before
+    assert {unit.recording: unit.digest for unit in found(folder)} != before
+
+
 def test_a_copy_elsewhere_is_the_same_input(folder):
     (before,) = found(folder, given=[folder / "b" / "depth"])
     (folder / "e").mkdir()
