@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 from strand.batch import Settings, write_summary
@@ -93,8 +95,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct recordings, and say what was done."""
     if options.summary is not None:
+        _require_apart(options.summary, options.out)
         require_writable(options.summary)
-    with _shown() as show:
+    # Ray prints what became of its tasks
+    with _shown() as show, redirect_stdout(sys.stderr):
         done = run_batch(
             options.recordings,
             options.out,
@@ -115,6 +119,15 @@ def run(options: argparse.Namespace) -> None:
     if options.summary is not None:
         write_summary(options.out, options.summary)
         print(options.summary)
+
+
+def _require_apart(page: Path, out: Path) -> None:
+    """Refuse a page in the place of a folder that the table needs."""
+    folder = Path(os.path.realpath(out))
+    if Path(os.path.realpath(page)) in (folder, *folder.parents):
+        raise ValueError(
+            f"--summary: expected a file apart from the folder of -o, got --summary {page} and -o {out}"
+        )
 
 
 def _settings(options: argparse.Namespace) -> Settings:

@@ -78,6 +78,25 @@ def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypat
     assert not [one for one in threading.enumerate() if "say_all" in one.name]
 
 
+def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch):
+    def talkative(*_, **__):
+        print("(raylet) Task _task failed")
+        return Done()
+
+    monkeypatch.setattr(batch, "run_batch", talkative)
+    assert main(["batch", "in", "-o", "out"]) == 0
+    out, err = capsys.readouterr()
+    assert [line.split()[0] for line in out.splitlines()] == ["made", "skipped", "out"]
+    assert err == "(raylet) Task _task failed\n"
+
+
+@pytest.mark.parametrize("out", ["out", "in/../out", "out/table"])
+def test_a_page_in_place_of_the_table_is_refused_before_the_work(folder, capsys, out):
+    assert main(["batch", "in", "-o", out, "--summary", "out"]) == 2
+    assert f"a file apart from the folder of -o, got --summary out and -o {out}" in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
 def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeypatch):
     def other(*_):
         raise EngineError("strand is version 2 here, and 1 where it was asked")
