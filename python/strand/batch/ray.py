@@ -5,9 +5,11 @@ from __future__ import annotations
 import logging
 import math
 import os
+import shutil
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from strand._core import set_num_threads
@@ -40,8 +42,8 @@ def each(
         What is done with a unit.
     units : iterator of Unit
     workers : int
-        How many tasks run at once, if there is no address: Ray is started here, on the loopback address,
-        without dashboard and usage statistics, and stopped at the end.
+        How many tasks run at once, if there is no address: Ray is started here, on the loopback address
+        and with a token, without dashboard and usage statistics, and stopped at the end.
     threads : int
         How many threads each has.
     address : str, optional
@@ -70,9 +72,10 @@ def each(
     """
     ray = extra("ray")
     ours = not ray.is_initialized()
+    session = None
     if ours:
         try:
-            _connect(ray, workers * threads, address)
+            session = _connect(ray, workers * threads, address)
         except RuntimeError as error:
             # the cluster has another version of Ray or Python, for example
             raise EngineError(f"Ray: {error}") from error
@@ -92,12 +95,16 @@ def each(
             for reference in ended:
                 yield pending.pop(reference), _written(ray, reference)
     except ray.exceptions.RayError as error:
+        # its logs say more
+        session = None
         raise EngineError(f"Ray: {error}") from error
     finally:
         for reference in pending:
             ray.cancel(reference, force=True)
         if ours:
             ray.shutdown()
+        if session is not None:
+            shutil.rmtree(session, ignore_errors=True)
 
 
 def _written(ray: Any, reference: Any) -> Written | None:
@@ -112,20 +119,37 @@ def _written(ray: Any, reference: Any) -> Written | None:
     return written
 
 
-def _connect(ray: Any, cpus: int, address: str | None) -> None:
+def _connect(ray: Any, cpus: int, address: str | None) -> str | None:
+    """Connect to a cluster, or start one here and return the folder that it made for itself."""
     if address is not None:
         _require_answer(address)
         ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
-        return
+        return None
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    ray.init(
-        address="local",
-        num_cpus=cpus,
-        include_dashboard=False,
-        log_to_driver=False,
-        logging_level=logging.WARNING,
-        _node_ip_address="127.0.0.1",
-    )
+    with _loopback(ray):
+        context = ray.init(
+            address="local",
+            num_cpus=cpus,
+            include_dashboard=False,
+            log_to_driver=False,
+            # it warns of its token at each start
+            logging_level=logging.ERROR,
+            _node_ip_address="127.0.0.1",
+        )
+    session: str = context.address_info["session_dir"]
+    return session
+
+
+@contextmanager
+def _loopback(ray: Any) -> Iterator[None]:
+    """Have Ray take 127.0.0.1 as it is; on Linux it would take the machine's address in its network."""
+    constants = ray._private.ray_constants
+    before = constants.ENABLE_RAY_CLUSTER
+    constants.ENABLE_RAY_CLUSTER = False
+    try:
+        yield
+    finally:
+        constants.ENABLE_RAY_CLUSTER = before
 
 
 def _require_answer(address: str) -> None:

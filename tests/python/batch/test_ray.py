@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import secrets
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import pytest
 import ray
 from batch_recordings import SETTINGS, Deadly, FullDisk, left, read, scenes
 from ray import exceptions as errors
+from ray._raylet import Config
 from ray.cluster_utils import Cluster
 
 from strand.batch import Done, EngineError, find, load, run
@@ -22,8 +25,9 @@ from strand.batch.engines import TRIES
 from strand.batch.shards import Work, made_ready, names
 
 COUNT = 12
-# Ray takes 127.0.0.1 for the machine's address in its network
-HERE = "127.0.0.2"
+HERE = "127.0.0.1"
+# of the loopback too: who listens on all addresses is reached here, who listens on 127.0.0.1 is not
+ELSEWHERE = "127.0.0.2"
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +45,19 @@ def expected(recordings, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """The address of a cluster that fetches and tells nothing, and cannot be reached from elsewhere."""
+    """The address of a cluster that tells nothing, and is reached from here alone and by its token alone."""
     with pytest.MonkeyPatch.context() as patch:
         # its processes find what this one does
         patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         # else it would leave a key in the user's folder
-        patch.setenv("RAY_AUTH_MODE", "disabled")
+        patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
+        patch.setenv("RAY_AUTH_MODE", "token")
+        # as `engine._loopback`, for drivers too
+        patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+        patch.setattr(ray._private.ray_constants, "ENABLE_RAY_CLUSTER", False)
+        # Ray reads its settings when it is imported
+        Config.initialize("")
         node = {"node_ip_address": HERE, "object_store_memory": 80 << 20, "include_dashboard": False}
         started = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **node})
         for _ in range(2):
@@ -55,6 +65,7 @@ def cluster():
         yield started.address
         ray.shutdown()
         started.shutdown()
+    Config.initialize("")
 
 
 def by_ray(recordings, out, cluster, **more):
@@ -78,6 +89,7 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
         alive = [node for node in ray.nodes() if node["Alive"]]
         assert sorted(node["Resources"].get("CPU", 0) for node in alive) == [0, 1, 1]
         assert {node["NodeManagerAddress"] for node in alive} == {HERE}
+        assert reached(alive, cluster) == set()
         units = list(find([recordings], SETTINGS, recordings))[:6]
         answers = dict(engine.each(where, iter(units), 1, 1))
         # each task had the only CPU of its node
@@ -90,6 +102,55 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
         assert ray.is_initialized()
     finally:
         ray.shutdown()
+
+
+def reached(nodes, cluster):
+    """Ports of a cluster that are open to others than this machine."""
+    ports = {int(cluster.rpartition(":")[2])}
+    ports |= {node[kind] for node in nodes for kind in ("NodeManagerPort", "ObjectManagerPort")}
+    found = set()
+    for port in ports:
+        socket.create_connection((HERE, port), timeout=5.0).close()
+        try:
+            socket.create_connection((ELSEWHERE, port), timeout=5.0).close()
+        except OSError:
+            continue
+        found.add(port)
+    return found
+
+
+ALONE = """
+import sys
+import ray
+from batch_recordings import SETTINGS
+from strand.batch import run
+from test_ray import reached
+
+def look(done):
+    assert reached(ray.nodes(), ray.get_runtime_context().gcs_address) == set()
+
+if __name__ == "__main__":
+    given, out = sys.argv[1:]
+    print(run(given, out, SETTINGS, root=given, engine="ray", workers=1, progress=look).made)
+"""
+
+
+def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_path):
+    recordings = scenes(tmp_path / "in", 2)
+    run(recordings, tmp_path / "expected", SETTINGS, root=recordings, workers=1)
+    # not below tmp_path: names of sockets are short
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.pathsep.join([*sys.path, str(Path(__file__).parent)])
+        # a user's, who has told Ray nothing
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+        environment |= {"PYTHONPATH": path, "HOME": folder, "TMPDIR": folder}
+        command = [sys.executable, "-c", ALONE, str(recordings), str(tmp_path / "out")]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "2\n", "")
+        assert list(Path(folder, "ray").glob("session_2*")) == []
+        # so Ray asks for one
+        assert Path(folder, ".ray", "auth_token").exists()
+    assert read(tmp_path / "out").equals(read(tmp_path / "expected"))
 
 
 def test_room_is_counted_machine_by_machine():
