@@ -25,6 +25,8 @@ _BINS = 10
 _SLOWEST = 10
 # kinds of error that a page lists, that are told apart, and characters of each
 _LISTED, _KINDS, _LONG = 30, 1000, 160
+# a recording below it, in a path that is written out, and what is below the recording
+_ABOVE, _BELOW = r"[^\s'\"]*[/\\]", r"(?:[/\\][^\s'\":,()]*)?(?![.-]?\w)"
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*(?:e[+-]?\d+)?")
 
 
@@ -42,7 +44,7 @@ class Summary:
     lengths : (N,) ndarray
         Of each rope along its nodes, metres.
     errors : dict of str to (int, str)
-        For each kind, with what it says but for names and numbers, how often it is there, the most frequent
+        For each kind, with what it says but for paths and numbers, how often it is there, the most frequent
         first, and one of them with its recording.
     slowest : sequence of (float, str, int or None)
         Seconds, recording and frame of the slowest frames.
@@ -89,7 +91,7 @@ def summarised(out: str | os.PathLike[str]) -> Summary:
             kinds[kind] += 1
             examples.setdefault(kind, f"{row['recording']}: {row['error']}")
         slowest = sorted(slowest, key=lambda one: (-one[0], one[1]))[:_SLOWEST]
-    errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common(_LISTED)}
+    errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common()}
     return Summary(
         len(recordings),
         frames,
@@ -140,12 +142,16 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def _kind(error: str, recording: str) -> str:
-    """Return an error without what differs from recording to recording: the file's name, and numbers."""
+    """Return an error without what differs from recording to recording: paths of its files, and numbers."""
     kind, _, message = error.partition(": ")
-    _, named, rest = message.partition(recording)
-    if named:
-        # below a folder the file's own name follows
-        message = rest.partition(": ")[2] or rest
+    names = {
+        name: re.escape(name).replace("/", r"[/\\]") for name in (recording, recording.rpartition("/")[2])
+    }
+    # errors of files begin with the path, which may hold spaces
+    message = re.sub(rf"^(?:[^'\"]*[/\\])?{names[recording]}(?:[/\\][^'\"]*?)?: ", "", message)
+    # without a folder or a suffix a name may be a word of the message
+    alone = [f"|(?<!\\w){pattern}" for name, pattern in names.items() if re.search("[./]", name)]
+    message = re.sub(rf"(?:{_ABOVE}(?:{'|'.join(names.values())}){''.join(alone)}){_BELOW}", "PATH", message)
     words = _NUMBER.sub("N", message)
     if not words:
         return kind
@@ -205,7 +211,11 @@ def _errors(found: Summary) -> str:
     if not found.errors:
         return "<p>None.</p>"
     rows = [(kind, f"{count}", example) for kind, (count, example) in found.errors.items()]
-    return _table(("kind", "frames", "for example"), rows, numbers=("frames",))
+    listed = _table(("kind", "frames", "for example"), rows[:_LISTED], numbers=("frames",))
+    others = sum(count for count, _ in list(found.errors.values())[_LISTED:])
+    if not others:
+        return listed
+    return f'{listed}<p class="note">{len(rows) - _LISTED} more kinds, of {others} frames.</p>'
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str]) -> str:

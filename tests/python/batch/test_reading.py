@@ -153,6 +153,19 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
             "FileFormatError: truncated after N of N bytes",
         ),
         ("FileFormatError: /data/a 12.npz/0.png: not a PNG file", "FileFormatError: not a PNG file"),
+        ("FileFormatError: /our data/a 12.npz: x/y: not one", "FileFormatError: x/y: not one"),
+        (
+            "FileFormatError: /data/a 12.npz: no bag (File '/data/a 12.npz' is empty.)",
+            "FileFormatError: no bag (File 'PATH' is empty.)",
+        ),
+        (
+            "OSError: a 12.npz is gone, and so are /links/b/a 12.npz/0.png, a 12.npz.",
+            "OSError: PATH is gone, and so are PATH, PATH.",
+        ),
+        (
+            "OSError: not a 12.npzs, ba 12.npz or a 12.npz.old",
+            "OSError: not a N.npzs, ba N.npz or a N.npz.old",
+        ),
         (
             "FileFormatError: /x.npz: not an archive, got 7.",
             "FileFormatError: /x.npz: not an archive, got N.",
@@ -161,8 +174,32 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
         ("WorkerDied", "WorkerDied"),
     ],
 )
-def test_errors_are_told_apart_by_what_they_say_but_for_names_and_numbers(error, kind):
+def test_errors_are_told_apart_by_what_they_say_but_for_paths_and_numbers(error, kind):
     assert summary._kind(error, "a 12.npz") == kind
+
+
+def test_what_is_no_path_of_the_recording_stays():
+    error = "FileFormatError: /data/mon/a/0.png: a hole, as in '/data/mon/a' and /other/a/1.png: b/a"
+    assert summary._kind(error, "mon/a") == "FileFormatError: a hole, as in 'PATH' and PATH: PATH"
+    assert summary._kind("OSError: a (x", "(x") == "OSError: a (x"
+
+
+def test_files_that_are_broken_alike_are_one_kind(tmp_path):
+    folder = tmp_path / "our ropes"
+    for name in ("mon/7.bag", "mon/rope b.bag", "tue day/x(1).bag", "tue day/long_1.3.bag", "knöt.bag"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"")
+    run(folder, tmp_path / "out", SETTINGS, root=folder)
+    assert [count for count, _ in summarised(tmp_path / "out").errors.values()] == [5]
+
+
+def test_kinds_that_are_not_listed_are_counted(tmp_path):
+    errors = {f"OSError: {'x' * k}": (100 - k, "a: OSError") for k in range(33)}
+    page = summary._page(Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [], 1.5), "")
+    assert page.count("OSError: x") == 29
+    assert "3 more kinds, of 207 frames." in page
+    few = dict(list(errors.items())[:30])
+    assert "more kinds" not in summary._page(Summary(1, 3, 0, np.empty(0), np.empty(0), few, [], 1.5), "")
 
 
 def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path):
