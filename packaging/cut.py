@@ -17,14 +17,19 @@ EMPTY = "Nothing yet."
 
 
 def cut(root: Path, version: str, day: str) -> None:
-    if not re.fullmatch(r"\d+\.\d+\.\d+", version):
-        raise ValueError(f"version: expected three numbers such as 0.2.0, got {version!r}")
+    number = r"(0|[1-9]\d*)"
+    if not re.fullmatch(rf"{number}\.{number}\.{number}", version, re.ASCII):
+        raise ValueError(f"version: expected three numbers without leading zeros, as 0.2.0, got {version!r}")
     changelog = (root / "CHANGELOG.md").read_text(encoding="utf-8")
     head, mark, rest = changelog.partition("## Unreleased\n\n")
     if not mark or rest.startswith((EMPTY, "## ")):
         raise ValueError("CHANGELOG.md: nothing is under Unreleased")
     if re.search(rf"^## {re.escape(version)} ", rest, re.MULTILINE):
         raise ValueError(f"CHANGELOG.md: {version} is there already")
+    (now,) = re.findall(r'(?m)^version = "([^"]+)', (root / "Cargo.toml").read_text(encoding="utf-8"))
+    # the same is right as long as the changelog does not have it
+    if in_order(version) < in_order(now):
+        raise ValueError(f"version: expected {now}, which is in Cargo.toml, or a higher one, got {version}")
     written = {
         "CHANGELOG.md": f"{head}{mark}{EMPTY}\n\n## {version} - {day}\n\n{rest}",
         "Cargo.toml": replaced(root / "Cargo.toml", r'(?m)(?<=^version = ")[^"]+', version),
@@ -37,6 +42,10 @@ def cut(root: Path, version: str, day: str) -> None:
     }
     for name, text in written.items():
         (root / name).write_text(text, encoding="utf-8")
+
+
+def in_order(version: str) -> list[int]:
+    return [int(number) for number in version.split(".")]
 
 
 def replaced(path: Path, pattern: str, new: str) -> str:

@@ -146,8 +146,26 @@ def test_a_release_is_cut_in_all_places(copied):
         cut.cut(copied, "12.3.5", "2030-01-03")
 
 
+def test_the_version_of_the_crate_is_cut_as_long_as_the_changelog_does_not_have_it(copied):
+    crate = copied / "Cargo.toml"
+    crate.write_text(crate.read_text("utf-8").replace(f'"{VERSION}"', '"9.10.0"', 1), encoding="utf-8")
+    with pytest.raises(
+        ValueError, match=r"expected 9\.10\.0, which is in Cargo\.toml, or a higher one, got 9\.9\.1"
+    ):
+        cut.cut(copied, "9.9.1", "2030-01-02")
+    cut.cut(copied, "9.10.0", "2030-01-02")
+    assert headings(copied)[1] == "9.10.0 - 2030-01-02"
+
+
 @pytest.mark.parametrize(
-    ("version", "reason"), [("1.2", "expected three numbers"), (VERSION, "is there already")]
+    ("version", "reason"),
+    [
+        ("1.2", "expected three numbers"),
+        ("00.01.007", "without leading zeros"),
+        ("0.2.٣", "expected three numbers"),
+        ("0.0.9", "or a higher one, got 0.0.9"),
+        (VERSION, "is there already"),
+    ],
 )
 def test_a_release_is_refused_before_anything_is_written(version, reason, copied):
     before = {path.name: path.read_bytes() for path in copied.iterdir()}
