@@ -61,14 +61,17 @@ def readme(names, out, folder):
 
 
 def batch(names, out, folder):
-    assert (names["done"].made, names["done"].errors) == (3, 1)
-    assert names["table"].num_rows == 3
+    assert (names["done"].made, names["done"].errors) == (4, 1)
+    assert names["table"].num_rows == 4
+    # the first frame has no rope
+    first = strand.batch.load(folder / "table", ["nodes", "error"])[:1].to_pylist()
+    assert first == [{"nodes": None, "error": None}]
     assert [row[0] for row in names["lengths"]] == [
         f"recordings/monday/{name}.npz" for name in ("loop", "arc")
     ]
     assert names["failed"] == [("FileFormatError", 1)]
     assert names["nodes"].shape[1] == 3
-    assert len(names["found"]) == 2
+    assert len(names["found"]) == 3
     assert (folder / "summary.html").exists()
 
 
