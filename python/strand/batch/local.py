@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,13 +23,17 @@ from typing import Any
 
 from strand._core import set_num_threads
 from strand.batch.engines import TRIES, EngineError
-from strand.batch.shards import Written
+from strand.batch.shards import Written, orphaned
 from strand.batch.units import Unit
 
 # exit code of a process in which an error was raised; those that were killed have others
 _RAISED = 1
 
 _VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ENVIRONMENT = threading.Lock()
+
+# seconds after which a process without work looks whether the driver is there
+_LOOKS = 5.0
 
 
 @dataclass(eq=False)
@@ -176,16 +181,18 @@ def _buried(one: _Worker, team: dict[Any, _Worker]) -> int | None:
 @contextmanager
 def _threads_of_libraries(threads: int) -> Iterator[None]:
     """Let processes that start have no more threads for linear algebra: these are counted on import only."""
-    before = {name: os.environ.get(name) for name in _VARIABLES}
-    os.environ.update(dict.fromkeys(_VARIABLES, str(threads)))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    # other batches may start processes from other threads, and all have one environment
+    with _ENVIRONMENT:
+        before = {name: os.environ.get(name) for name in _VARIABLES}
+        os.environ.update(dict.fromkeys(_VARIABLES, str(threads)))
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
 
 
 @contextmanager
@@ -209,6 +216,10 @@ def _work(pipe: Connection, work: Callable[[Unit], Written], threads: int) -> No
     with suppress(EOFError, BrokenPipeError):
         pipe.send(None)
         while True:
+            # the pipe stays open as long as a process lives that the driver forked
+            while not pipe.poll(_LOOKS):
+                if orphaned():
+                    return
             unit = pipe.recv()
             try:
                 answer: Any = work(unit)

@@ -101,11 +101,14 @@ def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tupl
     for name in sorted(names(folder), key=_in_order):
         path = folder / name
         try:
-            file = pq.ParquetFile(path)
+            file = pq.ParquetFile(path, page_checksum_verification=True)
             _require_schema(path, file.metadata.metadata)
             table = file.read(columns=list(columns), use_threads=False)
             yield path, table.select(columns).cast(pa.schema([wanted.field(one) for one in columns]))
-        except (pa.ArrowInvalid, KeyError, pa.ArrowKeyError) as error:
+        except (pa.ArrowException, KeyError, UnicodeDecodeError, OSError) as error:
+            # what is wrong with a disk has a number; pyarrow's own errors have none
+            if isinstance(error, OSError) and error.errno is not None:
+                raise
             raise FileFormatError(path, f"truncated, damaged or no shard ({error})") from error
 
 

@@ -10,7 +10,7 @@ from strand._core import cores
 from strand.batch import local, ray
 from strand.batch.engines import TRIES
 from strand.batch.settings import Settings
-from strand.batch.shards import Shards, Work, Written, made_ready, name_of
+from strand.batch.shards import Shards, Work, Written, made_ready, name_of, root_of
 from strand.batch.units import Unit, find
 from strand.checks import checked_path, flag, one_of, several, text, whole
 from strand.extras import extra
@@ -35,6 +35,8 @@ class Done:
         Of these, rows that say an error.
     replaced : int
         Shards that were there and went: of other files of a recording, other settings or another version.
+    kept : int
+        Recordings that cannot be read now, and were before: their shards stay as they are.
     """
 
     made: int = 0
@@ -42,6 +44,7 @@ class Done:
     rows: int = 0
     errors: int = 0
     replaced: int = 0
+    kept: int = 0
 
 
 def run(
@@ -53,7 +56,7 @@ def run(
     workers: int | None = None,
     threads: int = 1,
     address: str | None = None,
-    root: str | os.PathLike[str] = ".",
+    root: str | os.PathLike[str] | None = None,
     retry_errors: bool = False,
     progress: Callable[[Done], None] | None = None,
 ) -> Done:
@@ -82,7 +85,8 @@ def run(
     address : str, optional
         Of a Ray cluster. Recordings and `out` are at the same paths on all its machines.
     root : path
-        The folder below which the table names recordings; those elsewhere have their whole path.
+        The folder below which the table names recordings; those elsewhere have their whole path. If not
+        given, that of the last time with the same `out`; the first time, the current folder.
     retry_errors : bool
         Whether units whose shards say errors are made again.
     progress : callable, optional
@@ -97,7 +101,8 @@ def run(
     ------
     TypeError, ValueError
         If an argument is of the wrong kind or out of range, workers and threads need more cores than there
-        are, no machine of a cluster has CPUs for a worker, or a folder holds no recording.
+        are, no machine of a cluster has CPUs for a worker, a folder holds no recording, or `root` is not
+        given and that of the last time is not here.
     OSError
         If a path does not exist, or a shard cannot be written: a full disk, for example. If no cluster
         answers at the address.
@@ -111,7 +116,10 @@ def run(
     paths = [checked_path("recordings", one) for one in several("recordings", given, "paths")]
     if not paths:
         raise ValueError("recordings: expected at least one path, got none")
-    folder, above = checked_path("out", out).absolute(), checked_path("root", root)
+    folder = checked_path("out", out).absolute()
+    above = root_of(folder) if root is None else checked_path("root", root)
+    if not above.is_dir():
+        raise ValueError(f"root: expected a folder, got {above}")
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise TypeError(f"settings: expected strand.batch.Settings, got {type(settings).__name__}")
@@ -131,13 +139,16 @@ def run(
         extra("ray")
     units = find(paths, settings, above, folder)
     first = next(units, None)
-    made_ready(folder, settings)
+    made_ready(folder, settings, above)
     shards, work = Shards(folder), Work(settings, str(folder))
-    skipped = replaced = 0
+    skipped = replaced = kept = 0
 
     def missing() -> Iterator[Unit]:
-        nonlocal skipped, replaced
+        nonlocal skipped, replaced, kept
         for unit in _after(first, units):
+            if shards.kept(unit):
+                kept += 1
+                continue
             replaced += shards.remove_stale(unit, settings.digest)
             there = shards.there(unit, settings.digest)
             if there is not None and not (retry_errors and there == name_of(unit, settings.digest, True)):
@@ -162,10 +173,10 @@ def run(
         if written is None:
             written = work.give_up(unit, f"WorkerDied: {TRIES} processes ended while they worked on it")
         rows, errors = done.rows + written.rows, done.errors + written.errors
-        done = Done(done.made + 1, skipped, rows, errors, replaced)
+        done = Done(done.made + 1, skipped, rows, errors, replaced, kept)
         if progress is not None:
             progress(done)
-    return replace(done, skipped=skipped, replaced=replaced)
+    return replace(done, skipped=skipped, replaced=replaced, kept=kept)
 
 
 def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:

@@ -21,14 +21,16 @@ from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
 from strand.extras import extra
-from strand.files import write_bytes, write_json
+from strand.files import FileFormatError, read_json, write_bytes, write_json
 
 VERSION_KEY = "strand.schema"
 """What a shard's metadata has the schema's version under."""
 
 SUFFIX = ".parquet"
 _FAILED = "-errors" + SUFFIX
-_NAME = re.compile(rf"[0-9a-f]{{{DIGITS}}}-[0-9a-f]{{{DIGITS}}}-\d+-(\d+|end)(-errors)?\.parquet")
+# datasets pass over names that begin with an underscore
+_ROOT = "_root.json"
+_NAME = re.compile(rf"[0-9a-f]{{{DIGITS}}}-[0-9a-f]{{{DIGITS}}}-(\d+)-(\d+|end)(-errors)?\.parquet")
 _LEFT = 3600.0  # seconds; writing a shard takes a fraction of one
 
 
@@ -77,17 +79,17 @@ class Work:
         """
         if __version__ != self.version:
             raise EngineError(f"strand is version {__version__} here, and {self.version} where it was asked")
-        return self._write(unit, rows_of(unit, self.settings))
+        batch = rows_of(unit, self.settings)
+        if orphaned():
+            # nobody waits for it, and the next run may be there already, with other settings
+            raise SystemExit
+        return self._write(unit, batch)
 
     def give_up(self, unit: Unit, why: str) -> Written:
         """Write the row of a unit that ends whatever process works on it."""
         return self._write(unit, lost(unit, self.settings, why))
 
     def _write(self, unit: Unit, batch: Any) -> Written:
-        driver = multiprocessing.parent_process()
-        if driver is not None and not driver.is_alive():
-            # nobody waits for it, and the next run may be there already, with other settings
-            raise SystemExit
         errors = len(batch) - batch.column("error").null_count
         good, failed = (
             Path(self.out, name_of(unit, self.settings.digest, with_errors)) for with_errors in (False, True)
@@ -102,6 +104,12 @@ class Work:
         return Written(len(batch), errors)
 
 
+def orphaned() -> bool:
+    """Tell whether the driver has ended: its pipes stay open as long as a process lives that it forked."""
+    driver = multiprocessing.parent_process()
+    return driver is not None and (not driver.is_alive() or os.getppid() != driver.pid)
+
+
 def parquet(batch: Any, unit: Unit) -> bytes:
     """Return rows as a Parquet file; its metadata says the schema's version and the input's digest."""
     pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
@@ -113,10 +121,12 @@ def parquet(batch: Any, unit: Unit) -> bytes:
         "use_dictionary": False,
         "store_schema": False,
         "write_statistics": ["recording"],
+        "write_page_checksum": True,
     }
     with pq.ParquetWriter(content, batch.schema, **options) as file:
         file.write_table(pa.Table.from_batches([batch]))
-        file.add_key_value_metadata({VERSION_KEY: f"{SCHEMA_VERSION}", "strand.input": unit.digest})
+        said = {VERSION_KEY: f"{SCHEMA_VERSION}", "strand.input": unit.digest or ""}
+        file.add_key_value_metadata(said)
     return content.getvalue()
 
 
@@ -128,7 +138,7 @@ def recording_key(recording: str) -> str:
 
 def state_key(unit: Unit, configuration: str) -> str:
     """Return how the names of its shards begin that were made of this input, configuration and version."""
-    state = digest_of(f"{unit.digest}\n{configuration}\n{__version__}\n{SCHEMA_VERSION}")
+    state = digest_of(f"{unit.digest or ''}\n{configuration}\n{__version__}\n{SCHEMA_VERSION}")
     return f"{recording_key(unit.recording)}{state}-"
 
 
@@ -165,7 +175,7 @@ class Shards:
     def there(self, unit: Unit, configuration: str) -> str | None:
         """Return the name of the shard with a unit's rows: of the same input, configuration and version.
 
-        Where stretches hold the rows of a recording that is one unit now, because it could not be opened when
+        Where stretches hold all rows of a recording that is one unit now, because it could not be opened when
         it was sought, the first of these.
         """
         current = [
@@ -174,7 +184,11 @@ class Shards:
         for failed in (False, True):
             if (name := name_of(unit, configuration, failed)) in current:
                 return name
-        return current[0] if current and unit.whole else None
+        return current[0] if unit.whole and _complete(current) else None
+
+    def kept(self, unit: Unit) -> bool:
+        """Tell whether a recording that cannot be read now has rows of before."""
+        return unit.digest is None and any(not says_errors(name) for name in self._of(unit.recording))
 
     def remove_stale(self, unit: Unit, configuration: str) -> int:
         """Remove shards of a unit's recording that hold other rows than those of today, and return how many.
@@ -205,6 +219,16 @@ class Shards:
         return self.names[first:last]
 
 
+def _complete(shards: Sequence[str]) -> bool:
+    """Tell whether shards of stretches of one state follow each other from the first frame to the end."""
+    found = (_NAME.fullmatch(name.rpartition("/")[2]) for name in shards)
+    stops = {one[1]: one[2] for one in found if one}
+    frame = "0"
+    while frame in stops:
+        frame = stops[frame]
+    return frame == "end"
+
+
 def names(out: Path) -> list[str]:
     """Return the names of all shards below a folder of shards, in no order; other files are passed over."""
     found = []
@@ -216,17 +240,43 @@ def names(out: Path) -> list[str]:
     return found
 
 
-def made_ready(out: Path, settings: Settings) -> None:
-    """Make the folder of shards, with a file that says what the configuration's digest stands for.
+def root_of(out: Path) -> Path:
+    """Return the folder below which a folder of shards names recordings: the current one, if it is new.
+
+    Raises
+    ------
+    ValueError
+        If that folder is not here.
+    strand.FileFormatError
+        If the file that says it is damaged.
+    """
+    said = out / _ROOT
+    if not said.exists():
+        return Path.cwd()
+    root = read_json(said)
+    if not isinstance(root, str):
+        raise FileFormatError(said, "expected the path of a folder")
+    if not os.path.isdir(root):
+        raise ValueError(
+            f"root: {out} names recordings below {root}, which is no folder here; "
+            "say where that folder is now (root=, --root)"
+        )
+    return Path(root)
+
+
+def made_ready(out: Path, settings: Settings, root: Path) -> None:
+    """Make the folder of shards, with files that say its root and what the configuration's digest means.
 
     What killed processes left half written an hour ago or longer is removed.
     """
     out.mkdir(parents=True, exist_ok=True)
-    # datasets pass over names that begin with an underscore
     words = out / f"_configuration-{settings.digest}.json"
     if not words.exists():
         # what is complete may be read-only
         write_json(words, settings.in_words)
+    said, where = out / _ROOT, os.path.abspath(root)
+    if not said.exists() or read_json(said) != where:
+        write_json(said, where)
     old = time.time() - _LEFT
     for left in (*out.glob(".strand-*.tmp"), *out.glob("*/.strand-*.tmp")):
         with suppress(FileNotFoundError):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from strand.batch.settings import Settings, digest_of
 from strand.checks import checked_path, several
+from strand.files import FileFormatError, open_file
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
 from strand.io.view_files import SUFFIXES as SINGLE
@@ -22,6 +23,8 @@ DEPTH_IMAGES = (".png", ".tif", ".tiff")
 """What a folder of depth images is known by."""
 
 _DESCRIPTION = "scene.toml"
+# how a bag's metadata begins, and in how many bytes
+_OF_BAGS, _BEGINNING = b"rosbag2_bagfile_information", 4096
 
 
 @dataclass(frozen=True)
@@ -36,20 +39,23 @@ class Unit:
         Where it is.
     kind : str
         `SCENE`, `BAG` or `IMAGES`.
-    digest : str
-        Of the names below it, sizes and times of modification of its files.
+    digest : str or None
+        Of the names below it, sizes and times of modification of its files; None: they cannot be read.
     start : int
         The first frame.
     stop : int or None
         The frame before which it ends; None: it goes to the end.
+    error : str or None
+        Why it cannot be read, if that is known already: what its row says.
     """
 
     recording: str
     path: str
     kind: str
-    digest: str
+    digest: str | None
     start: int = 0
     stop: int | None = None
+    error: str | None = None
 
     @property
     def whole(self) -> bool:
@@ -89,7 +95,10 @@ def find(
         If a path is empty, or there is no recording in one of them; before anything is found.
     """
     kept = None if leave_out is None else os.path.realpath(checked_path("leave_out", leave_out))
-    places = sorted({os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")})
+    named = {os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")}
+    # a link beside what it leads to is the same recordings
+    leads = {place: os.path.realpath(place) if os.path.islink(place) else place for place in named}
+    places = sorted(place for place, other in leads.items() if other == place or other not in named)
     above = checked_path("root", root)
     for place in places:
         os.stat(place)
@@ -105,8 +114,13 @@ def find(
                 f"images, and no .npz, {', '.join(SUFFIXES)} file{left}"
             )
     for place, kind in _once(places, kept):
-        unit = Unit(_name(place, above), place, kind, _input_digest(place, kind, kept))
-        yield from _stretches(unit, settings)
+        name = _name(place, above)
+        try:
+            unit = Unit(name, place, kind, _input_digest(place, kind, kept))
+        except OSError as error:
+            yield Unit(name, place, kind, None, error=in_words(error))
+        else:
+            yield from _stretches(unit, settings)
 
 
 def _once(places: Sequence[str], leave_out: str | None) -> Iterator[tuple[str, str]]:
@@ -152,7 +166,7 @@ def _inside(folder: str) -> list[tuple[str, str | None]]:
         # who opens it says why it cannot be read
         return [(folder, SCENE)]
     names = {entry.name for entry in entries}
-    if METADATA in names:
+    if METADATA in names and _is_bag(folder, names):
         return [(folder, BAG)]
     if _DESCRIPTION in names:
         return [(folder, SCENE)]
@@ -169,6 +183,15 @@ def _inside(folder: str) -> list[tuple[str, str | None]]:
     return found
 
 
+def _is_bag(folder: str, names: set[str]) -> bool:
+    """Tell whether metadata is that of a bag, or of a damaged one, and not a whole data set's."""
+    if any(name.endswith(".db3") for name in names):
+        return True
+    with suppress(OSError, FileFormatError), open_file(os.path.join(folder, METADATA)) as file:
+        return _OF_BAGS in file.read(_BEGINNING)
+    return True
+
+
 def images_of(folder: str) -> list[str]:
     """Return the paths of a folder's depth images in the order of their names."""
     return [
@@ -182,17 +205,22 @@ def _name(path: str, root: Path) -> str:
     above = os.path.abspath(root)
     below = Path(path).is_relative_to(above) and path != above
     name = Path(os.path.relpath(path, above) if below else path).as_posix()
-    # tables hold UTF-8, names of files any bytes
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
+    # tables hold UTF-8, names of files any bytes; backslashes are doubled, so that no two are called alike
+    return os.fsencode(name.replace("\\", "\\\\")).decode("utf-8", "backslashreplace")
 
 
 def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
-    """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes."""
+    """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes.
+
+    Raises
+    ------
+    OSError
+        If one of them cannot be looked at.
+    """
     files = [path]
     if kind == IMAGES:
         # what else is there is none of its frames
-        with suppress(OSError):
-            files = images_of(path)
+        files = images_of(path)
     elif os.path.isdir(path):
         files = _files_below(path, leave_out)
     elif path.lower().endswith(".toml"):
@@ -201,8 +229,11 @@ def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
     for file in files:
         try:
             status = os.stat(file)
-        except OSError:
-            continue
+        except FileNotFoundError:
+            if not os.path.islink(file) and file != path:
+                # it went while the others were listed
+                continue
+            raise
         said.append(f"{os.path.relpath(file, path)}\n{status.st_size}\n{status.st_mtime_ns}")
     return digest_of("\n\n".join(said))
 
@@ -211,8 +242,7 @@ def _files_below(folder: str, leave_out: str | None) -> list[str]:
     """Return the paths of all files below a folder but one, in order."""
     files, folders = [], [folder]
     while folders:
-        # what cannot be read is as if it were empty
-        with suppress(OSError), os.scandir(folders.pop()) as entries:
+        with os.scandir(folders.pop()) as entries:
             for entry in entries:
                 if not entry.is_dir():
                     files.append(entry.path)
@@ -228,8 +258,10 @@ def _stretches(unit: Unit, settings: Settings) -> Iterator[Unit]:
         return
     try:
         frames = len(images_of(unit.path)) if unit.kind == IMAGES else _most_frames(unit.path, settings)
-    except Exception:
-        yield unit
+    except ImportError:
+        raise
+    except Exception as error:
+        yield replace(unit, error=in_words(error))
         return
     long = settings.stretch * settings.every
     for start in count(0, long):
@@ -256,3 +288,8 @@ def open_bag(path: str, settings: Settings) -> Recording:
         ignore_distortion=settings.ignore_distortion,
         max_bytes=settings.max_bytes,
     )
+
+
+def in_words(error: BaseException) -> str:
+    """Say what was wrong: the kind of error, and its message."""
+    return f"{type(error).__name__}: {error}"

@@ -10,7 +10,7 @@ from strand._core import __version__
 from strand.batch.frames import Seen, frames
 from strand.batch.settings import Settings
 from strand.batch.table import Row, record_batch
-from strand.batch.units import Unit
+from strand.batch.units import Unit, in_words
 from strand.crossings import listed_crossings
 from strand.finding.ropes import NoRopeError
 from strand.model import Model
@@ -48,6 +48,9 @@ def lost(unit: Unit, settings: Settings, why: str) -> Any:
 
 
 def _rows(unit: Unit, settings: Settings) -> Iterator[Row]:
+    if unit.error is not None:
+        yield Row(unit.recording, None, None, 0.0, error=unit.error)
+        return
     found, previous = frames(unit, settings), None
     # the frame that comes next; none before the recording is open, or if it has no other
     number: int | None = None
@@ -118,8 +121,3 @@ def _ropes(unit: Unit, number: int, when: float | None, model: Model, seconds: f
             [said for about, said in warned if rope in about or not about],
             [one for one in crossings if one.over[0] == rope],
         )
-
-
-def in_words(error: BaseException) -> str:
-    """Say what was wrong: the kind of error, and its message."""
-    return f"{type(error).__name__}: {error}"

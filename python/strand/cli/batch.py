@@ -77,9 +77,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--root",
         type=values.path,
-        default=Path("."),
         metavar="DIR",
-        help="the folder below which recordings are named (default: the current one)",
+        help="the folder below which recordings are named (default: that of the last time with this OUT; the "
+        "first time, the current one)",
     )
     command.add_argument(
         "--retry-errors", action="store_true", help="make again what holds errors (default: keep it)"
@@ -115,6 +115,8 @@ def run(options: argparse.Namespace) -> None:
     print(f"skipped  {done.skipped} units that were there")
     if done.replaced:
         print(f"replaced {done.replaced} units of other files, settings or versions")
+    if done.kept:
+        print(f"kept     {done.kept} recordings as they were: they cannot be read now")
     print(options.out)
     if options.summary is not None:
         write_summary(options.out, options.summary)

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 import types
 from dataclasses import replace
@@ -105,7 +106,7 @@ def test_errors_are_rows_that_are_kept_or_tried_again(recordings, tmp_path):
 def test_rows_that_are_there_twice_are_mended_by_the_next_run(recordings, tmp_path):
     one, out, other = recordings / "0" / "00.npz", tmp_path / "out", Settings(ropes=1, radius=0.004)
     (unit,) = find([one], SETTINGS, recordings)
-    made_ready(out, SETTINGS)
+    made_ready(out, SETTINGS, recordings)
     # as of two runs at once with different settings; and of a worker that died after its shard was there
     Work(other, str(out))(unit)
     Work(SETTINGS, str(out))(unit)
@@ -122,7 +123,7 @@ def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(
     path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=2)
     out = tmp_path / "out"
-    made_ready(out, settings)
+    made_ready(out, settings, tmp_path)
     (first, second) = find([path], settings, tmp_path)
     unopened = replace(first, stop=None)
     Work(settings, str(out)).give_up(unopened, "PermissionError: not now")
@@ -133,6 +134,51 @@ def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(
     shards = Shards(out)
     assert shards.remove_stale(unopened, settings.digest) == 0
     assert shards.there(unopened, settings.digest) in expected
+    # but a part of it is not the whole
+    for unit in (first, second):
+        part = tmp_path / f"{unit.start}"
+        shutil.copytree(out, part)
+        (part / name_of(unit, settings.digest, False)).unlink()
+        assert Shards(part).there(unopened, settings.digest) is None
+
+
+def test_what_was_made_of_a_recording_that_cannot_be_read_now_stays(recordings, tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    for name in ("a.npz", "b.npz"):
+        shutil.copy(recordings / "0" / "00.npz", folder / name)
+    assert run(folder, out, SETTINGS, root=folder, workers=1) == Done(2, 0, 2, 0)
+    before = names(out)
+    (folder / "a.npz").unlink()
+    (folder / "a.npz").symlink_to("a.npz")
+    assert run(folder, out, SETTINGS, root=folder, workers=1, retry_errors=True) == Done(0, 1, kept=1)
+    assert names(out) == before
+    # with nothing to keep it has a row that says why
+    (other, _) = find([folder], SETTINGS, tmp_path)
+    assert (other.digest, Work(SETTINGS, str(out))(other)) == (None, Written(1, 1))
+    said = [row for row in load(out, ["recording", "error"]).to_pylist() if row["error"]]
+    assert [one["recording"] for one in said] == ["in/a.npz"]
+    assert said[0]["error"].startswith("OSError: ")
+
+
+def test_a_second_run_names_recordings_as_the_first_wherever_it_is_run(recordings, tmp_path, monkeypatch):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    shutil.copytree(recordings / "0", folder / "0")
+    count = len(list((folder / "0").iterdir()))
+    monkeypatch.chdir(folder)
+    assert run("0", out, SETTINGS, workers=1).made == count
+    monkeypatch.chdir(tmp_path)
+    assert run(folder, out, SETTINGS, workers=1) == Done(0, count)
+    monkeypatch.chdir(recordings)
+    folder.rename(tmp_path / "moved")
+    with pytest.raises(ValueError, match=f"root: {out} names recordings below {folder}, which is no folder"):
+        run(tmp_path / "moved", out, SETTINGS)
+    for _ in range(2):
+        assert run(tmp_path / "moved", out, SETTINGS, root=tmp_path / "moved") == Done(0, count)
+    assert run(tmp_path / "moved", out, SETTINGS) == Done(0, count)
+    (out / "_root.json").write_text("{}")
+    with pytest.raises(strand.FileFormatError, match=r"_root\.json: expected the path of a folder"):
+        run(tmp_path / "moved", out, SETTINGS)
 
 
 def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):
@@ -147,13 +193,25 @@ def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):
 
 
 DRIVER = """
+import os
 import sys
-from pathlib import Path
+import time
 from batch_recordings import SETTINGS
 from strand.batch import run
 
+
+def fork(_):
+    if not forks:
+        forks.append(os.fork())
+        if forks == [0]:
+            # holds what the driver has open
+            os.setpgid(0, 0)
+            time.sleep(600)
+
+
 if __name__ == "__main__":
-    run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], workers=2)
+    forks = []
+    run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], workers=2, progress=fork)
 """
 
 
@@ -172,18 +230,24 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
     recordings, expected, tmp_path
 ):
     out = tmp_path / "out"
-    made_ready(out, SETTINGS)
+    made_ready(out, SETTINGS, recordings)
     (tmp_path / "driver.py").write_text(DRIVER)
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, str(tmp_path / "driver.py"), str(recordings), str(out)]
     driver = subprocess.Popen(command, env=paths, stderr=subprocess.PIPE)
     until(lambda: len(names(out)) >= 3)
-    workers = children(driver.pid)
+    started = children(driver.pid)
+    workers = [one for one in started if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    (forked,) = (one for one in started if os.getpgid(one) == one)
     assert len(workers) >= 2
     driver.kill()
-    driver.communicate()
-    # whoever worked for it ends what it has, and then itself
-    until(lambda: not any(Path(f"/proc/{one}").exists() for one in workers))
+    driver.wait()
+    # whoever worked for it ends what it has, and then itself, though what it forked lives on
+    try:
+        until(lambda: not any(Path(f"/proc/{one}").exists() for one in workers))
+    finally:
+        os.kill(forked, signal.SIGKILL)
+        driver.communicate()
     before = left(out)
     assert 3 <= len(before) < COUNT
     assert again(recordings, out) == Done(COUNT - len(before), len(before), COUNT - len(before), 0)
@@ -263,7 +327,7 @@ def test_where_no_process_can_be_started_is_said_before_one_is(recordings, monke
 def test_a_unit_that_ends_every_process_is_given_up_and_others_are_not(recordings, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
-    made_ready(out, SETTINGS)
+    made_ready(out, SETTINGS, recordings)
     units = list(find([recordings], SETTINGS, recordings))
     bad, bad_once = units[1].recording, units[4].recording
     work = Work(SETTINGS, str(out))
@@ -301,7 +365,7 @@ def test_a_disk_that_fills_up_stops_the_run_and_leaves_whole_shards(recordings, 
         with pytest.raises(OSError, match="No space left") as raised:
             run(recordings, out, SETTINGS, root=recordings, workers=2)
     else:
-        made_ready(out, SETTINGS)
+        made_ready(out, SETTINGS, recordings)
         full = FullDisk(Work(SETTINGS, str(out)), 5)
         with pytest.raises(OSError, match="No space left") as raised:
             list(local.each(full, find([recordings], SETTINGS, recordings), 2, 1))
@@ -343,6 +407,22 @@ def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):
     assert (strand.num_threads(), dict(os.environ)) == before
 
 
+def test_two_batches_do_not_mix_up_their_environments():
+    before, seen = dict(os.environ), []
+
+    def another():
+        with local._threads_of_libraries(3):
+            seen.append(os.environ["OMP_NUM_THREADS"])
+
+    other = threading.Thread(target=another)
+    with local._threads_of_libraries(2):
+        other.start()
+        other.join(0.2)
+        assert (seen, os.environ["OMP_NUM_THREADS"]) == ([], "2")
+    other.join(60)
+    assert (seen, dict(os.environ)) == (["3"], before)
+
+
 def test_cores_are_those_that_the_process_may_use():
     script = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); "
     script += "import strand._core; print(strand._core.cores())"
@@ -351,7 +431,7 @@ def test_cores_are_those_that_the_process_may_use():
 
 
 def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
-    made_ready(tmp_path, SETTINGS)
+    made_ready(tmp_path, SETTINGS, recordings)
     other = Work(SETTINGS, str(tmp_path), version="0.0.1")
     with pytest.raises(EngineError, match=f"version {strand.__version__} here, and 0.0.1 where"):
         list(local.each(other, find([recordings], SETTINGS, recordings), 1, 1))
@@ -372,6 +452,7 @@ def test_a_worker_of_another_version_is_refused(recordings, tmp_path):
         ({"out": ""}, ValueError, "out: expected a path, got an empty text"),
         ({"out": None}, TypeError, "out: expected a path, got NoneType"),
         ({"root": 7}, TypeError, "root: expected a path, got int"),
+        ({"root": "nowhere"}, ValueError, "root: expected a folder, got nowhere"),
         ({"progress": 5}, TypeError, "progress: expected something to call, got int"),
     ],
 )

@@ -245,7 +245,7 @@ def test_units_are_taken_no_faster_than_they_are_done(recordings, cluster):
 def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(recordings, cluster, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
-    made_ready(out, SETTINGS)
+    made_ready(out, SETTINGS, recordings)
     units = list(find([recordings], SETTINGS, recordings))[:6]
     bad, bad_once = units[1].recording, units[4].recording
     work = Work(SETTINGS, str(out))
@@ -258,7 +258,7 @@ def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(r
 
 
 def test_a_full_disk_stops_the_run_and_leaves_whole_shards(recordings, expected, cluster, tmp_path):
-    made_ready(tmp_path, SETTINGS)
+    made_ready(tmp_path, SETTINGS, recordings)
     full = FullDisk(Work(SETTINGS, str(tmp_path)), 4)
     with pytest.raises(OSError, match="No space left"):
         list(engine.each(full, find([recordings], SETTINGS, recordings), 1, 1, cluster))
@@ -280,7 +280,7 @@ run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], engine="ray", address=
 def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
     recordings, expected, cluster, tmp_path
 ):
-    made_ready(tmp_path, SETTINGS)
+    made_ready(tmp_path, SETTINGS, recordings)
     command = [sys.executable, "-c", DRIVER, str(recordings), str(tmp_path), cluster]
     driver = subprocess.Popen(command, stderr=subprocess.PIPE)
     end = time.monotonic() + 60.0

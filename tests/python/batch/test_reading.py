@@ -111,6 +111,20 @@ def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
                 read(tmp_path / "out")
 
 
+def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
+    run(scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
+    (name,) = names(tmp_path / "out")
+    shard, before = tmp_path / "out" / name, load(tmp_path / "out")
+    whole, refused = shard.read_bytes(), 0
+    for place in range(4, len(whole), 61):
+        shard.write_bytes(whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :])
+        try:
+            assert load(tmp_path / "out").equals(before)
+        except FileFormatError:
+            refused += 1
+    assert refused > len(whole) // 61 // 2
+
+
 def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
     _, out = batch
     for name in names(out):

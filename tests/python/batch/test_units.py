@@ -13,8 +13,9 @@ from PIL import Image
 from scene_files import save_npz, scene_of
 
 import strand
-from strand.batch import Settings, find
+from strand.batch import Settings, find, units
 from strand.batch.frames import frames
+from strand.batch.work import rows_of
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
@@ -72,7 +73,58 @@ def test_names_are_below_the_root_or_whole(folder, monkeypatch):
     assert [unit.recording for unit in outside] == [str(folder / "a.npz")]
     strange = Path(os.fsdecode(os.fsencode(folder) + b"/\xff.npz"))
     (folder / "a.npz").rename(strange)
-    assert found(folder, given=[strange])[0].recording == "\\udcff.npz".replace("\\udcff", "\\xff")
+    assert found(folder, given=[strange])[0].recording == "\\xff.npz"
+
+
+def test_no_two_files_are_called_alike(tmp_path):
+    for name in (b"\xff.npz", b"\\xff.npz", b"\\\\xff.npz"):
+        Path(os.fsdecode(os.fsencode(tmp_path) + b"/" + name)).touch()
+    assert sorted(unit.recording for unit in found(tmp_path)) == sorted(
+        ("\\xff.npz", "\\\\xff.npz", "\\\\\\\\xff.npz")
+    )
+
+
+def test_a_link_beside_what_it_leads_to_is_the_same(folder):
+    (folder / "link").symlink_to(folder / "b")
+    assert found(folder, given=[folder / "link", folder / "b"]) == found(folder, given=[folder / "b"])
+    assert [unit.recording for unit in found(folder, given=[folder / "link"])] == ["link/depth", "link/scene"]
+
+
+def test_metadata_of_other_kinds_hide_no_recordings(folder):
+    before = found(folder)
+    (folder / "metadata.yaml").write_text("name: our ropes\n")
+    assert found(folder) == before
+    (folder / "metadata.yaml").write_text("# of a bag\nrosbag2_bagfile_information:\n")
+    assert [(unit.path, unit.kind) for unit in found(folder)] == [(str(folder), "bag")]
+    # damaged, and beside what shows that it was a bag's
+    (folder / "d" / "metadata.yaml").write_text("")
+    assert [unit.kind for unit in found(folder / "d")] == ["bag"]
+
+
+def test_what_cannot_be_read_when_it_is_sought_says_so_in_its_row(folder):
+    whole = (folder / "c.mcap").read_bytes()
+    (folder / "c.mcap").write_bytes(whole[: len(whole) // 2])
+    settings = Settings(stretch=2, world="world")
+    (unit,) = found(folder, settings, given=[folder / "c.mcap"])
+    assert unit.error.startswith("FileFormatError: ")
+    # its one unit is not the whole recording, when it is read
+    (folder / "c.mcap").write_bytes(whole)
+    assert rows_of(unit, settings).column("error").to_pylist() == [unit.error]
+    (folder / "a.npz").unlink()
+    (folder / "a.npz").symlink_to("a.npz")
+    unit = found(folder)[0]
+    assert (unit.recording, unit.digest, unit.error.partition(":")[0]) == ("a.npz", None, "OSError")
+    with pytest.raises(OSError, match=r"a\.npz"):
+        found(folder, given=[folder / "a.npz"])
+
+
+def test_a_package_that_is_missing_is_no_error_of_a_recording(folder, monkeypatch):
+    def missing(*_):
+        raise ImportError("rosbags is needed here")
+
+    monkeypatch.setattr(units, "open_bag", missing)
+    with pytest.raises(ImportError, match="rosbags is needed"):
+        found(folder, Settings(stretch=2), given=[folder / "c.mcap"])
 
 
 def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):

@@ -41,6 +41,23 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
     assert capsys.readouterr().out.startswith("made     0 units, 0 rows, 0 of them errors\nskipped  4 units")
 
 
+def test_rows_of_recordings_that_cannot_be_read_now_are_kept(folder, capsys, monkeypatch):
+    assert main(["batch", "in", "-o", "out", "--ropes", "1"]) == 0
+    scene = folder / "in" / "0" / "00.npz"
+    scene.unlink()
+    scene.symlink_to("00.npz")
+    capsys.readouterr()
+    # from another folder, too
+    monkeypatch.chdir(folder / "in")
+    assert main(["batch", ".", "-o", "../out", "--ropes", "1"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "made     0 units, 0 rows, 0 of them errors",
+        "skipped  3 units that were there",
+        "kept     1 recordings as they were: they cannot be read now",
+        "../out",
+    ]
+
+
 def test_options_are_settings(folder):
     words = "--radius 4.2mm --bounds -1 -1 -1 1 1 1 --every 2 --stretch 7 --depth-scale 0.001 --topic /a /b"
     more = "--intrinsics 100,100,50,50 --world map --tolerance 0.5 --length 40cm --threads 1"
