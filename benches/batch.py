@@ -3,11 +3,11 @@
 python benches/batch.py [--recordings N] [--workers N ...] [--repeat N] [--folder DIR]
 
 The recordings are simulated scenes of two views of 160 x 120 pixels, drawn from seeds, made once into a
-temporary folder. A loop reads and reconstructs each in one process on one thread; another one makes the rows
-too, with the crossings; a third one writes them as shards. Then come the local engine and Ray, started here,
-with each number of workers. A rate is that of the whole call, and that between the first unit and the last
-one, which leaves out how long processes and Ray take to start. The overheads are what a unit takes of a
-worker's time beyond the first loop, and beyond the third one, which does the same without an engine. The
+temporary folder. A loop on one thread reads and reconstructs each; then makes its rows too, with the
+crossings; then writes them as shards as well. Then come the local engine and Ray, started here, with each
+number of workers. A rate is that of the whole call, and that between the first unit and the last one, which
+leaves out how long processes and Ray take to start. The overheads are what a unit takes of a worker's time
+beyond reconstructing in the loop, and beyond shards in the loop, which is the same without an engine. The
 driver's share is its processor time for each unit. Memory is that of the driver and of all processes below it
 (proportional shares, which count what is shared once), at a tenth of the units and at the end.
 
@@ -59,16 +59,23 @@ def answer(unit: Unit) -> None:
     strand.reconstruct(recorded.views, recorded.radius, recorded.bounds, ropes=1)
 
 
-def loop(units: Sequence[Unit], work: Callable[[Unit], object]) -> float:
-    """Seconds for each unit in a plain loop on one thread."""
+def loop(units: Sequence[Unit], works: Sequence[Callable[[Unit], object]]) -> list[float]:
+    """Seconds that each work takes for a unit, in a plain loop on one thread.
+
+    They take turns at each unit, and at being the first, so that all meet the machine as it is at that time.
+    """
     strand.set_num_threads(1)
-    work(units[0])
-    begun = time.perf_counter()
-    for unit in units:
-        work(unit)
-    spent = time.perf_counter() - begun
+    spent = [0.0] * len(works)
+    for work in works:
+        work(units[0])
+    for number, unit in enumerate(units):
+        for turn in range(len(works)):
+            which = (number + turn) % len(works)
+            begun = time.perf_counter()
+            works[which](unit)
+            spent[which] += time.perf_counter() - begun
     strand.set_num_threads(0)
-    return spent / len(units)
+    return [one / len(units) for one in spent]
 
 
 def memory(root: int) -> float:
@@ -120,6 +127,8 @@ def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequenc
         steady = (ends[-1] - ends[workers - 1]) / (count - workers)
         over = [steady * workers / alone - 1.0 for alone in loops]
         found = digest(load(out))
+        # what the table took is no part of the next batch
+        pa.default_memory_pool().release_unused()
     print(
         f"| {name}, {workers} | {count / whole:.1f} | {1 / steady:.1f} | {over[0]:+.1%} | {over[-1]:+.1%} "
         f"| {spent / count * 1e3:.2f} | {sizes[0]:.0f} to {sizes[-1]:.0f} | {found} |",
@@ -178,20 +187,18 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) if arguments.folder is None else arguments.folder
         begun = time.perf_counter()
-        recordings = made(folder / "recordings", arguments.recordings)
+        recordings = made(folder / f"{arguments.recordings}", arguments.recordings)
         print(f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {cores()} cores\n")
         found = set()
-        units = list(find([recordings], SETTINGS, recordings))[: arguments.recordings]
+        units = list(find([recordings], SETTINGS, recordings))
         for _ in range(arguments.repeat):
-            loops = []
             with tempfile.TemporaryDirectory(dir=folder) as out:
-                for name, work in (
-                    ("reconstruct", answer),
-                    ("rows", lambda unit: rows_of(unit, SETTINGS)),
-                    ("shards", Work(SETTINGS, out)),
-                ):
-                    loops.append(loop(units, work))
-                    print(f"loop, {name}: {loops[-1] * 1e3:.2f} ms a recording, {1 / loops[-1]:.1f} a second")
+                loops = loop(units, (answer, lambda unit: rows_of(unit, SETTINGS), Work(SETTINGS, out)))
+            for name, spent in zip(("reconstruct", "rows", "shards"), loops, strict=True):
+                print(
+                    f"loop, {name}: {spent * 1e3:.2f} ms a recording, {1 / spent:.1f} a second, "
+                    f"{spent / loops[0] - 1.0:+.1%}"
+                )
             heads = (
                 "a second | without the start | over reconstruct | over shards | driver / ms | memory / MB"
             )
