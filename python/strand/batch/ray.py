@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import math
 import os
+import secrets
 import shutil
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from strand._core import set_num_threads
@@ -25,6 +26,8 @@ AHEAD = 2
 _GROWS = 2.0
 # seconds in which a cluster answers if it is there; Ray itself would try for minutes
 _ANSWERS = 10.0
+# by which users tell Ray who may reach it
+_TOKENS = ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 
 
 def each(
@@ -43,7 +46,7 @@ def each(
     units : iterator of Unit
     workers : int
         How many tasks run at once, if there is no address: Ray is started here, on the loopback address
-        and with a token, without dashboard and usage statistics, and stopped at the end.
+        and with a token of its own, without dashboard and usage statistics, and stopped at the end.
     threads : int
         How many threads each has.
     address : str, optional
@@ -71,14 +74,14 @@ def each(
         What the work raises; other work is ended.
     """
     ray = extra("ray")
-    ours = not ray.is_initialized()
-    session = None
-    if ours:
-        try:
-            session = _connect(ray, workers * threads, address)
-        except RuntimeError as error:
-            # the cluster has another version of Ray or Python, for example
-            raise EngineError(f"Ray: {error}") from error
+    connected = nullcontext() if ray.is_initialized() else _connected(ray, workers * threads, address)
+    with connected:
+        yield from _each(ray, work, units, threads)
+
+
+def _each(
+    ray: Any, work: Callable[[Unit], Written], units: Iterator[Unit], threads: int
+) -> Iterator[tuple[Unit, Written | None]]:
     pending: dict[Any, Unit] = {}
     try:
         task = ray.remote(num_cpus=threads, max_retries=TRIES - 1)(_task)
@@ -95,16 +98,10 @@ def each(
             for reference in ended:
                 yield pending.pop(reference), _written(ray, reference)
     except ray.exceptions.RayError as error:
-        # its logs say more
-        session = None
         raise EngineError(f"Ray: {error}") from error
     finally:
         for reference in pending:
             ray.cancel(reference, force=True)
-        if ours:
-            ray.shutdown()
-        if session is not None:
-            shutil.rmtree(session, ignore_errors=True)
 
 
 def _written(ray: Any, reference: Any) -> Written | None:
@@ -119,13 +116,32 @@ def _written(ray: Any, reference: Any) -> Written | None:
     return written
 
 
+@contextmanager
+def _connected(ray: Any, cpus: int, address: str | None) -> Iterator[None]:
+    """Connect to a cluster, or start one here, whose folder goes at the end unless its logs are needed."""
+    with nullcontext() if address is not None else _told(ray):
+        try:
+            session = _connect(ray, cpus, address)
+        except RuntimeError as error:
+            # the cluster has another version of Ray or Python, for example
+            raise EngineError(f"Ray: {error}") from error
+        try:
+            yield
+        except EngineError:
+            session = None
+            raise
+        finally:
+            ray.shutdown()
+            if session is not None:
+                shutil.rmtree(session, ignore_errors=True)
+
+
 def _connect(ray: Any, cpus: int, address: str | None) -> str | None:
     """Connect to a cluster, or start one here and return the folder that it made for itself."""
     if address is not None:
         _require_answer(address)
         ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         return None
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     with _loopback(ray):
         context = ray.init(
             address="local",
@@ -138,6 +154,29 @@ def _connect(ray: Any, cpus: int, address: str | None) -> str | None:
         )
     session: str = context.address_info["session_dir"]
     return session
+
+
+@contextmanager
+def _told(ray: Any) -> Iterator[None]:
+    """Tell Ray to send no statistics, and a token that nobody else knows: it would leave one in a file."""
+    said = {"RAY_USAGE_STATS_ENABLED": "0"}
+    if not any(name in os.environ for name in _TOKENS):
+        said |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
+    own = {name: value for name, value in said.items() if name not in os.environ}
+    os.environ.update(own)
+    _read_again(ray)
+    try:
+        yield
+    finally:
+        for name in own:
+            os.environ.pop(name, None)
+        _read_again(ray)
+
+
+def _read_again(ray: Any) -> None:
+    """Have Ray read the environment, which it does when it is imported; its settings before its token."""
+    ray._raylet.Config.initialize("")
+    ray._raylet.AuthenticationTokenLoader.instance().reset_cache()
 
 
 @contextmanager

@@ -103,7 +103,12 @@ def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tupl
         try:
             file = pq.ParquetFile(path, page_checksum_verification=True)
             _require_schema(path, file.metadata.metadata)
+            if not file.schema_arrow.equals(wanted):
+                # checksums are of the rows, not of what says how they are read
+                raise FileFormatError(path, "truncated, damaged or no shard (its columns are others)")
             table = file.read(columns=list(columns), use_threads=False)
+            if len(table) != file.metadata.num_rows:
+                raise FileFormatError(path, f"expected {file.metadata.num_rows} rows, got {len(table)}")
             yield path, table.select(columns).cast(pa.schema([wanted.field(one) for one in columns]))
         except (pa.ArrowException, KeyError, UnicodeDecodeError, OSError) as error:
             # what is wrong with a disk has a number; pyarrow's own errors have none

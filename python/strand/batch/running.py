@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
 
 from strand._core import cores
 from strand.batch import local, ray
@@ -142,11 +143,18 @@ def run(
     made_ready(folder, settings, above)
     shards, work = Shards(folder), Work(settings, str(folder))
     skipped = replaced = kept = 0
+    folders: set[str] = set()
 
     def missing() -> Iterator[Unit]:
         nonlocal skipped, replaced, kept
         for unit in _after(first, units):
+            for name in map(str, PurePosixPath(unit.recording).parents):
+                if name not in folders:
+                    # it may be one that could not be searched at another time
+                    folders.add(name)
+                    replaced += shards.remove_unread(name)
             if shards.kept(unit):
+                replaced += shards.remove_unread(unit.recording)
                 kept += 1
                 continue
             replaced += shards.remove_stale(unit, settings.digest)

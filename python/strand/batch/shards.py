@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import multiprocessing
 import os
 import re
 import time
 from bisect import bisect_left
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ _FAILED = "-errors" + SUFFIX
 # datasets pass over names that begin with an underscore
 _ROOT = "_root.json"
 _NAME = re.compile(rf"[0-9a-f]{{{DIGITS}}}-[0-9a-f]{{{DIGITS}}}-(\d+)-(\d+|end)(-errors)?\.parquet")
+# how the state of what cannot be read begins
+_UNREAD = "0" * (DIGITS // 2)
 _LEFT = 3600.0  # seconds; writing a shard takes a fraction of one
 
 
@@ -94,7 +97,7 @@ class Work:
         good, failed = (
             Path(self.out, name_of(unit, self.settings.digest, with_errors)) for with_errors in (False, True)
         )
-        if errors and good.exists():
+        if errors and (good.exists() or self._has_rows(unit)):
             # by a worker that died before it said so, or by another run
             return Written(0, 0)
         good.parent.mkdir(exist_ok=True)
@@ -102,6 +105,13 @@ class Work:
         if not errors:
             failed.unlink(missing_ok=True)
         return Written(len(batch), errors)
+
+    def _has_rows(self, unit: Unit) -> bool:
+        """Tell whether a recording that cannot be read now has rows: another run may have made some."""
+        if unit.digest is not None:
+            return False
+        found = Path(self.out).glob(f"{recording_key(unit.recording)}*{SUFFIX}")
+        return any(not says_unread(path.name) for path in found)
 
 
 def orphaned() -> bool:
@@ -139,6 +149,8 @@ def recording_key(recording: str) -> str:
 def state_key(unit: Unit, configuration: str) -> str:
     """Return how the names of its shards begin that were made of this input, configuration and version."""
     state = digest_of(f"{unit.digest or ''}\n{configuration}\n{__version__}\n{SCHEMA_VERSION}")
+    if unit.digest is None:
+        state = _UNREAD + state[len(_UNREAD) :]
     return f"{recording_key(unit.recording)}{state}-"
 
 
@@ -151,6 +163,11 @@ def name_of(unit: Unit, configuration: str, failed: bool) -> str:
 def says_errors(name: str) -> bool:
     """Whether a shard of this name has rows with errors."""
     return name.endswith(_FAILED)
+
+
+def says_unread(name: str) -> bool:
+    """Whether a shard of this name says no more than that its recording cannot be read."""
+    return name.split("-")[1].startswith(_UNREAD)
 
 
 class Shards:
@@ -188,7 +205,11 @@ class Shards:
 
     def kept(self, unit: Unit) -> bool:
         """Tell whether a recording that cannot be read now has rows of before."""
-        return unit.digest is None and any(not says_errors(name) for name in self._of(unit.recording))
+        return unit.digest is None and any(not says_unread(name) for name in self._of(unit.recording))
+
+    def remove_unread(self, recording: str) -> int:
+        """Remove what says that a recording, or a folder of this name, cannot be read; return how many."""
+        return self._remove([name for name in self._of(recording) if says_unread(name)])
 
     def remove_stale(self, unit: Unit, configuration: str) -> int:
         """Remove shards of a unit's recording that hold other rows than those of today, and return how many.
@@ -204,7 +225,11 @@ class Shards:
             stale = {name_of(whole, configuration, failed) for failed in (False, True)}
         if kept is not None and not says_errors(kept):
             stale.add(name_of(unit, configuration, True))
-        gone = [name for name in self._of(unit.recording) if not name.startswith(current) or name in stale]
+        return self._remove(
+            [name for name in self._of(unit.recording) if not name.startswith(current) or name in stale]
+        )
+
+    def _remove(self, gone: Sequence[str]) -> int:
         for name in gone:
             del self.names[bisect_left(self.names, name)]
             with suppress(FileNotFoundError):
@@ -272,13 +297,30 @@ def made_ready(out: Path, settings: Settings, root: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     words = out / f"_configuration-{settings.digest}.json"
     if not words.exists():
-        # what is complete may be read-only
-        write_json(words, settings.in_words)
-    said, where = out / _ROOT, os.path.abspath(root)
-    if not said.exists() or read_json(said) != where:
-        write_json(said, where)
+        with _or_closed():
+            write_json(words, settings.in_words)
+    _say_root(out / _ROOT, os.path.abspath(root))
     old = time.time() - _LEFT
     for left in (*out.glob(".strand-*.tmp"), *out.glob("*/.strand-*.tmp")):
-        with suppress(FileNotFoundError):
+        with suppress(FileNotFoundError), _or_closed():
             if left.stat().st_mtime < old:
                 left.unlink()
+
+
+def _say_root(said: Path, root: str) -> None:
+    """Write which folder the root is, if that is not what the file says."""
+    with suppress(FileFormatError, FileNotFoundError):
+        if read_json(said) == root:
+            return
+    with _or_closed():
+        write_json(said, root)
+
+
+@contextmanager
+def _or_closed() -> Iterator[None]:
+    """Pass over that a folder may not be written to: it may be complete, else the first shard says so."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
+            raise

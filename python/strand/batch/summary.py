@@ -24,7 +24,7 @@ _COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "conf
 _BINS = 10
 _SLOWEST = 10
 # kinds of error that a page lists, that are told apart, and characters of each
-_LISTED, _KINDS, _LONG = 30, 1000, 160
+_LISTED, _KINDS, _LONG, _READ = 30, 1000, 160, 1000
 # a recording below it, in a path that is written out, and what is below the recording
 _ABOVE, _BELOW = r"[^\s'\"]*[/\\]", r"(?:[/\\][^\s'\":,()]*)?(?![.-]?\w)"
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*(?:e[+-]?\d+)?")
@@ -143,7 +143,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 def _kind(error: str, recording: str) -> str:
     """Return an error without what differs from recording to recording: paths of its files, and numbers."""
-    kind, _, message = error.partition(": ")
+    kind, _, message = error[:_READ].partition(": ")
     names = {
         name: re.escape(name).replace("/", r"[/\\]") for name in (recording, recording.rpartition("/")[2])
     }

@@ -96,9 +96,9 @@ def find(
     """
     kept = None if leave_out is None else os.path.realpath(checked_path("leave_out", leave_out))
     named = {os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")}
-    # a link beside what it leads to is the same recordings
-    leads = {place: os.path.realpath(place) if os.path.islink(place) else place for place in named}
-    places = sorted(place for place, other in leads.items() if other == place or other not in named)
+    # several paths may lead to the same recordings: one of them is taken, and no link if there is another
+    real = {os.path.realpath(one): one for one in sorted(named, key=_by_links, reverse=True)}
+    places = sorted(real.values())
     above = checked_path("root", root)
     for place in places:
         os.stat(place)
@@ -121,6 +121,10 @@ def find(
             yield Unit(name, place, kind, None, error=in_words(error))
         else:
             yield from _stretches(unit, settings)
+
+
+def _by_links(path: str) -> tuple[bool, str]:
+    return path != os.path.realpath(path), path
 
 
 def _once(places: Sequence[str], leave_out: str | None) -> Iterator[tuple[str, str]]:
@@ -189,7 +193,7 @@ def _is_bag(folder: str, names: set[str]) -> bool:
         return True
     with suppress(OSError, FileFormatError), open_file(os.path.join(folder, METADATA)) as file:
         return _OF_BAGS in file.read(_BEGINNING)
-    return True
+    return False
 
 
 def images_of(folder: str) -> list[str]:
@@ -215,8 +219,9 @@ def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
     Raises
     ------
     OSError
-        If one of them cannot be looked at.
+        If it cannot be looked at, or none of its files but a description.
     """
+    os.stat(path)
     files = [path]
     if kind == IMAGES:
         # what else is there is none of its frames
@@ -225,24 +230,35 @@ def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
         files = _files_below(path, leave_out)
     elif path.lower().endswith(".toml"):
         files = _files_below(os.path.dirname(path), leave_out)
-    said = [kind]
+    said, unread, read = [kind], None, False
     for file in files:
         try:
             status = os.stat(file)
-        except FileNotFoundError:
-            if not os.path.islink(file) and file != path:
-                # it went while the others were listed
-                continue
-            raise
+        except OSError as error:
+            # its frame says why, and others are read
+            unread = unread if os.path.basename(file).startswith(".") else error
+            said.append(f"{os.path.relpath(file, path)}\n{error.errno}")
+            continue
+        read |= os.path.basename(file) != _DESCRIPTION
         said.append(f"{os.path.relpath(file, path)}\n{status.st_size}\n{status.st_mtime_ns}")
+    if unread is not None and not read:
+        raise unread
     return digest_of("\n\n".join(said))
 
 
 def _files_below(folder: str, leave_out: str | None) -> list[str]:
-    """Return the paths of all files below a folder but one, in order."""
+    """Return the paths of all files below a folder but one, in order, and of closed folders in it."""
     files, folders = [], [folder]
     while folders:
-        with os.scandir(folders.pop()) as entries:
+        inside = folders.pop()
+        try:
+            listed = os.scandir(inside)
+        except OSError:
+            if inside == folder:
+                raise
+            files.append(inside)
+            continue
+        with listed as entries:
             for entry in entries:
                 if not entry.is_dir():
                     files.append(entry.path)

@@ -18,10 +18,11 @@ from pathlib import Path
 import pytest
 from bag_files import film, write
 from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scenes
+from PIL import Image
 
 import strand
 from strand._core import cores
-from strand.batch import Done, EngineError, Settings, find, load, local, run
+from strand.batch import Done, EngineError, Settings, find, load, local, run, shards
 from strand.batch.engines import TRIES
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of, names
 
@@ -131,9 +132,9 @@ def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(
     expected = {name_of(unit, settings.digest, False) for unit in (first, second)}
     assert set(names(out)) == expected
     # and where it cannot be opened again, what was made of it stays
-    shards = Shards(out)
-    assert shards.remove_stale(unopened, settings.digest) == 0
-    assert shards.there(unopened, settings.digest) in expected
+    listed = Shards(out)
+    assert listed.remove_stale(unopened, settings.digest) == 0
+    assert listed.there(unopened, settings.digest) in expected
     # but a part of it is not the whole
     for unit in (first, second):
         part = tmp_path / f"{unit.start}"
@@ -153,12 +154,72 @@ def test_what_was_made_of_a_recording_that_cannot_be_read_now_stays(recordings, 
     (folder / "a.npz").symlink_to("a.npz")
     assert run(folder, out, SETTINGS, root=folder, workers=1, retry_errors=True) == Done(0, 1, kept=1)
     assert names(out) == before
+    # also if another run made it since this one looked
+    (unread, _) = find([folder], SETTINGS, folder)
+    assert (unread.digest, Work(SETTINGS, str(out))(unread)) == (None, Written(0, 0))
     # with nothing to keep it has a row that says why
     (other, _) = find([folder], SETTINGS, tmp_path)
-    assert (other.digest, Work(SETTINGS, str(out))(other)) == (None, Written(1, 1))
+    assert Work(SETTINGS, str(out))(other) == Written(1, 1)
     said = [row for row in load(out, ["recording", "error"]).to_pylist() if row["error"]]
     assert [one["recording"] for one in said] == ["in/a.npz"]
     assert said[0]["error"].startswith("OSError: ")
+    # and that goes when it is there beside rows
+    shutil.copy(out / name_of(other, SETTINGS.digest, True), out / name_of(unread, SETTINGS.digest, True))
+    assert run(folder, out, SETTINGS, root=folder) == Done(0, 1, kept=1, replaced=1)
+    assert name_of(unread, SETTINGS.digest, True) not in names(out)
+
+
+@pytest.fixture
+def closed(monkeypatch):
+    """Close folders, also for those who may read all."""
+    scandir, folders = os.scandir, set()
+
+    def refused(path="."):
+        if str(path) in folders:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refused)
+    return folders
+
+
+def test_folders_that_cannot_be_searched_now_lose_nothing_and_leave_nothing(recordings, tmp_path, closed):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    settings = Settings(ropes=1, intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
+    images = folder / "depth"
+    for name in (images, folder / "sub" / "inner"):
+        name.mkdir(parents=True)
+    shutil.copy(recordings / "0" / "00.npz", folder / "sub" / "inner" / "b.npz")
+    Image.fromarray(SCENE.depth[0]).save(images / "0.png")
+    (images / "1.png").write_bytes(b"nonsense")
+
+    def made():
+        done = run(folder, out, settings, root=folder, workers=1)
+        rows = load(out, ["recording", "frame", "error"]).to_pylist()
+        return done, [(row["recording"], row["frame"], bool(row["error"])) for row in rows]
+
+    whole = [("depth", 0, False), ("depth", 1, True), ("sub/inner/b.npz", 0, False)]
+    assert made() == (Done(2, 0, 3, 1), whole)
+    closed |= {str(images), str(folder / "sub")}
+    assert made() == (Done(1, 0, 1, 1, kept=1), [*whole[:2], ("sub", None, True), whole[2]])
+    closed.clear()
+    assert made() == (Done(0, 2, replaced=1), whole)
+
+
+def test_a_folder_of_shards_that_is_complete_may_be_read_only(recordings, tmp_path, monkeypatch):
+    run(recordings / "0", tmp_path, SETTINGS, root=recordings, workers=1)
+    count = len(names(tmp_path))
+    (tmp_path / ".strand-old.tmp").touch()
+    os.utime(tmp_path / ".strand-old.tmp", (0, 0))
+
+    def refused(*_):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(shards, "write_json", refused)
+    monkeypatch.setattr(Path, "unlink", refused)
+    moved = tmp_path / "moved"
+    shutil.copytree(recordings, moved)
+    assert run(moved / "0", tmp_path, SETTINGS, root=moved) == Done(0, count)
 
 
 def test_a_second_run_names_recordings_as_the_first_wherever_it_is_run(recordings, tmp_path, monkeypatch):
@@ -179,6 +240,9 @@ def test_a_second_run_names_recordings_as_the_first_wherever_it_is_run(recording
     (out / "_root.json").write_text("{}")
     with pytest.raises(strand.FileFormatError, match=r"_root\.json: expected the path of a folder"):
         run(tmp_path / "moved", out, SETTINGS)
+    (out / "_root.json").write_text("{")
+    assert run(tmp_path / "moved", out, SETTINGS, root=tmp_path / "moved") == Done(0, count)
+    assert run(tmp_path / "moved", out, SETTINGS) == Done(0, count)
 
 
 def test_other_files_below_the_shards_are_passed_over(recordings, tmp_path):

@@ -120,18 +120,33 @@ def reached(nodes, cluster):
 
 
 ALONE = """
+import os
 import sys
+from contextlib import suppress
+from pathlib import Path
 import ray
+from ray._raylet import AuthenticationMode, get_authentication_mode
 from batch_recordings import SETTINGS
 from strand.batch import run
 from test_ray import reached
 
 def look(done):
     assert reached(ray.nodes(), ray.get_runtime_context().gcs_address) == set()
+    assert get_authentication_mode() == AuthenticationMode.TOKEN
+    token = os.environ["RAY_AUTH_TOKEN"]
+    for process in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            assert token not in process.read_text()
+    tokens.add(token)
 
 if __name__ == "__main__":
     given, out = sys.argv[1:]
-    print(run(given, out, SETTINGS, root=given, engine="ray", workers=1, progress=look).made)
+    tokens = set()
+    for folder in (out, out + "2"):
+        print(run(given, folder, SETTINGS, root=given, engine="ray", workers=1, progress=look).made)
+        # Ray sets this one itself
+        assert {name for name in os.environ if name.startswith("RAY_")} <= {"RAY_CLIENT_MODE"}
+    assert len(tokens) == 2
 """
 
 
@@ -146,10 +161,9 @@ def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_
         environment |= {"PYTHONPATH": path, "HOME": folder, "TMPDIR": folder}
         command = [sys.executable, "-c", ALONE, str(recordings), str(tmp_path / "out")]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stdout, done.stderr) == (0, "2\n", "")
+        assert (done.returncode, done.stdout, done.stderr) == (0, "2\n2\n", "")
         assert list(Path(folder, "ray").glob("session_2*")) == []
-        # so Ray asks for one
-        assert Path(folder, ".ray", "auth_token").exists()
+        assert not Path(folder, ".ray").exists()
     assert read(tmp_path / "out").equals(read(tmp_path / "expected"))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from bag_files import film, write
@@ -123,6 +124,13 @@ def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
         except FileFormatError:
             refused += 1
     assert refused > len(whole) // 61 // 2
+    # nor does what says how they are read
+    table = pq.read_table(pa.BufferReader(whole))
+    place = table.schema.get_field_index("radius")
+    other = table.set_column(place, "radius", table["radius"].cast(pa.float32()))
+    pq.write_table(other, shard)
+    with pytest.raises(FileFormatError, match="its columns are others"):
+        load(tmp_path / "out")
 
 
 def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):

@@ -88,6 +88,8 @@ def test_a_link_beside_what_it_leads_to_is_the_same(folder):
     (folder / "link").symlink_to(folder / "b")
     assert found(folder, given=[folder / "link", folder / "b"]) == found(folder, given=[folder / "b"])
     assert [unit.recording for unit in found(folder, given=[folder / "link"])] == ["link/depth", "link/scene"]
+    (folder / "more").symlink_to("link")
+    assert len(found(folder, given=[folder / "link", folder / "more"])) == 2
 
 
 def test_metadata_of_other_kinds_hide_no_recordings(folder):
@@ -116,6 +118,25 @@ def test_what_cannot_be_read_when_it_is_sought_says_so_in_its_row(folder):
     assert (unit.recording, unit.digest, unit.error.partition(":")[0]) == ("a.npz", None, "OSError")
     with pytest.raises(OSError, match=r"a\.npz"):
         found(folder, given=[folder / "a.npz"])
+
+
+def test_a_file_that_cannot_be_looked_at_spoils_its_own_frame(folder):
+    settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale, ropes=1)
+    depth = folder / "b" / "depth"
+    (depth / "1.png").unlink()
+    (depth / "1.png").symlink_to("gone.png")
+    (images, scene) = found(folder, settings, given=[folder / "b"])
+    told = [bool(error) for error in rows_of(images, settings).column("error").to_pylist()]
+    assert told == [False, True, False]
+    # as editors leave them
+    (folder / "b" / "scene" / ".#scene.toml").symlink_to("who@where.1")
+    (_, after) = found(folder, settings, given=[folder / "b"])
+    assert after.error is None
+    assert after.digest not in (None, scene.digest)
+    for name in ("0.png", "2.png"):
+        (depth / name).unlink()
+        (depth / name).symlink_to("gone.png")
+    assert found(folder, settings, given=[depth])[0].digest is None
 
 
 def test_a_package_that_is_missing_is_no_error_of_a_recording(folder, monkeypatch):
