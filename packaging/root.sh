@@ -6,6 +6,7 @@ system() {
     shift 2
     debootstrap --variant=minbase "$@" "$suite" "$folder" >/dev/null
     cp /etc/resolv.conf "$folder/etc/"
+    mkdir -p "$folder/etc/ssl/certs"
     cp /etc/ssl/certs/ca-certificates.crt "$folder/etc/ssl/certs/"
     # a mirror may lag behind
     echo 'Acquire::Check-Valid-Until "false";' >"$folder/etc/apt/apt.conf.d/99lag"
