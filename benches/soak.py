@@ -6,7 +6,7 @@ The scenes are small and drawn from seeds. First one thread reconstructs them in
 them, and each answer is compared bit for bit. The resident memory is noted after each hundredth of the
 scenes, when none is worked on and the allocator has given back what is free; the slope is that of a straight
 line through the second half of them. The exit code is 1 if an answer differs or memory grows by more than
-2 kB for each scene, which is less than the nodes of a rope take.
+1 kB for each scene, which is less than the nodes of a rope take.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import strand
 from strand.synthetic import SHAPES, random_ropes, scene
 
 SMALL = (160, 120)  # pixels
-FLAT = 2.0  # kB of resident memory for each scene
+FLAT = 1.0  # kB of resident memory for each scene
 
 
 def answer(seed: int) -> str:
