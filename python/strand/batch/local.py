@@ -22,7 +22,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from strand._core import set_num_threads
-from strand.batch.engines import TRIES, EngineError
+from strand.batch.engines import TRIES, EngineError, environment
 from strand.batch.shards import Written, orphaned
 from strand.batch.units import Unit
 
@@ -182,17 +182,8 @@ def _buried(one: _Worker, team: dict[Any, _Worker]) -> int | None:
 def _threads_of_libraries(threads: int) -> Iterator[None]:
     """Let processes that start have no more threads for linear algebra: these are counted on import only."""
     # other batches may start processes from other threads, and all have one environment
-    with _ENVIRONMENT:
-        before = {name: os.environ.get(name) for name in _VARIABLES}
-        os.environ.update(dict.fromkeys(_VARIABLES, str(threads)))
-        try:
-            yield
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
+    with _ENVIRONMENT, environment(dict.fromkeys(_VARIABLES, str(threads))):
+        yield
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from strand._core import set_num_threads
-from strand.batch.engines import TRIES, EngineError
+from strand.batch.engines import TRIES, EngineError, environment
 from strand.batch.shards import Written
 from strand.batch.units import Unit
 from strand.extras import extra
@@ -162,14 +162,11 @@ def _told(ray: Any) -> Iterator[None]:
     said = {"RAY_USAGE_STATS_ENABLED": "0"}
     if not any(name in os.environ for name in _TOKENS):
         said |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
-    own = {name: value for name, value in said.items() if name not in os.environ}
-    os.environ.update(own)
-    _read_again(ray)
     try:
-        yield
+        with environment({name: value for name, value in said.items() if name not in os.environ}):
+            _read_again(ray)
+            yield
     finally:
-        for name in own:
-            os.environ.pop(name, None)
         _read_again(ray)
 
 

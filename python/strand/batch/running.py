@@ -149,10 +149,11 @@ def run(
         nonlocal skipped, replaced, kept
         for unit in _after(first, units):
             for name in map(str, PurePosixPath(unit.recording).parents):
-                if name not in folders:
-                    # it may be one that could not be searched at another time
-                    folders.add(name)
-                    replaced += shards.remove_unread(name)
+                if name in folders:
+                    break
+                # it may be one that could not be searched at another time
+                folders.add(name)
+                replaced += shards.remove_unread(name)
             if shards.kept(unit):
                 replaced += shards.remove_unread(unit.recording)
                 kept += 1

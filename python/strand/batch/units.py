@@ -97,8 +97,8 @@ def find(
     kept = None if leave_out is None else os.path.realpath(checked_path("leave_out", leave_out))
     named = {os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")}
     # several paths may lead to the same recordings: one of them is taken, and no link if there is another
-    real = {os.path.realpath(one): one for one in sorted(named, key=_by_links, reverse=True)}
-    places = sorted(real.values())
+    real = {one: os.path.realpath(one) for one in named}
+    places = sorted({real[one]: one for one in sorted(named, key=lambda one: (one == real[one], one))}.values())
     above = checked_path("root", root)
     for place in places:
         os.stat(place)
@@ -121,10 +121,6 @@ def find(
             yield Unit(name, place, kind, None, error=in_words(error))
         else:
             yield from _stretches(unit, settings)
-
-
-def _by_links(path: str) -> tuple[bool, str]:
-    return path != os.path.realpath(path), path
 
 
 def _once(places: Sequence[str], leave_out: str | None) -> Iterator[tuple[str, str]]:
@@ -221,7 +217,6 @@ def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
     OSError
         If it cannot be looked at, or none of its files but a description.
     """
-    os.stat(path)
     files = [path]
     if kind == IMAGES:
         # what else is there is none of its frames
@@ -235,6 +230,8 @@ def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
         try:
             status = os.stat(file)
         except OSError as error:
+            if file == path:
+                raise
             # its frame says why, and others are read
             unread = unread if os.path.basename(file).startswith(".") else error
             said.append(f"{os.path.relpath(file, path)}\n{error.errno}")
