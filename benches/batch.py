@@ -35,7 +35,7 @@ from strand.batch import Settings, Unit, find, load, rows_of, run
 from strand.batch.running import Done
 from strand.batch.shards import Shards, Work, parquet
 from strand.batch.table import UNLIKE, Row, record_batch
-from strand.files import write_bytes
+from strand.support.files import write_bytes
 from strand.synthetic import SHAPES, scene
 
 SMALL = (160, 120)  # pixels

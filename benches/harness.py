@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from tables import head, row
 
 import strand
-from strand.doubt import DOUBTS
+from strand.ropes.doubt import DOUBTS
 
 POINTS = DATA / "harness" / "wireHarness.txt"
 RADIUS = 0.006  # metres

@@ -29,7 +29,7 @@ from whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
 
 import strand
 from strand import config
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 
 SECONDS = 2.0
 MEMORY = 200_000  # kB

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand
-from strand.checks import Array
-from strand.pose import rotation_about
+from strand.support.checks import Array
+from strand.views.pose import rotation_about
 from strand.synthetic import SyntheticScene, render_depth
 from strand.synthetic.fields import field, spread
 

@@ -11,12 +11,12 @@ import numpy as np
 from PIL import Image
 
 import strand
-from strand.chain import Chain
-from strand.crossings import Crossing
-from strand.curve import Curve
-from strand.files import plain
-from strand.model import Alternative, Doubt, Join, Model, ModelWarning
-from strand.sensor import Sensor
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import Crossing
+from strand.geometry.curve import Curve
+from strand.support.files import plain
+from strand.ropes.model import Alternative, Doubt, Join, Model, ModelWarning
+from strand.views.sensor import Sensor
 
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)
 LABELS = np.random.default_rng(2).integers(0, 3, size=DEPTH.shape).astype(np.uint8)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from strand.checks import one_of
-from strand.files import FileFormatError, read_toml
-from strand.sensor import Sensor, preset
+from strand.support.checks import one_of
+from strand.support.files import FileFormatError, read_toml
+from strand.views.sensor import Sensor, preset
 
 
 def _check(section: object) -> None:
@@ -355,7 +355,7 @@ class Config:
         Which method: `"tubes"` is the default method, `"published"` the published one.
     sensor : Sensor or str, optional
         The default method: the camera's errors, as a `strand.Sensor` or a camera's name, a key of
-        `strand.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
+        `strand.views.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
     filter : Filter
         Both methods: the outlier filter.
     poses : Poses

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.chain import Chain
-from strand.checks import Array, color_array, finite_array, flag, text, whole
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, color_array, finite_array, flag, text, whole
 from strand.io.recordings.cameras import pinhole_of
 from strand.io.recordings.views import view_of
-from strand.model import Model
-from strand.view import View
+from strand.ropes.model import Model
+from strand.views.view import View
 
 Message = dict[str, Any]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import strand
 from strand import Chain
-from strand.curve import Curve
+from strand.geometry.curve import Curve
 from strand.synthetic import camera_pose, render_depth, sense
 
 R = 0.0042

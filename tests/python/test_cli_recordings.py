@@ -11,7 +11,7 @@ from bag_files import FORMATS, START, Messages, cameras, film, millimetres, writ
 
 import strand
 from strand.cli import main
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.models import load_frames
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)

@@ -21,7 +21,7 @@ from PIL import Image
 from scene_files import ply
 
 import strand
-from strand.files import read_toml
+from strand.support.files import read_toml
 from strand.report import rerun_view
 
 # headings of blocks that need a camera's library, or ROS: test_recipes.py runs them with stand-ins of these

@@ -10,7 +10,7 @@ import pytest
 from drawn import of_kind
 
 import strand
-from strand.stages import Run
+from strand.reconstruction.stages import Run
 
 SOON = 1e-9
 

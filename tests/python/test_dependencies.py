@@ -10,7 +10,7 @@ from pathlib import Path
 import licences
 import pytest
 
-from strand.files import read_toml
+from strand.support.files import read_toml
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,7 +13,7 @@ import cut
 import pytest
 
 import strand
-from strand.files import read_toml
+from strand.support.files import read_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
@@ -91,7 +91,7 @@ def test_what_is_missing_is_asked_for_by_the_installed_name(name, tmp_path):
     code = f"""
 import sys
 sys.path[:] = {[str(tmp_path), *sys.path]!r}
-from strand.extras import extra
+from strand.support.extras import extra
 sys.modules["plotly"] = None
 extra("plotly.graph_objects")
 """

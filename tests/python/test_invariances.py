@@ -10,7 +10,7 @@ from measure import measured
 
 import strand
 from strand import View
-from strand.pose import rotation_about
+from strand.views.pose import rotation_about
 
 # how far nodes may be from where they were, in radii, and how much the confidence may differ: points that are
 # moved are rounded otherwise, and searches that end at a tolerance end a little earlier or later, which moves

@@ -9,7 +9,7 @@ import pytest
 from drawn import R, circle
 
 import strand
-from strand.curve import Curve
+from strand.geometry.curve import Curve
 
 
 def test_only_public_names_are_shown():

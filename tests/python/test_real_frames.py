@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.view import masked
+from strand.views.view import masked
 
 PUBLISHED = strand.Config.published()
 # where the two grippers hold the rope, and the crossing, in the camera frame; read off the colour images

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from strand.batch.settings import Settings
 from strand.batch.units import BAG, IMAGES, Unit, images_of, open_bag
-from strand.box import Bounds
-from strand.files import FileFormatError
+from strand.views.box import Bounds
+from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.recordings.recording import Recording, Undecoded
 from strand.io.scenes import load_scene
 from strand.io.single import Camera, read_view
 from strand.io.view_files import SUFFIXES
-from strand.view import View
+from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)

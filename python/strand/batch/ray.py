@@ -17,7 +17,7 @@ from strand._core import set_num_threads
 from strand.batch.engines import TRIES, EngineError, environment
 from strand.batch.shards import Written
 from strand.batch.units import Unit
-from strand.extras import extra
+from strand.support.extras import extra
 
 AHEAD = 2
 """Tasks that are asked for, for each that can run: enough that no worker waits for the driver."""

@@ -12,11 +12,11 @@ import numpy as np
 
 from strand.batch.shards import VERSION_KEY, names
 from strand.batch.table import SCHEMA_VERSION, schema
-from strand.chain import Chain
-from strand.checks import checked_path, several, text
-from strand.extras import extra
-from strand.files import FileFormatError
-from strand.model import Model, ModelWarning
+from strand.ropes.chain import Chain
+from strand.support.checks import checked_path, several, text
+from strand.support.extras import extra
+from strand.support.files import FileFormatError
+from strand.ropes.model import Model, ModelWarning
 
 # warnings that always name chains; of others it cannot be told whether they are about all or about none
 _ABOUT_CHAINS = ("branch", "cut end")

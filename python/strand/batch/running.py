@@ -13,8 +13,8 @@ from strand.batch.engines import TRIES
 from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of, root_of
 from strand.batch.units import Unit, find
-from strand.checks import checked_path, flag, one_of, several, text, whole
-from strand.extras import extra
+from strand.support.checks import checked_path, flag, one_of, several, text, whole
+from strand.support.extras import extra
 
 ENGINES = ("local", "ray")
 """What units may be worked on by."""

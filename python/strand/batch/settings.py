@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.box import Bounds, extraction_range
-from strand.checks import flag, not_negative, own, pinhole, positive, several, small_array, text, whole
+from strand.views.box import Bounds, extraction_range
+from strand.support.checks import flag, not_negative, own, pinhole, positive, several, small_array, text, whole
 from strand.config import Config
-from strand.evidence.prior import Prior
-from strand.files import plain
+from strand.reconstruction.evidence.prior import Prior
+from strand.support.files import plain
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.recording import TOLERANCE
 from strand.io.single import Camera
-from strand.lazy import lazy
+from strand.support.lazy import lazy
 
 DIGITS = 16
 """How many hexadecimal digits a digest has in tables and names."""

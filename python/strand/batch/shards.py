@@ -21,8 +21,8 @@ from strand.batch.settings import DIGITS, Settings, digest_of
 from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
-from strand.extras import extra
-from strand.files import FileFormatError, read_json, write_bytes, write_json
+from strand.support.extras import extra
+from strand.support.files import FileFormatError, read_json, write_bytes, write_json
 
 VERSION_KEY = "strand.schema"
 """What a shard's metadata has the schema's version under."""

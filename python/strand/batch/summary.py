@@ -17,8 +17,8 @@ import numpy as np
 
 from strand._core import __version__
 from strand.batch.reading import tables
-from strand.checks import Array
-from strand.files import write_bytes
+from strand.support.checks import Array
+from strand.support.files import write_bytes
 
 _COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "confidence", "seconds", "error")
 _BINS = 10

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.chain import Chain
-from strand.checks import Array
-from strand.crossings import Crossing
-from strand.extras import extra
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
+from strand.ropes.crossings import Crossing
+from strand.support.extras import extra
 
 SCHEMA_VERSION = 1
 """Is raised when columns change; what shards say in their metadata under `strand.schema`."""

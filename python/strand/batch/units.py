@@ -10,8 +10,8 @@ from itertools import count
 from pathlib import Path
 
 from strand.batch.settings import Settings, digest_of
-from strand.checks import checked_path, several
-from strand.files import FileFormatError, open_file
+from strand.support.checks import checked_path, several
+from strand.support.files import FileFormatError, open_file
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
 from strand.io.view_files import SUFFIXES as SINGLE

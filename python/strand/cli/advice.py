@@ -9,7 +9,7 @@ from pathlib import Path
 
 from strand.io.contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.contents import RecordingContents
-from strand.model import Model
+from strand.ropes.model import Model
 
 
 @dataclass(frozen=True)

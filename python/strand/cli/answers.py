@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 
 from strand.cli.outcome import say
-from strand.model import Model, content
+from strand.ropes.model import Model, content
 from strand.report.remarks import remarks
 
 # doubts that are not warned of are printed among the first so many remarks, and from this weight on: less

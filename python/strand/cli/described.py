@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.box import metres
+from strand.views.box import metres
 from strand.cli.advice import Advice
 from strand.cli.outcome import printable
 from strand.io.contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.contents import CameraContents, RecordingContents
 from strand.io.seen import Seen
-from strand.model import VERSION, Model
+from strand.ropes.model import VERSION, Model
 from strand.report import tables
 
 # columns of the labels, of an output that does not say how wide it is, and the fewest that words get

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.checks import Array
+from strand.support.checks import Array
 from strand.cli.progress import progress
 from strand.io.intrinsics import read_intrinsics
 from strand.io.recordings import Recording, is_recording

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 
 from strand.cli.outcome import say
-from strand.extras import extra
+from strand.support.extras import extra
 
 # seconds before anything is shown, so that nothing flashes, and from one picture to the next
 _PATIENCE, _EVERY = 1.0, 0.1

@@ -11,8 +11,8 @@ from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.progress import progress
 from strand.cli.solving import in_words, solve
-from strand.extras import extra
-from strand.files import require_writable
+from strand.support.extras import extra
+from strand.support.files import require_writable
 from strand.report import page
 
 HINT = "a page about a recorded scene, to look at in a browser"

@@ -9,7 +9,7 @@ import numpy as np
 
 import strand
 from strand import config
-from strand.box import Bounds, extraction_range
+from strand.views.box import Bounds, extraction_range
 from strand.cli.progress import progress
 from strand.io.scenes import Scene
 

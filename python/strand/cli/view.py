@@ -10,8 +10,8 @@ from strand.cli.inputs import files_read, load
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.solving import solve
-from strand.extras import extra
-from strand.files import require_writable
+from strand.support.extras import extra
+from strand.support.files import require_writable
 from strand.report import rerun_view
 
 HINT = "a recorded scene and its ropes in the viewer Rerun"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.chain import Chain
-from strand.checks import Array, own, positive
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, own, positive
 
 # of the error: how far a smooth curve may be from the places on it that stand for it
 _SAMPLING = 0.05

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from strand.chain import Chain
-from strand.checks import instances
+from strand.ropes.chain import Chain
+from strand.support.checks import instances
 from strand.export.segments import segment_ends
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.chain import Chain
+from strand.ropes.chain import Chain
 from strand.export.segments import segment_ends
 
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.chain import Chain
-from strand.checks import Array, positive, whole
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, positive, whole
 from strand.export.segments import segment_ends
 from strand.export.xml import document, numbers
 

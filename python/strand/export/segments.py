@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from strand.chain import Chain
-from strand.checks import Array, positive
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, positive
 
 # radii: shorter ones would touch the neighbours of their neighbours
 SPACING = 3.0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.chain import Chain
-from strand.checks import Array, own, positive
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, own, positive
 from strand.export.capsules import capsules_of
 
 # of the error: how far the line of the centres may be from the centreline; spheres need the rest most

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.chain import Chain
+from strand.ropes.chain import Chain
 from strand.export.capsules import Capsules, capsules_of
 from strand.export.xml import document, numbers
 

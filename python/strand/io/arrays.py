@@ -13,7 +13,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.files import FileFormatError, open_file
+from strand.support.files import FileFormatError, open_file
 from strand.io.budget import Budget
 
 HEADER_BYTES = 10_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from strand.files import FileFormatError, read_bytes
+from strand.support.files import FileFormatError, read_bytes
 
 MAX_BYTES = 1 << 32
 

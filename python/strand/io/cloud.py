@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array
-from strand.view import View
+from strand.support.checks import Array
+from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.box import Box, extraction_range
-from strand.checks import Array, whole
-from strand.files import JSON_BYTES, FileFormatError
+from strand.views.box import Box, extraction_range
+from strand.support.checks import Array, whole
+from strand.support.files import JSON_BYTES, FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.models import load
@@ -22,8 +22,8 @@ from strand.io.recordings.contents import RecordingContents, recording_contents
 from strand.io.scenes import load_scene
 from strand.io.seen import Seen, seen_of
 from strand.io.view_files import SUFFIXES, read_view_file
-from strand.model import Model
-from strand.view import View, cropped
+from strand.ropes.model import Model
+from strand.views.view import View, cropped
 
 # entries of a folder that are looked at
 _MOST = 10_000

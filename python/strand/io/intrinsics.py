@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.checks import Array, pinhole
-from strand.files import FileFormatError, read_bytes, read_json
+from strand.support.checks import Array, pinhole
+from strand.support.files import FileFormatError, read_bytes, read_json
 
 MOST_BYTES = 1 << 16
 

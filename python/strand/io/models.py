@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from strand.chain import Chain
-from strand.checks import number, several, whole
-from strand.crossings import Crossing
-from strand.curve import Curve
-from strand.doubt import Doubt
-from strand.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
-from strand.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
-from strand.sensor import Sensor
+from strand.ropes.chain import Chain
+from strand.support.checks import number, several, whole
+from strand.ropes.crossings import Crossing
+from strand.geometry.curve import Curve
+from strand.ropes.doubt import Doubt
+from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
+from strand.ropes.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
+from strand.views.sensor import Sensor
 
 REQUIRED = (
     *("chains", "poses", "timings", "warnings", "pose_sd", "confidence", "joins", "doubts", "alternatives"),

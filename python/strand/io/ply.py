@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of
 from strand.io.rows import holds, lines, read_rows

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 
 _BLOCK = 1 << 16  # bytes taken apart at once
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strand.checks import Array
-from strand.view import View
+from strand.support.checks import Array
+from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)

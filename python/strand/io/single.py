@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.checks import Array, flag, pinhole, positive, small_array
-from strand.files import FileFormatError
+from strand.support.checks import Array, flag, pinhole, positive, small_array
+from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.view_files import read_mask, read_view_file, require_one_each
-from strand.view import View
+from strand.views.view import View
 
 # bytes of a view beside its arrays, and of each number of them
 _VIEW, _NUMBER = 4096, 8

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import mask_array
-from strand.files import FileFormatError
+from strand.support.checks import mask_array
+from strand.support.files import FileFormatError
 from strand.io.arrays import read_npy
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of

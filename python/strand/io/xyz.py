@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of
 from strand.io.rows import lines, read_rows

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strand.checks import Array
-from strand.model import Model
-from strand.view import View
+from strand.support.checks import Array
+from strand.ropes.model import Model
+from strand.views.view import View
 
 # an image that is made of points: pixels on its longer side, and for each point
 _LARGEST, _PIXELS_A_POINT = 480, 3.0

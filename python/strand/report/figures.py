@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.chain import Chain
-from strand.checks import Array
-from strand.crossings import listed_crossings
-from strand.extras import extra
-from strand.files import write_bytes
-from strand.model import Model
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
+from strand.ropes.crossings import listed_crossings
+from strand.support.extras import extra
+from strand.support.files import write_bytes
+from strand.ropes.model import Model
 from strand.report.sheet import (
     DIMENSION,
     GREY,

@@ -10,11 +10,11 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.chain import Chain
-from strand.checks import Array
-from strand.extras import extra
-from strand.model import Model
-from strand.polyline import runs
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
+from strand.support.extras import extra
+from strand.ropes.model import Model
+from strand.geometry.polyline import runs
 from strand.report.cameras import Camera
 from strand.report.sheet import PALETTE, spread
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from strand.model import Model
+from strand.ropes.model import Model
 
 
 @dataclass(frozen=True)

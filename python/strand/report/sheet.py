@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from strand.checks import Array
-from strand.extras import extra
+from strand.support.checks import Array
+from strand.support.extras import extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from strand.model import Model
+    from strand.ropes.model import Model
 
 DPI = 150
 WIDTH = 8.0  # inches

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.chain import Chain
-from strand.checks import Array
-from strand.crossings import listed_crossings
-from strand.model import Model
-from strand.polyline import runs
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.geometry.polyline import runs
 from strand.report.cameras import Camera, side_seen
 from strand.report.sheet import INK, PALETTE, spread
 

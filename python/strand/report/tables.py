@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.chain import Chain
-from strand.crossings import listed_crossings
-from strand.model import Model
-from strand.view import View
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.views.view import View
 
 # each method's stages, and what they hand on by its name in Model.stages: None for stages that hand on no
 # points; the last one hands on the model's chains

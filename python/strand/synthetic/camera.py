@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import (
+from strand.support.checks import (
     Array,
     finite_array,
     not_negative,

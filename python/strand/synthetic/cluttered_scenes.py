@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array, flag, whole
-from strand.pose import moved
+from strand.support.checks import Array, flag, whole
+from strand.views.pose import moved
 from strand.synthetic.camera import camera_pose, render_depth, sense
 from strand.synthetic.random_ropes import random_ropes
 from strand.synthetic.scenes import FOCAL_LENGTH, SyntheticScene, azimuths, misplaced, nearest

@@ -14,7 +14,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, finite_array, not_negative, pinhole, positive
+from strand.support.checks import Array, finite_array, not_negative, pinhole, positive
 from strand.synthetic.fields import field, pixels, spread
 
 _BENT, _STEP = 1e-6, 3e-3  # change of the inverse depth's slope at a pixel, over it: not a plane; a step

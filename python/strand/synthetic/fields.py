@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array, not_negative
+from strand.support.checks import Array, not_negative
 
 _LARGEST = 64.0  # pixels, the greatest smoothness and the widest window: more is a mistake, and slow
 

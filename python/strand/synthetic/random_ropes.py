@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from strand.checks import Array, positive, whole
+from strand.support.checks import Array, positive, whole
 from strand.synthetic.shapes import arc_lengths
 
 # all in radii: least and greatest length of a rope, steps of a plan, rise of a strand over another,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array, one_of, whole
+from strand.support.checks import Array, one_of, whole
 from strand.synthetic.camera import camera_pose
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.random_ropes import random_ropes

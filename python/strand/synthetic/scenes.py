@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, not_negative, number, positive, several, whole
-from strand.files import write_bytes
+from strand.support.checks import Array, not_negative, number, positive, several, whole
+from strand.support.files import write_bytes
 from strand.synthetic.camera import TABLE, camera_pose, image_size, render_depth, rope_nodes, sense
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.shapes import LONGEST, lay, usual_length
-from strand.view import View
+from strand.views.view import View
 
 FOCAL_LENGTH = 212.0 / 320.0
 """Focal length of a scene's cameras, of the image's width."""

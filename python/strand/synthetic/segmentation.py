@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import not_negative, whole
+from strand.support.checks import not_negative, whole
 from strand.synthetic.fields import field, pixels, spread
 
 _RAGGED = 1.5  # pixels, smoothness of the edge's displacement

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from strand.checks import Array, positive
+from strand.support.checks import Array, positive
 
 # A loose overhand knot and the ways to it and from it; its mirror image.
 _OVERHAND = (

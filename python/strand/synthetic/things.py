@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strand.checks import Array
+from strand.support.checks import Array
 
 
 @dataclass(frozen=True)

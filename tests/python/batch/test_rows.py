@@ -16,7 +16,7 @@ import strand
 from strand.batch import Settings, find, load, load_models, rows_of, schema, write_summary
 from strand.batch.shards import Work, Written
 from strand.batch.table import UNLIKE
-from strand.crossings import listed_crossings
+from strand.ropes.crossings import listed_crossings
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (

@@ -7,7 +7,7 @@ import pytest
 from scene_files import DEPTH, LABELS, POINTS, ply, save_npz, save_png, scene_of
 
 import strand
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.contents import contents
 
 MOST = 1 << 24

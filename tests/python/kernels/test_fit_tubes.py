@@ -12,7 +12,7 @@ from drawn import R
 
 import strand
 from strand._core import EndObservation, rope_extents
-from strand.curve import Curve
+from strand.geometry.curve import Curve
 
 
 def test_a_fit_that_the_data_cannot_support_is_refused():

@@ -7,7 +7,7 @@ import pytest
 from drawn import R, tube_seen
 
 import strand
-from strand.outliers import without_outliers
+from strand.reconstruction.outliers import without_outliers
 
 
 def test_an_arc_follows_the_axis_of_a_bend_without_cutting_the_corner():

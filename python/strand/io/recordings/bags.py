@@ -11,8 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from strand.extras import extra
-from strand.files import FileFormatError, open_file, read_bytes
+from strand.support.extras import extra
+from strand.support.files import FileFormatError, open_file, read_bytes
 from strand.io.recordings.limits import (
     YAML_BYTES,
     GuardedPath,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.checks import Array, pinhole
+from strand.support.checks import Array, pinhole
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.topics import camera_of, chosen, depth_topics
 from strand.io.recordings.transforms import TF_KINDS, Transforms

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from strand.extras import extra
-from strand.files import FileFormatError, open_file
+from strand.support.extras import extra
+from strand.support.files import FileFormatError, open_file
 
 CHUNK_BYTES = 1 << 30  # recorders write chunks of one to a few megabytes
 YAML_BYTES = 1 << 18  # of a metadata.yaml

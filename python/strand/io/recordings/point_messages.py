@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array
+from strand.support.checks import Array
 
 _FLOATS = {7: "f4", 8: "f8"}  # the constants FLOAT32 and FLOAT64 of PointField
 _PACKED = (6, 7)  # UINT32 and FLOAT32: four bytes with blue, green, red

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.checks import Array, flag, not_negative, pinhole, positive, rigid_motion, several, text, whole
-from strand.files import FileFormatError
+from strand.support.checks import Array, flag, not_negative, pinhole, positive, rigid_motion, several, text, whole
+from strand.support.files import FileFormatError
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
 from strand.io.recordings.synchronization import together
 from strand.io.recordings.topics import camera_of, chosen
 from strand.io.recordings.transforms import TF_KINDS, Transforms, stamp_of
 from strand.io.recordings.views import view_of
-from strand.lazy import lazy
-from strand.view import View
+from strand.support.lazy import lazy
+from strand.views.view import View
 
 TOLERANCE = 0.02
 """How far apart in time the views of a frame may be, seconds: half a frame at 25 Hz."""

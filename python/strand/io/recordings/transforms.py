@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.checks import Array
+from strand.support.checks import Array
 
 TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _BYTES = 64  # of one transform

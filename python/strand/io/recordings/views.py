@@ -11,7 +11,7 @@ from strand.io.budget import MAX_BYTES
 from strand.io.recordings.cameras import Pinhole
 from strand.io.recordings.depth_messages import MILLIMETRE, depth_of_image, depth_of_png
 from strand.io.recordings.point_messages import points_of_cloud
-from strand.view import View
+from strand.views.view import View
 
 
 def view_of(

@@ -17,7 +17,7 @@ from rosbags.rosbag2 import storage_mcap
 
 import strand
 from strand import Recording
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.recordings import is_recording, limits
 from strand.io.recordings.bags import Bag
 

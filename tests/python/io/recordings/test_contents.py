@@ -7,7 +7,7 @@ import pytest
 from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
 
 import strand
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.contents import Topic, recording_contents
 

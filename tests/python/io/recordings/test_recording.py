@@ -9,7 +9,7 @@ from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, millimetr
 
 import strand
 from strand import Recording
-from strand.files import FileFormatError
+from strand.support.files import FileFormatError
 from strand.io import recordings
 from strand.io.recordings import is_recording
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from strand.io.recordings.transforms import Transforms
-from strand.pose import pose_from_angles
+from strand.views.pose import pose_from_angles
 
 MADE = Messages()
 A = pose_from_angles(0.3, -0.2, 1.1, [0.1, 0.2, 0.3])

@@ -1,0 +1,1 @@
+"""Lines in space: arc length, curves, bends, frames, meshes."""

@@ -1,0 +1,104 @@
+"""How ropes bend: over a window of the rope, torsion, and the place of the closest bend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from strand.support.checks import Array
+from strand.geometry.curve import Curve
+
+# places for each stretch between nodes at which a curve's bend is asked for, and rounds of a finer search
+_PLACES, _ROUNDS = 4, 4
+# a sine of the bend at a node under which it counts as straight
+STRAIGHT = 1e-9
+# how far a window reaches to either side, in radii, and by how many places
+REACH = 4.0
+_SIDE = 16
+
+
+def over_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Array, Array, Array]:
+    """Return derivatives of a line by arc length, of the quintics that fit best around places of it.
+
+    Parameters
+    ----------
+    at : callable
+        Places (..., 3) of the line at arc lengths (...,), metres.
+    s : (K,) ndarray
+        Arc lengths, metres.
+    reach : float
+        How far a quintic is fitted to either side, metres.
+
+    Returns
+    -------
+    slope, bend, jerk : (K, 3) ndarray
+        The first three derivatives: without unit, 1/m, 1/m^2. `bend` is across `slope`.
+    """
+    share = np.linspace(-1.0, 1.0, 2 * _SIDE + 1)
+    fit = np.linalg.pinv(np.vander(share, 6, increasing=True))[1:4]
+    around = at(s[:, None] + reach * share) - at(s)[:, None]
+    slope, half, sixth = (np.einsum("j,kji->ki", row, around) / reach**k for k, row in enumerate(fit, 1))
+    along = (slope * half).sum(axis=1) / np.maximum((slope * slope).sum(axis=1), 1e-300)
+    return slope, 2.0 * (half - along[:, None] * slope), 6.0 * sixth
+
+
+def torsion_over_window(at: Callable[[Array], Array], s: Array, reach: float) -> Array:
+    """(K,) Torsion of these quintics, 1/m; 0 where they are straight."""
+    slope, bend, jerk = over_window(at, s, reach)
+    normal = np.cross(slope, bend)
+    square = (normal * normal).sum(axis=1)
+    bent = square > (STRAIGHT / reach) ** 2
+    return np.asarray(np.where(bent, (normal * jerk).sum(axis=1) / np.where(bent, square, 1.0), 0.0))
+
+
+def torsion_of_curve(curve: Curve, s: Array) -> Array:
+    """(...,) Torsion of a spline at arc lengths, 1/m; 0 where it is straight."""
+    u = curve.parameter(s.ravel())
+    first = np.clip(u.astype(np.intp), 0, len(curve.control) - 4)
+    p = curve.control[first + np.arange(4)[:, None]]
+    t = (u - first)[:, None]
+    # derivatives of a uniform cubic B-spline
+    jerk = p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]
+    bend = (p[0] - 2.0 * p[1] + p[2]) + t * jerk
+    slope = 0.5 * (p[2] - p[0]) + t * (p[0] - 2.0 * p[1] + p[2]) + 0.5 * t**2 * jerk
+    normal = np.cross(slope, bend)
+    square = (normal**2).sum(axis=1)
+    straight = square <= (STRAIGHT * (slope**2).sum(axis=1)) ** 2 * (slope**2).sum(axis=1)
+    found = (normal * jerk).sum(axis=1) / np.where(straight, 1.0, square)
+    return np.asarray(np.where(straight, 0.0, found).reshape(s.shape))
+
+
+def torsion_of_nodes(nodes: Array, closed: bool, s: Array) -> Array:
+    """(...,) Torsion of straight segments at arc lengths, 1/m: see `Chain.torsion`."""
+    path = np.vstack([nodes[-1:], nodes, nodes[:2]]) if closed else nodes
+    steps = np.diff(path, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    if len(steps) < 3:
+        return np.zeros(s.shape)
+    units = steps / lengths[:, None]
+    normals = np.cross(units[:-1], units[1:])
+    sines = np.linalg.norm(normals, axis=1)
+    normals /= np.maximum(sines, 1e-300)[:, None]
+    a, b = normals[:-1], normals[1:]
+    angle = np.arctan2((np.cross(a, b) * units[1:-1]).sum(axis=1), (a * b).sum(axis=1))
+    bent = (sines[:-1] > STRAIGHT) & (sines[1:] > STRAIGHT)
+    torsion = np.where(bent, angle / lengths[1:-1], 0.0)
+    ends = np.cumsum(lengths) - (lengths[0] if closed else 0.0)
+    middles = ends[1:-1] - 0.5 * lengths[1:-1]
+    if closed:
+        return np.asarray(np.interp(s, middles, torsion, period=float(ends[-2])))
+    return np.asarray(np.interp(s, middles, torsion))
+
+
+def least_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
+    """Return the radius of a curve's closest bend, metres, and its arc length; (inf, 0) of a straight one."""
+    s = np.linspace(arc_length[0], arc_length[-1], _PLACES * (len(arc_length) - 1) + 1)
+    step = s[1]
+    worst, bend = 0.0, -1.0
+    for _ in range(_ROUNDS):
+        bends = np.linalg.norm(curve.at(s)[2], axis=1)
+        worst, bend = float(s[bends.argmax()]), float(bends.max())
+        s = np.clip(np.linspace(worst - step, worst + step, 17), arc_length[0], arc_length[-1])
+        step /= 8.0
+    return (1.0 / bend, worst) if bend > 0 else (float("inf"), 0.0)

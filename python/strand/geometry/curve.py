@@ -1,0 +1,128 @@
+"""A rope's centreline as a cubic B-spline with arc length as its parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import strand._core as _core
+from strand.support.checks import Array, finite_array, number, own
+from strand.support.lazy import lazy
+
+
+def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
+    """Return the first of the four control points that each parameter depends on, and their weights."""
+    first = np.clip(u.astype(np.int64), 0, count - 4)
+    t = u - first
+    s = 1.0 - t
+    weights = [s**3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
+    return first, np.stack(weights, axis=1) / 6
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A stretch of a uniform cubic B-spline.
+
+    Parameters
+    ----------
+    control : (n, 3) array_like of float
+        Control points, metres, n >= 4.
+    start, stop : float
+        The parameters at which the stretch begins and ends, 0 <= start < stop <= n - 3.
+
+    Raises
+    ------
+    TypeError
+        If `control` does not hold floating point numbers, or a parameter is no number.
+    ValueError
+        If `control` is not (n, 3) with n >= 4 or not finite, or the parameters are out of range.
+    """
+
+    control: Array
+    start: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        control = finite_array("control", self.control, ("N", 3))
+        if len(control) < 4:
+            raise ValueError(f"control: expected at least four points, got {len(control)}")
+        object.__setattr__(self, "start", number("start", self.start))
+        object.__setattr__(self, "stop", number("stop", self.stop))
+        if not 0 <= self.start < self.stop <= len(control) - 3:
+            raise ValueError(
+                f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, "
+                f"got {self.start} and {self.stop}"
+            )
+        object.__setattr__(self, "control", own(control))
+
+    def __repr__(self) -> str:
+        return f"Curve({self.length * 1e3:.1f} mm, {len(self.control)} control points)"
+
+    @classmethod
+    def whole(cls, control: Array) -> Curve:
+        """Return all of a spline."""
+        return cls(control, 0.0, float(len(control) - 3))
+
+    @lazy
+    def _table(self) -> tuple[Array, Array]:
+        """Parameters, and the arc length from the start to each; linear between them."""
+        arc = _core.arc_lengths(self.control, self.start, self.stop)
+        return np.linspace(self.start, self.stop, len(arc)), arc
+
+    @property
+    def length(self) -> float:
+        """Arc length, metres."""
+        return float(self._table[1][-1])
+
+    def parameter(self, s: ArrayLike) -> Array:
+        """Parameter of the spline at arc length `s`, metres, held at the ends."""
+        u, arc = self._table
+        return np.asarray(np.interp(np.asarray(s), arc, u))
+
+    def arc_length(self, parameter: ArrayLike) -> Array:
+        """Arc length at a parameter of the spline, metres, held at the ends."""
+        _, arc = self._table
+        # the table's places are evenly apart: no search
+        place = (np.asarray(parameter) - self.start) * ((len(arc) - 1) / (self.stop - self.start))
+        place = np.clip(place, 0.0, len(arc) - 1)
+        before = np.minimum(place.astype(np.intp), len(arc) - 2)
+        low = arc[before]
+        return np.asarray(low + (place - before) * (arc[before + 1] - low))
+
+    def part(self, start: float, stop: float) -> Curve:
+        """Return the stretch between two arc lengths, metres."""
+        first, last = self.parameter([start, stop])
+        return Curve(self.control, float(first), float(last))
+
+    def reversed(self) -> Curve:
+        """Return the same stretch, run the other way."""
+        last = len(self.control) - 3
+        return Curve(self.control[::-1], last - self.stop, last - self.start)
+
+    def at(self, s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, unit tangent and curvature vector at arc length `s`.
+
+        Parameters
+        ----------
+        s : (M,) array_like
+            Arc length from the start, metres; held at the ends.
+
+        Returns
+        -------
+        position : (M, 3) ndarray
+            Metres.
+        tangent : (M, 3) ndarray
+            Unit vectors.
+        curvature : (M, 3) ndarray
+            The tangent's derivative by arc length, 1/m.
+        """
+        position, slope, bend = _core.spline_places(self.control, self.parameter(s))
+        square = (slope * slope).sum(axis=1, keepdims=True)
+        along = (slope * bend).sum(axis=1, keepdims=True)
+        return position, slope / np.sqrt(square), (bend - slope * along / square) / square
+
+    def nodes(self, spacing: float) -> Array:
+        """Arc lengths about `spacing` apart from end to end, metres, at least two."""
+        return np.linspace(0.0, self.length, max(round(self.length / spacing), 1) + 1)

@@ -1,0 +1,48 @@
+"""Directions across a line, carried along it without twist."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strand.support.checks import Array
+
+
+def least_turned(tangent: Array) -> Array:
+    """(3,) Unit vector across a tangent, as near to z as can be; of a tangent along z, to x."""
+    up = np.array([0.0, 0.0, 1.0]) if abs(tangent[2]) < 1.0 - 1e-6 else np.array([1.0, 0.0, 0.0])
+    across = up - (up @ tangent) * tangent
+    return np.asarray(across / np.linalg.norm(across))
+
+
+def node_frames(nodes: Array, tangents: Array, start: Array) -> Array:
+    """(M, 3) A direction across each tangent, turned about the tangents as little as can be.
+
+    Parameters
+    ----------
+    nodes, tangents : (M, 3) ndarray
+        Places and unit tangents.
+    start : (3,) ndarray
+        The direction at the first node, a unit vector across its tangent.
+    """
+    across = [start]
+    for i in range(len(nodes) - 1):
+        across.append(carried(across[-1], nodes[i], tangents[i], nodes[i + 1], tangents[i + 1]))
+    return np.array(across)
+
+
+def carried(across: Array, here: Array, tangent: Array, ahead: Array, next_tangent: Array) -> Array:
+    """(..., 3) Directions at the next places, by double reflection (Wang et al. 2008, table I)."""
+    across, tangent = (_reflected(one, ahead - here) for one in (across, tangent))
+    across = _reflected(across, next_tangent - tangent)
+    across = across - _dot(across, next_tangent) * next_tangent
+    return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
+
+
+def _reflected(direction: Array, normal: Array) -> Array:
+    """(..., 3) Mirror images in the planes across normals of any length."""
+    square = _dot(normal, normal)
+    return np.asarray(direction - 2.0 * _dot(direction, normal) / np.where(square == 0, 1.0, square) * normal)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a * b).sum(axis=-1, keepdims=True))

@@ -1,0 +1,80 @@
+"""Ordered nodes: arc length, values between them, marked stretches, the way through joined pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rustworkx as rx
+from numpy.typing import NDArray
+
+from strand._core import bridge, end_direction, path_length
+from strand.support.checks import Array
+
+__all__ = ["between", "bridge", "end_direction", "path_length", "runs", "walk"]
+
+
+def between(s: Array, known: Array, values: Array) -> Array:
+    """Return values linear between known ones.
+
+    Parameters
+    ----------
+    s : (...,) ndarray
+        Where, from the first of `known` to the last.
+    known : (M,) ndarray
+        Where they are known, in order, M >= 2.
+    values : (M, ...) ndarray
+    """
+    k = np.clip(np.searchsorted(known, s, side="right") - 1, 0, len(known) - 2)
+    part = np.asarray((s - known[k]) / (known[k + 1] - known[k]))
+    part = part.reshape(part.shape + (1,) * (values.ndim - 1))
+    return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
+
+
+def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Find the stretches of a path that are marked.
+
+    Parameters
+    ----------
+    marked : (M,) ndarray of bool
+        For each node.
+
+    Returns
+    -------
+    (K, 2) ndarray of int64
+        The first node of each stretch, and the one after its last.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    return edges.astype(np.int64).reshape(-1, 2)
+
+
+def walk(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:
+    """Order the segments along each rope.
+
+    Parameters
+    ----------
+    count : int
+        How many segments there are.
+    joins : sequence of (int, int)
+        Pairs of ends; no end in two pairs.
+
+    Returns
+    -------
+    list of (list of int, bool)
+        For each rope the ends at which its segments are entered, in order (2k: segment k forwards,
+        2k + 1: backwards), and whether the last is joined to the first.
+    """
+    graph = rx.PyGraph()
+    graph.add_nodes_from(range(2 * count))
+    graph.add_edges_from_no_data([(2 * k, 2 * k + 1) for k in range(count)])
+    graph.add_edges_from_no_data(list(joins))
+    mate = {a: b for pair in joins for a, b in (pair, pair[::-1])}
+    ropes = []
+    for component in sorted(rx.connected_components(graph), key=min):
+        open_ends = sorted(end for end in component if end not in mate)
+        end = open_ends[0] if open_ends else min(component)
+        entered = [end]
+        while len(entered) < len(component) // 2:
+            entered.append(mate[entered[-1] ^ 1])
+        ropes.append((entered, not open_ends))
+    return ropes

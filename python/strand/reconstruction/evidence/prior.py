@@ -1,0 +1,114 @@
+"""What is known of the ropes beforehand: how many there are, how long, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from strand.views.box import Box
+from strand.support.checks import positive
+
+# a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
+_SHARE, _RADII = 0.02, 1.0
+_MOST_ROPES = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What the caller knows of the ropes.
+
+    Attributes
+    ----------
+    ropes : int or None
+        How many there are.
+    lengths : tuple of float
+        How long they are, the longest first, metres; empty if that is not known.
+    alike : bool
+        Whether there is one length, that of every rope.
+    bounds : Box or None
+        The extraction range, which holds all ropes, metres.
+    """
+
+    ropes: int | None = None
+    lengths: tuple[float, ...] = ()
+    alike: bool = False
+    bounds: Box | None = None
+
+    @classmethod
+    def given(
+        cls,
+        ropes: int | None,
+        length: float | Sequence[float] | None,
+        bounds: Box | None = None,
+    ) -> Prior:
+        """Return what is known after checking it; several lengths say how many ropes there are.
+
+        Raises
+        ------
+        TypeError
+            If `ropes` is not a whole number, or a length is not a number.
+        ValueError
+            If a number is out of range, or there are not as many lengths as ropes.
+        """
+        if ropes is not None:
+            if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
+                raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
+            if ropes < 1:
+                raise ValueError(f"ropes: expected at least 1, got {ropes}")
+            if ropes > _MOST_ROPES:
+                raise ValueError(f"ropes: expected at most {_MOST_ROPES}, got {ropes}")
+        if length is None:
+            return cls(ropes, bounds=bounds)
+        each = np.asarray(length, dtype=object)
+        lengths = [positive("length", value) for value in each.ravel()]
+        if each.ndim == 0:
+            return cls(ropes, tuple(lengths), True, bounds)
+        if each.ndim != 1 or not len(each):
+            raise ValueError(f"length: expected one length or one for each rope, got {length!r}")
+        if ropes is not None and len(each) != ropes:
+            raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(each)}")
+        return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds)
+
+    def of_some(self) -> Prior:
+        """Return what it says of only some of the ropes."""
+        return replace(self, ropes=None, lengths=self.lengths if self.alike else ())
+
+    def expected(self, lengths: Sequence[float]) -> list[float | None]:
+        """Say how long ropes should be.
+
+        Parameters
+        ----------
+        lengths : sequence of float
+            How long they were found to be, metres.
+
+        Returns
+        -------
+        list of (float or None)
+            For each the known length that is taken for its own, so that the differences are least together;
+            None for the shortest ropes if there are more ropes than lengths.
+        """
+        if self.alike:
+            return [self.lengths[0]] * len(lengths)
+        true: list[float | None] = [None] * len(lengths)
+        order = sorted(range(len(lengths)), key=lambda k: -lengths[k])[: len(self.lengths)]
+        found = [lengths[k] for k in order]
+        best = min(
+            combinations(self.lengths, len(order)),
+            key=lambda some: sum(abs(a - b) for a, b in zip(some, found, strict=True)),
+        )
+        for k, value in zip(order, best, strict=True):
+            true[k] = value
+        return true
+
+
+NO_PRIOR = Prior()
+
+
+def contradiction(length: float, true: float | None, radius: float) -> float:
+    """By how many radii a length misses the known one, beyond what is usual; 0 if none is known."""
+    if true is None:
+        return 0.0
+    return max(abs(length - true) / radius - _SHARE * true / radius - _RADII, 0.0)

@@ -1,0 +1,40 @@
+"""Labels of masks as evidence: a rope that goes from one label to another is a little less likely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.support.checks import Array
+
+# nodes of one label in a row that count: where ropes cross, the upper one's label is seen on both
+_RUN = 8
+
+
+def label_changes(labels: NDArray[np.int32], chains: Sequence[Array]) -> int:
+    """Count how often ropes go from one label to another.
+
+    Labels of pieces change along ropes whichever way they run, and those of ropes that were merged never:
+    neither tells readings apart. Right ones do where ropes might swap.
+
+    Parameters
+    ----------
+    labels : (H, W) ndarray of int
+        0 is no rope.
+    chains : sequence of (M, 2) ndarray
+        Columns and rows of each rope's nodes, pixels.
+    """
+    height, width = labels.shape
+    changes = 0
+    for nodes in chains:
+        columns, rows = np.rint(nodes).astype(np.int64).T
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        along = labels[rows[inside], columns[inside]]
+        along = along[along != 0]
+        starts = np.flatnonzero(np.diff(along, prepend=along[:1] - 1))
+        lengths = np.diff(starts, append=len(along))
+        kept = along[starts[lengths >= _RUN]]
+        changes += int(np.count_nonzero(np.diff(kept)))
+    return changes

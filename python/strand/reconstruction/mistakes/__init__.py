@@ -1,0 +1,1 @@
+"""Mistakes in the caller's input: units, poses, intrinsics, masks."""

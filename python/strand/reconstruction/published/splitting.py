@@ -1,0 +1,182 @@
+"""Chains cut where they cross.
+
+Section V-B, eq. 19-20, fig. 11-12 of *Shape Modeling of A String And Recognition Using Distance Sensor*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.support.checks import Array
+from strand.config import Splitting
+from strand.geometry.polyline import path_length
+
+Indices = NDArray[np.int64]
+# rows of the distance matrix that are in memory at a time
+_BLOCK = 512
+
+
+def closes(chain: Array, reach: float, loop: float) -> bool:
+    """Tell whether a chain comes back to its start: ends within `reach`, and longer than `loop`, metres."""
+    return bool(np.linalg.norm(chain[-1] - chain[0]) <= reach and path_length(chain)[-1] > loop)
+
+
+def separation(chains: Sequence[Array], neighborhood: float, closed: Sequence[bool]) -> tuple[Array, ...]:
+    """Distance of each node from the rest of the string, d* (eq. 19-20).
+
+    Parameters
+    ----------
+    chains : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    neighborhood : float
+        Nodes of the same chain this near along it, metres of arc length, are a node's own neighbourhood
+        and do not count.
+    closed : sequence of bool
+        Whether each chain goes on from its last node to its first.
+
+    Returns
+    -------
+    tuple of (M,) ndarray
+        d* for every node of every chain, metres; infinity where no other node counts.
+    """
+    if not chains:
+        return ()
+    nodes = np.concatenate(chains)
+    nearest = np.full(len(nodes), np.inf)
+    first = 0
+    for chain, ring in zip(chains, closed, strict=True):
+        arc = path_length(chain)
+        around = arc[-1] + np.linalg.norm(chain[0] - chain[-1])
+        own = slice(first, first + len(chain))
+        for start in range(0, len(chain), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            squared = ((chain[rows, None] - nodes[None]) ** 2).sum(axis=2)
+            apart = np.abs(arc[rows, None] - arc[None])
+            if ring:
+                apart = np.minimum(apart, around - apart)
+            squared[:, own][apart <= neighborhood] = np.inf
+            nearest[own][rows] = np.sqrt(squared.min(axis=1))
+        first += len(chain)
+    return tuple(np.split(nearest, np.cumsum([len(chain) for chain in chains])[:-1]))
+
+
+def crossing_nodes(distance: Array, threshold: float, prominence: float, closed: bool = False) -> Indices:
+    """Nodes at which a chain is cut: the local minima of d*.
+
+    A minimum counts if it lies under the threshold and d* rises by at least `prominence` on both sides of
+    it before it falls below it again; so a chain's own end, where another one is near, is not cut.
+
+    Parameters
+    ----------
+    distance : (M,) ndarray
+        d* along one chain, metres.
+    threshold, prominence : float
+        Metres.
+    closed : bool
+        Whether the last node is followed by the first.
+
+    Returns
+    -------
+    (C,) ndarray of int64
+        Indices of nodes, ascending.
+    """
+    # a closed chain is gone round from its greatest d*, where no minimum is
+    order = np.arange(len(distance))
+    if closed:
+        order = np.roll(order, -int(distance.argmax()))
+        order = np.append(order, order[0])
+    cuts = []
+    highest, lowest = -np.inf, -1
+    for i in order.tolist():
+        d = distance[i]
+        if lowest < 0:
+            highest = max(highest, d)
+            if d <= highest - prominence:
+                lowest = i
+        elif d < distance[lowest]:
+            lowest = i
+        elif d >= distance[lowest] + prominence:
+            if distance[lowest] < threshold:
+                cuts.append(lowest)
+            highest, lowest = d, -1
+    return np.array(sorted(cuts), dtype=np.int64)
+
+
+def cut(chain: Array, nodes: Indices, closed: bool = False) -> list[Array]:
+    """Cut a chain on both sides of some of its nodes, which then belong to no segment.
+
+    Parameters
+    ----------
+    chain : (M, 3) ndarray
+        Ordered nodes, metres.
+    nodes : (C,) ndarray of int64
+        Indices of nodes, ascending.
+    closed : bool
+        Whether the last node is followed by the first.
+
+    Returns
+    -------
+    list of (K, 3) ndarray
+        The segments in order; empty ones are left out. A closed chain that is cut is gone round from its
+        first cut.
+    """
+    if closed and len(nodes):
+        chain, nodes = np.roll(chain, -nodes[0], axis=0), nodes - nodes[0]
+    edges = [-1, *nodes.tolist(), len(chain)]
+    return [chain[a + 1 : b] for a, b in pairwise(edges) if b - a > 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Chains cut where they cross.
+
+    Attributes
+    ----------
+    distances : tuple of (M,) ndarray
+        d* along each chain, metres.
+    cuts : tuple of (C,) ndarray of int64
+        The nodes each chain is cut at.
+    segments : tuple of (K, 3) ndarray
+        What is left between the cuts, chain by chain.
+    rings : tuple of int
+        Numbers of the segments whose last node goes on to their first.
+    """
+
+    distances: tuple[Array, ...]
+    cuts: tuple[Indices, ...]
+    segments: tuple[Array, ...]
+    rings: tuple[int, ...]
+
+
+def split(chains: Sequence[Array], radius: float, config: Splitting) -> Split:
+    """Split chains where they cross.
+
+    Parameters
+    ----------
+    chains : sequence of (M, 3) ndarray
+        Ordered nodes, metres.
+    radius : float
+        The string's radius, metres.
+    config : Splitting
+
+    Returns
+    -------
+    Split
+    """
+    closed = [closes(chain, config.closure * radius, config.neighborhood * radius) for chain in chains]
+    distances = separation(chains, config.neighborhood * radius, closed)
+    cuts: list[Indices] = []
+    segments: list[Array] = []
+    rings: list[int] = []
+    for chain, distance, ring in zip(chains, distances, closed, strict=True):
+        nodes = crossing_nodes(distance, config.threshold * radius, config.prominence * radius, ring)
+        if ring and not len(nodes):
+            rings.append(len(segments))
+        cuts.append(nodes)
+        segments += cut(chain, nodes, ring)
+    return Split(distances, tuple(cuts), tuple(segments), tuple(rings))

@@ -1,0 +1,1 @@
+"""Reconstructed ropes, and the questions that planners ask of them."""

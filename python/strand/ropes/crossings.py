@@ -1,0 +1,364 @@
+"""Crossings: where ropes pass over each other, or over themselves, as seen from one side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from strand._core import crossed_segments
+from strand.support.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
+from strand.ropes.clearance import least_distance
+from strand.ropes.doubt import Doubt
+from strand.ropes.order import probability_of_order
+
+if TYPE_CHECKING:
+    from strand.ropes.chain import Chain
+
+Places = tuple[NDArray[np.intp], Array]
+"""(K,), (K,) Numbers of chains, and arc lengths on them."""
+
+# a rope that bends no closer than its radius needs 3.7 radii to come to lie two radii above itself: what
+# crosses itself within so many only bends
+_APART = 4.0
+# strands that meet under a lesser angle, its sine, count as side by side
+_SIDE_BY_SIDE = 0.5
+# crossings of more nodes are not listed
+_MOST_LISTED = 8_000
+# steps of Newton's method, at most; the last moves no place by more than this part of a chain
+_STEPS, _SETTLED = 4, 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """One strand over another, as seen from one side; `str()` of it says it in words.
+
+    Attributes
+    ----------
+    over, under : (int, float)
+        The chain's number and the arc length, metres, of the strand that is nearer to who looks, and of the
+        other one.
+    point_over, point_under : (3,) ndarray
+        The places of both axes that lie behind each other, world frame, metres.
+    height : float
+        How far apart these two are along the direction, metres, 0 or above.
+    height_sd : float
+        Its standard deviation by the covariances of both chains, metres: of the distance of the axes, over
+        the cosine between that and the direction. NaN if a chain has no covariance.
+    gap : float
+        Clearance between the surfaces, metres: the least distance of both axes around the crossing, less both
+        radii. Below 0 the tubes of the model cut into each other. Each strand counts to `height` and four
+        radii (the mean of both) along it to either side; between two places of one rope four radii of rope
+        are left out, as that only bends.
+    angle : float
+        Angle between the strands in the plan, whichever way they run, radians, from 0 to pi/2.
+    sign : int
+        1 where the upper strand has to be turned to the left, by less than half a turn, to run as the lower
+        one (a right-handed crossing), else -1. It is the same from either side; with one of the two chains
+        reversed it is the other, with both the same.
+    probability : float
+        How likely the order is right, from 0 to 1: that there are two strands of rope, and that the upper one
+        lies on top. By `height` against its standard deviation and the radii, and the doubts at this place.
+    """
+
+    over: tuple[int, float]
+    under: tuple[int, float]
+    point_over: Array
+    point_under: Array
+    height: float
+    height_sd: float
+    gap: float
+    angle: float
+    sign: int
+    probability: float
+
+    def __post_init__(self) -> None:
+        for name in ("over", "under"):
+            at = several(name, getattr(self, name), "a chain's number and an arc length")
+            if len(at) != 2:
+                raise ValueError(f"{name}: expected a chain's number and an arc length, got {len(at)} values")
+            object.__setattr__(self, name, (whole(f"{name}[0]", at[0]), number(f"{name}[1]", at[1])))
+        for name in ("point_over", "point_under"):
+            object.__setattr__(self, name, own(small_array(name, getattr(self, name), (3,))))
+        for name in ("height", "gap", "angle"):
+            object.__setattr__(self, name, number(name, getattr(self, name)))
+        sd = self.height_sd
+        unknown = sd is None or sd != sd
+        object.__setattr__(self, "height_sd", float("nan") if unknown else not_negative("height_sd", sd))
+        if self.sign not in (1, -1):
+            raise ValueError(f"sign: expected 1 or -1, got {self.sign!r}")
+        object.__setattr__(self, "sign", int(self.sign))
+        object.__setattr__(self, "probability", share_or_nan("probability", self.probability))
+
+    def __str__(self) -> str:
+        (upper, high), (lower, low) = self.over, self.under
+        return (
+            f"chain {upper} at {high * 1e3:.0f} mm passes over chain {lower} at {low * 1e3:.0f} mm, "
+            f"probability {self.probability:.3f}"
+        )
+
+    @property
+    def place(self) -> Array:
+        """(3,) In the middle between the strands, world frame, metres."""
+        return np.asarray(0.5 * (self.point_over + self.point_under))
+
+
+def find_crossings(
+    chains: Sequence[Chain], direction: ArrayLike, doubts: Sequence[Doubt]
+) -> tuple[Crossing, ...]:
+    """Find where chains cross in the plan across a direction, see `Model.crossings`.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+    direction : (3,) array_like
+        Towards who looks, of any length but zero.
+    doubts : sequence of Doubt
+        What speaks against the chains.
+    """
+    towards = unit_direction(direction)
+    first, second, turns = _met(chains, towards)
+    if not len(turns):
+        return ()
+    number, at = np.stack([first[0], second[0]]), np.stack([first[1], second[1]])
+    point, tangent = (np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True))
+    covariance = np.stack([_covariance(chains, first), _covariance(chains, second)])
+    rise = (point[0] - point[1]) @ towards
+    upper = np.where(rise >= 0, 0, 1)
+    height = np.abs(rise)
+    across, lever, angle = _apart(tangent, towards)
+    variance = np.einsum("ki,skij,kj->k", across, covariance, across)
+    with np.errstate(divide="ignore"):
+        sd = np.sqrt(np.maximum(variance, 0.0)) / lever
+    radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
+    gap = _gap(chains, number, at, height, radii)
+    probability = probability_of_order(height, sd, radii, point.mean(axis=0), doubts)
+    found = []
+    for k in range(len(height)):
+        over, under = (upper[k], k), (1 - upper[k], k)
+        found.append(
+            Crossing(
+                over=(number[over], at[over]),
+                under=(number[under], at[under]),
+                point_over=point[over],
+                point_under=point[under],
+                height=float(height[k]),
+                height_sd=float(sd[k]),
+                gap=float(gap[k]),
+                angle=float(angle[k]),
+                sign=int(turns[k] if upper[k] == 0 else -turns[k]),
+                probability=float(probability[k]),
+            )
+        )
+    return tuple(found)
+
+
+def listed_crossings(
+    chains: Sequence[Chain], direction: ArrayLike, doubts: Sequence[Doubt]
+) -> tuple[Crossing, ...]:
+    """Return crossings for files, tables and pages: none where chains are too long for a list.
+
+    Chains of noise may have millions.
+    """
+    if sum(len(chain.points) for chain in chains) > _MOST_LISTED:
+        return ()
+    return find_crossings(chains, direction, doubts)
+
+
+def free_stretch(
+    chain: Chain, number_of_chain: int, s: float, crossings: Sequence[Crossing]
+) -> tuple[float, float]:
+    """Return the stretch around a place in which nothing crosses, see `Model.segment_between_crossings`."""
+    place = number("s", s)
+    if not 0.0 <= place <= chain.length:
+        raise ValueError(f"s: expected an arc length from 0 to {chain.length:g} m, got {place:g}")
+    met = np.array([at for one in crossings for i, at in (one.over, one.under) if i == number_of_chain])
+    if not len(met):
+        return 0.0, chain.length
+    if chain.closed:
+        met = np.concatenate([met - chain.length, met, met + chain.length])
+    else:
+        met = np.append(met, [0.0, chain.length])
+    return float(met[met <= place].max()), float(met[met >= place].min())
+
+
+def unit_direction(direction: ArrayLike) -> Array:
+    """(3,) A direction of length 1.
+
+    Raises
+    ------
+    TypeError
+        If it does not hold real numbers.
+    ValueError
+        If it is not of shape (3,), not finite, or zero.
+    """
+    given = small_array("direction", direction, (3,))
+    largest = float(np.abs(given).max())
+    if largest == 0.0:
+        raise ValueError("direction: expected a vector that is not zero, got [0, 0, 0]")
+    scaled = given / largest
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
+def segments_of(chains: Sequence[Chain]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+    """Return the nodes of all chains, and their segments: nodes, number of the chain, arc lengths.
+
+    Returns
+    -------
+    nodes : (N, 3) ndarray
+    segments : (S, 2) ndarray of int
+        Numbers of nodes.
+    chain : (S,) ndarray of int
+    arc_lengths : (S, 2) ndarray
+        Of both ends, metres.
+    """
+    nodes, segments, number, arcs = [np.empty((0, 3))], [], [], []
+    count = 0
+    for i, chain in enumerate(chains):
+        here = np.arange(len(chain.points))
+        ends = np.stack([here, np.roll(here, -1)], axis=1)
+        arc = np.stack([chain.arc_length, np.append(chain.arc_length[1:], chain.length)], axis=1)
+        kept = slice(None) if chain.closed else slice(-1)
+        nodes.append(chain.points)
+        segments.append(count + ends[kept])
+        arcs.append(arc[kept])
+        number.append(np.full(len(ends[kept]), i))
+        count += len(here)
+    none = np.empty(0, dtype=np.intp)
+    return (
+        np.concatenate(nodes),
+        np.concatenate([none.reshape(0, 2), *segments]),
+        np.concatenate([none, *number]),
+        np.concatenate([np.empty((0, 2)), *arcs]),
+    )
+
+
+def _met(chains: Sequence[Chain], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
+    """Return where chains meet in the plan, along them, and to which side the second leaves the first."""
+    aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
+    aside /= np.linalg.norm(aside)
+    basis = np.column_stack([aside, np.cross(towards, aside)])
+    nodes, segments, number, arcs = segments_of(chains)
+    origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
+    pairs, shares, turns = crossed_segments((nodes - origin) @ basis, segments)
+    which = number[pairs]
+    at = arcs[pairs, 0] + shares * (arcs[pairs, 1] - arcs[pairs, 0])
+    radius, length, closed = (
+        np.array([getattr(chain, name) for chain in chains]) for name in ("radius", "length", "closed")
+    )
+    between = at[:, 1] - at[:, 0]
+    if len(at):
+        mine = which[:, 0]
+        between = np.where(closed[mine], np.minimum(between, length[mine] - between), between)
+        kept = (mine != which[:, 1]) | (between >= _APART * radius[mine])
+        which, at, turns = which[kept], at[kept], turns[kept]
+        kept = ~_touching(which, at, turns, length)
+        which, at, turns = which[kept], at[kept], turns[kept]
+    at = _refined(chains, which, at, basis)
+    order = np.lexsort((at[:, 1], which[:, 1], at[:, 0], which[:, 0]))
+    which, at = which[order], at[order]
+    return (which[:, 0], at[:, 0]), (which[:, 1], at[:, 1]), turns[order]
+
+
+def _touching(
+    which: NDArray[np.intp], at: Array, turns: NDArray[np.int8], length: Array
+) -> NDArray[np.bool_]:
+    """(K,) Which crossings cancel another one at the same place: a strand only touches the other."""
+    order = np.lexsort((at[:, 1], at[:, 0], which[:, 1], which[:, 0]))
+    a, b = order[:-1], order[1:]
+    same = (which[a] == which[b]).all(axis=1) & (turns[a] != turns[b])
+    same &= (np.abs(at[a] - at[b]) <= 1e-12 * length[which[a]]).all(axis=1)
+    cancelled = np.zeros(len(at), dtype=bool)
+    for k in np.flatnonzero(same):
+        if not cancelled[a[k]]:
+            cancelled[[a[k], b[k]]] = True
+    return cancelled
+
+
+def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis: Array) -> Array:
+    """(K, 2) Arc lengths where smooth curves meet in the plan: Newton's method from where chords do."""
+    smooth = np.array([chain.curve is not None for chain in chains], dtype=bool)
+    some = np.flatnonzero(smooth[which].all(axis=1)) if len(which) else np.empty(0, dtype=np.intp)
+    if not len(some):
+        return at
+    spacing = np.array([chain.length / len(chain.points) for chain in chains])[which[some]]
+    length = np.array([chain.length for chain in chains])[which[some]]
+    start = s = at[some]
+    for _ in range(_STEPS):
+        both = _at(chains, (which[some].T.ravel(), s.T.ravel()))
+        point, tangent = (rows.reshape(2, -1, 3) for rows in both)
+        (ax, ay), (bx, by) = (tangent[0] @ basis).T, (tangent[1] @ basis).T
+        x, y = ((point[1] - point[0]) @ basis).T
+        det = ax * by - ay * bx
+        with np.errstate(divide="ignore", invalid="ignore"):
+            move = np.stack([x * by - y * bx, x * ay - y * ax], axis=1) / det[:, None]
+        # along strands that run side by side a step may lead anywhere: these stay where they are
+        before = s
+        s = np.where(np.isfinite(move) & (np.abs(s + move - start) <= spacing), s + move, start)
+        s = np.clip(s, 0.0, length)
+        if (np.abs(s - before) <= _SETTLED * length).all():
+            break
+    refined = at.copy()
+    refined[some] = s
+    return refined
+
+
+def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array]:
+    """Return positions (K, 3) and unit tangents (K, 3)."""
+    number, s = places
+    point, tangent = np.empty((2, len(s), 3))
+    for i in np.unique(number):
+        here, chain = np.flatnonzero(number == i), chains[i]
+        if chain.curve is None:
+            point[here], tangent[here] = chain.at(s[here]), chain.tangent_at(s[here])
+        else:
+            point[here], tangent[here], _ = chain.curve.at(s[here])
+    return point, tangent
+
+
+def _covariance(chains: Sequence[Chain], places: Places) -> Array:
+    """(K, 3, 3) Covariances of positions; NaN where none is known."""
+    number, s = places
+    covariance = np.full((len(s), 3, 3), np.nan)
+    for i in np.unique(number):
+        here, chain = np.flatnonzero(number == i), chains[i]
+        if chain.covariance is not None:
+            covariance[here] = chain.interpolated(chain.covariance, s[here])
+    return covariance
+
+
+def _gap(chains: Sequence[Chain], number: NDArray[np.intp], at: Array, height: Array, radii: Array) -> Array:
+    """(K,) Clearance between the surfaces around crossings, metres."""
+    # the nearest place of a steep strand is as far along it as it is high
+    reach = np.broadcast_to(height + 0.5 * _APART * radii, at.shape)
+    back, ahead = reach.copy(), reach.copy()
+    for i in np.unique(number):
+        chain, here = chains[i], number == i
+        back[here] = np.minimum(back[here], 0.5 * chain.length if chain.closed else at[here])
+        ahead[here] = np.minimum(ahead[here], 0.5 * chain.length if chain.closed else chain.length - at[here])
+        mine = here.all(axis=0)
+        between = at[1, mine] - at[0, mine]
+        half = np.maximum(0.5 * (between - _APART * chain.radius), 0.0)
+        ahead[0, mine], back[1, mine] = np.minimum(ahead[0, mine], half), np.minimum(back[1, mine], half)
+        if chain.closed:
+            half = np.maximum(0.5 * (chain.length - between - _APART * chain.radius), 0.0)
+            back[0, mine], ahead[1, mine] = np.minimum(back[0, mine], half), np.minimum(ahead[1, mine], half)
+    return least_distance(chains, number, at, back, ahead) - radii
+
+
+def _apart(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:
+    """Return the direction of two strands' distance (K, 3), its cosine with that of sight, and their angle.
+
+    The distance is across both tangents; where strands all but run side by side, across one of them.
+    """
+    across = np.cross(*tangent)
+    beside = np.linalg.norm(across, axis=1) < _SIDE_BY_SIDE
+    alone = towards - (tangent[0] @ towards)[:, None] * tangent[0]
+    across = np.where(beside[:, None], alone, across)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    flat = tangent - (tangent @ towards)[..., None] * towards
+    turn = np.linalg.norm(np.cross(*flat), axis=1)
+    return across, np.abs(across @ towards), np.arctan2(turn, np.abs((flat[0] * flat[1]).sum(axis=1)))

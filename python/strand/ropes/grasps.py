@@ -1,0 +1,396 @@
+"""Where a gripper can take hold of a rope and touches nothing else, ranked, and why not elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, product
+from math import ceil, inf
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from strand.support.checks import Array, number, several
+from strand.ropes.crossings import Crossing, unit_direction
+from strand.ropes.gripper import Gripper
+
+if TYPE_CHECKING:
+    from strand.ropes.chain import Chain
+
+Table = tuple[Array, float]
+"""Unit normal n, (3,), and n.x of the table's top, metres."""
+
+# what is tried at each place: turns of the approach about the rope, shares of what the jaws can open beyond
+# the least, and how far the tips reach below the rope's axis, in radii
+_TURNS = np.radians([0.0, -15.0, 15.0, -30.0, 30.0])
+_OPEN = (1.0, 0.5, 0.2, 0.0)
+_BELOW = (1.0, 0.3)
+# ropes are looked at in steps of so many radii, and not more of them
+_STEP, _MOST_STEPS = 0.5, 200_000
+# a rope that runs back by so much is another leg of it, in radii
+_BACK = 0.5
+# a rope that runs within so much of the direction of approach cannot be held across it, radians
+_STEEP = np.radians(45.0)
+
+REASONS = {
+    "thick": "the rope is thicker than the jaws open",
+    "unseen": "no point supports the rope here",
+    "steep": "the rope runs along the approach",
+    "unsure": "the rope's place is not known well enough for the jaws",
+    "between": "another strand, or the other leg of a bend, lies between the jaws",
+    "fingers": "another strand is in the way of a finger or of the palm",
+    "bend": "the rope bends too closely for the fingers",
+    "table": "the table is in the way of a finger or of the palm",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """One way to take hold of a rope.
+
+    Attributes
+    ----------
+    chain : int
+        The chain's number.
+    s : float
+        Arc length of the place, metres.
+    pose : (4, 4) ndarray
+        Gripper to world, metres. The origin is on the rope's axis; x runs along the rope, y from jaw to jaw,
+        z is the approach, from the palm to the rope.
+    width : float
+        How far the jaws are to be opened, metres.
+    tip : float
+        How far the tips reach beyond the rope's axis, along z, metres.
+    clearance : float
+        From fingers and palm to the nearest other strand, metres; infinite without one.
+    table_clearance : float
+        From fingers and palm to the table, metres; NaN if no table was given.
+    free : (float, float)
+        Length of rope before and after the place up to the next crossing, metres; up to the end, if none is
+        before that.
+    on_top : bool
+        Whether the rope is the upper one at the nearer of these crossings; True without any.
+    score : float
+        From 0 to 1: what the grasps are ranked by, see `Model.grasps`.
+    """
+
+    chain: int
+    s: float
+    pose: Array
+    width: float
+    tip: float
+    clearance: float
+    table_clearance: float
+    free: tuple[float, float]
+    on_top: bool
+    score: float
+
+    @property
+    def approach(self) -> Array:
+        """(3,) Unit vector from the palm to the rope."""
+        return self.pose[:3, 2]
+
+    @property
+    def jaw_axis(self) -> Array:
+        """(3,) Unit vector from jaw to jaw, across the rope."""
+        return self.pose[:3, 1]
+
+    def __str__(self) -> str:
+        return (
+            f"chain {self.chain} at {self.s * 1e3:.0f} mm, jaws {self.width * 1e3:.1f} mm open, "
+            f"score {self.score:.2f}"
+        )
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A stretch of rope that cannot be held, and why.
+
+    Attributes
+    ----------
+    chain : int
+        The chain's number.
+    stretch : (float, float)
+        The first and the last place of it that was tried, arc lengths in metres.
+    kind : str
+        One of `strand.ropes.grasps.REASONS`.
+    """
+
+    chain: int
+    stretch: tuple[float, float]
+    kind: str
+
+    def __str__(self) -> str:
+        start, stop = (1e3 * s for s in self.stretch)
+        return f"chain {self.chain} from {start:.0f} to {stop:.0f} mm: {REASONS[self.kind]}"
+
+
+@dataclass(frozen=True, eq=False)
+class Grasps:
+    """Grasps in order, the best first; goes like a tuple of them.
+
+    Attributes
+    ----------
+    found : tuple of Grasp
+        At most one for each place that was tried.
+    refused : tuple of Refused
+        The other places, along the chains.
+    """
+
+    found: tuple[Grasp, ...]
+    refused: tuple[Refused, ...]
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @overload
+    def __getitem__(self, number: int) -> Grasp: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> tuple[Grasp, ...]: ...
+
+    def __getitem__(self, number: int | slice) -> Grasp | tuple[Grasp, ...]:
+        return self.found[number]
+
+    def __iter__(self) -> Iterator[Grasp]:
+        return iter(self.found)
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """All ropes in small, even steps: places (S, 3), arc lengths, chains' numbers and radii (S,)."""
+
+    places: Array
+    s: Array
+    chain: NDArray[np.intp]
+    radius: Array
+
+
+def find_grasps(
+    chains: Sequence[Chain],
+    gripper: Gripper,
+    crossings: Sequence[Crossing],
+    table: tuple[ArrayLike, float] | None,
+    direction: ArrayLike,
+) -> Grasps:
+    """Find where a gripper can take hold, see `Model.grasps`."""
+    if not isinstance(gripper, Gripper):
+        raise TypeError(f"gripper: expected a Gripper, got {type(gripper).__name__}")
+    towards, plane = unit_direction(direction), None if table is None else _plane(table)
+    found: list[Grasp] = []
+    refused: list[Refused] = []
+    if not chains:
+        return Grasps((), ())
+    steps = _steps(chains)
+    for i, chain in enumerate(chains):
+        passes = [(at[1], one.over is at) for one in crossings for at in (one.over, one.under) if at[0] == i]
+        tried = max(ceil(chain.length / max(0.5 * gripper.width, chain.radius)), 1)
+        kinds = []
+        places = ((np.arange(tried) + 0.5) / tried * chain.length).tolist()
+        for s in places:
+            one = _at(chain, i, s, gripper, steps, plane, towards, passes)
+            if isinstance(one, Grasp):
+                found.append(one)
+            kinds.append("" if isinstance(one, Grasp) else one)
+        for kind, group in groupby(zip(places, kinds, strict=True), key=lambda pair: pair[1]):
+            stretch = [s for s, _ in group]
+            if kind:
+                refused.append(Refused(i, (stretch[0], stretch[-1]), kind))
+    return Grasps(tuple(sorted(found, key=lambda grasp: -grasp.score)), tuple(refused))
+
+
+def _plane(table: tuple[ArrayLike, float]) -> Table:
+    given = several("table", table, "a normal and an offset")
+    if len(given) != 2:
+        raise ValueError(f"table: expected a normal and an offset, got {len(given)} values")
+    try:
+        normal = unit_direction(given[0])
+    except ValueError as error:
+        raise ValueError(f"table: {error}") from None
+    length = float(np.linalg.norm(np.asarray(given[0], dtype=np.float64)))
+    return normal, number("table[1]", given[1]) / length
+
+
+def _steps(chains: Sequence[Chain]) -> _Steps:
+    step = max(
+        _STEP * min(chain.radius for chain in chains), sum(chain.length for chain in chains) / _MOST_STEPS
+    )
+    arcs = [
+        np.linspace(0.0, chain.length, ceil(chain.length / step) + 1, endpoint=not chain.closed)
+        for chain in chains
+    ]
+    return _Steps(
+        np.concatenate([chain.at(s) for chain, s in zip(chains, arcs, strict=True)]),
+        np.concatenate(arcs),
+        np.repeat(np.arange(len(chains)), [len(s) for s in arcs]),
+        np.repeat([chain.radius for chain in chains], [len(s) for s in arcs]),
+    )
+
+
+def _at(
+    chain: Chain,
+    which: int,
+    s: float,
+    gripper: Gripper,
+    steps: _Steps,
+    table: Table | None,
+    towards: Array,
+    passes: Sequence[tuple[float, bool]],
+) -> Grasp | str:
+    """Return the best grasp at a place, or the kind of reason why there is none."""
+    least = 2.0 * (chain.radius + gripper.clearance)
+    if least > gripper.opening:
+        return "thick"
+    if chain.bridged[np.abs(chain.arc_length - s).argmin()]:
+        return "unseen"
+    place, x = chain.at(s), chain.tangent_at(s)
+    straight = -(towards - (towards @ x) * x)
+    if np.linalg.norm(straight) < np.sin(_STEEP):
+        return "steep"
+    straight /= np.linalg.norm(straight)
+    # across the rope by how much its place is unsure
+    spread = 0.0
+    if chain.covariance is not None:
+        y = np.cross(straight, x)
+        variance = float(y @ chain.interpolated(chain.covariance, s) @ y)
+        spread = 2.0 * float(np.sqrt(max(variance, 0.0)))
+    if least + 2.0 * spread > gripper.opening:
+        return "unsure"
+    widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPEN]
+    near, mine, held = _near(place, x, gripper, steps, which, s, chain)
+    free, shortest, on_top = _free(chain, s, passes)
+    best: Grasp | None = None
+    worst = "table"
+    for turn in _TURNS:
+        z = np.cos(turn) * straight + np.sin(turn) * np.cross(x, straight)
+        axes = np.column_stack([x, np.cross(z, x), z])
+        local = (steps.places[near] - place) @ axes
+        for below, width in product(_BELOW, widths):
+            tip = below * chain.radius
+            gap = np.nan
+            if table is not None:
+                gap = _above(table, place, axes, tip, width, gripper)
+                # the tips are raised off the table, as far as they still reach around the rope
+                tip -= max(gripper.clearance - gap, 0.0) / max(-(table[0] @ z), 1e-9)
+                gap = max(gap, gripper.clearance)
+            if tip < 0.0:
+                continue
+            fault, clearance = _fault(local, steps.radius[near], mine, held, tip, width, gripper)
+            if fault:
+                worst = fault if turn == 0.0 else worst
+                continue
+            parts = (
+                1.0 if np.isinf(clearance) else clearance / (clearance + 0.5 * gripper.opening),
+                1.0 if np.isinf(shortest) else shortest / (shortest + gripper.opening),
+                float(on_top),
+                float(np.cos(turn)) ** 4,
+            )
+            score = sum(parts) / len(parts)
+            if best is None or score > best.score:
+                pose = np.eye(4)
+                pose[:3, :3], pose[:3, 3] = axes, place
+                best = Grasp(which, s, pose, width, tip, clearance, gap, free, on_top, score)
+    return worst if best is None else best
+
+
+def _near(
+    place: Array, x: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Chain
+) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the steps that the gripper may touch, which are the stretch held, and which pass the jaws once.
+
+    `x` is the rope's direction at the place.
+    """
+    reach = gripper.opening + 2.0 * gripper.thickness + gripper.width + 2.0 * gripper.depth
+    away = np.linalg.norm(steps.places - place, axis=1)
+    near = np.flatnonzero(away < reach + 2.0 * steps.radius.max())
+    own = np.flatnonzero(steps.chain == which)
+    middle = int(np.abs(steps.s[own] - s).argmin())
+    mine, held = np.zeros(len(away), dtype=bool), np.zeros(len(away), dtype=bool)
+    half = len(own) // 2 if chain.closed else len(own)
+    for way in (1, -1):
+        path = np.roll(own, -middle)[:half] if chain.closed else own[middle:]
+        if way < 0:
+            path = np.roll(own[::-1], middle + 1)[:half] if chain.closed else own[middle::-1]
+        path = path[: _outward(away[path], chain.radius)]
+        mine[path] = True
+        # the other leg of a bend is a second strand for the jaws before it comes back to the place
+        held[path[: _outward(way * ((steps.places[path] - place) @ x), _BACK * chain.radius)]] = True
+    return near, mine[near], held[near]
+
+
+def _outward(far: Array, least: float) -> int | None:
+    """Return how many steps there are up to where the rope comes back by so much; None if it does not."""
+    back = np.flatnonzero(np.maximum.accumulate(far) - far > least)
+    return int(back[0]) if len(back) else None
+
+
+def _fault(
+    local: Array,
+    radius: Array,
+    mine: NDArray[np.bool_],
+    held: NDArray[np.bool_],
+    tip: float,
+    width: float,
+    gripper: Gripper,
+) -> tuple[str, float]:
+    """Return what is in the way, or nothing, and the clearance to other strands.
+
+    `local` are the steps in the gripper's frame.
+    """
+    along = np.maximum(np.abs(local[:, 0]) - 0.5 * gripper.width, 0.0)
+    across = np.abs(local[:, 1])
+    inner, outer = 0.5 * width, 0.5 * width + gripper.thickness
+    wide = 0.5 * gripper.opening + gripper.thickness
+    top = tip - gripper.depth
+    deep = np.maximum(np.maximum(local[:, 2] - tip, top - local[:, 2]), 0.0)
+    palm = np.maximum(np.maximum(local[:, 2] - top, top - gripper.depth - local[:, 2]), 0.0)
+    fingers = _norm(along, np.maximum(np.maximum(inner - across, across - outer), 0.0), deep) - radius
+    between = _norm(along, np.maximum(across - inner, 0.0), deep) - radius
+    body = np.minimum(fingers, _norm(along, np.maximum(across - wide, 0.0), palm) - radius)
+    if (between[~held] < 0.0).any():
+        return "between", 0.0
+    clearance = float(body[~mine].min(initial=inf))
+    if clearance < gripper.clearance:
+        return "fingers", clearance
+    # a rope that just fits is no bend
+    if (body[mine] < gripper.clearance - 1e-9 - 0.05 * radius[mine]).any():
+        return "bend", clearance
+    return "", clearance
+
+
+def _norm(x: Array, y: Array, z: Array) -> Array:
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper) -> float:
+    """How far the lowest corner of fingers and palm is above the table, metres."""
+    normal, offset = table
+    along, across, ahead = abs(normal @ axes[:, 0]), abs(normal @ axes[:, 1]), normal @ axes[:, 2]
+    lowest = []
+    # half the extent from jaw to jaw, and where the box starts and ends along the approach
+    for wide, far, near in (
+        (0.5 * width + gripper.thickness, tip, tip - gripper.depth),
+        (0.5 * gripper.opening + gripper.thickness, tip - gripper.depth, tip - 2.0 * gripper.depth),
+    ):
+        lowest.append(min(far * ahead, near * ahead) - 0.5 * gripper.width * along - wide * across)
+    return float(normal @ place - offset + min(lowest))
+
+
+def _free(
+    chain: Chain, s: float, passes: Sequence[tuple[float, bool]]
+) -> tuple[tuple[float, float], float, bool]:
+    """Return the lengths up to the next crossings before and after, the shorter one, and who is on top there.
+
+    Without a crossing before or after, the length is up to the end; without any the shorter one is infinite.
+    """
+    if not passes:
+        return (s, chain.length - s), inf, True
+    at, upper = np.array([place for place, _ in passes]), np.array([top for _, top in passes])
+    ahead, behind = at - s, s - at
+    if chain.closed:
+        ahead, behind = ahead % chain.length, behind % chain.length
+    before = float(behind[behind >= 0].min(initial=s if not chain.closed else inf))
+    after = float(ahead[ahead >= 0].min(initial=chain.length - s if not chain.closed else inf))
+    away = np.minimum(np.where(ahead >= 0, ahead, inf), np.where(behind >= 0, behind, inf))
+    return (before, after), float(away.min()), bool(upper[away.argmin()])

@@ -1,0 +1,68 @@
+"""How far a rope is from the shape that it should have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from strand.support.checks import Array
+
+if TYPE_CHECKING:
+    from strand.ropes.chain import Chain
+
+# places along the rope that are compared
+_PLACES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeError:
+    """A rope beside its target, at equal shares of both lengths.
+
+    Attributes
+    ----------
+    rms, worst : float
+        Root mean square and greatest distance, metres.
+    s : float
+        Arc length on the rope of the worst place, metres.
+    longer : float
+        How much longer the rope is than its target, metres.
+    reversed : bool
+        Whether the rope runs the other way than its target.
+    arc_lengths : (200,) ndarray
+        Places on the rope that were compared, metres.
+    offsets : (200, 3) ndarray
+        From these to the places where they should be, world frame, metres.
+    """
+
+    rms: float
+    worst: float
+    s: float
+    longer: float
+    reversed: bool
+    arc_lengths: Array
+    offsets: Array
+
+
+def compare_shapes(chain: Chain, target: Chain) -> ShapeError:
+    """Compare a rope with its target, see `Chain.shape_error`."""
+    share = np.linspace(0.0, 1.0, _PLACES, endpoint=not chain.closed)
+    arcs = share * chain.length
+    places, wanted = chain.at(arcs), target.at(share * target.length)
+    ways = [(False, wanted), (True, wanted[::-1])]
+    if chain.closed:
+        # rings may start anywhere
+        ways = [(back, np.roll(way, k, axis=0)) for back, way in ways for k in range(_PLACES)]
+    back, best = min(ways, key=lambda way: float(((way[1] - places) ** 2).sum()))
+    offsets = best - places
+    away = np.linalg.norm(offsets, axis=1)
+    return ShapeError(
+        rms=float(np.sqrt((away**2).mean())),
+        worst=float(away.max()),
+        s=float(arcs[away.argmax()]),
+        longer=chain.length - target.length,
+        reversed=back,
+        arc_lengths=arcs,
+        offsets=offsets,
+    )

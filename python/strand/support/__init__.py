@@ -1,0 +1,1 @@
+"""Checks of arguments, files, extras and lazy properties."""

@@ -1,0 +1,1 @@
+"""What cameras saw: views, poses, boxes, sensors."""

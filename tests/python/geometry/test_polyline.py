@@ -1,0 +1,42 @@
+"""Ordered nodes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from strand.geometry.polyline import runs, walk
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(1, 8), st.integers(0, 10_000))
+def test_walking_visits_every_segment_once_and_follows_the_joins(count, seed):
+    rng = np.random.default_rng(seed)
+    ends = rng.permutation(2 * count)
+    pairs = [(int(a), int(b)) for a, b in ends[: 2 * int(rng.integers(0, count + 1))].reshape(-1, 2)]
+    walks = walk(count, pairs)
+    assert sorted(end // 2 for entered, _ in walks for end in entered) == list(range(count))
+    links = {frozenset(pair) for pair in pairs}
+    used = set()
+    for entered, closed in walks:
+        for a, b in zip(entered, entered[1:] + entered[:1], strict=True):
+            link = frozenset({a ^ 1, b})
+            if b != entered[0] or closed:
+                assert link in links
+                used.add(link)
+    assert used == links
+
+
+@given(st.lists(st.booleans(), max_size=30))
+def test_runs_are_the_stretches_that_are_marked(marked):
+    found = runs(np.array(marked, dtype=bool))
+    again = np.zeros(len(marked), dtype=bool)
+    for start, stop in found:
+        assert 0 <= start < stop <= len(marked)
+        again[start:stop] = True
+    assert again.tolist() == marked
+    # none can be longer
+    assert all(stop < start for (_, stop), (start, _) in pairwise(found.tolist()))

@@ -1,0 +1,55 @@
+"""The plane that most points lie on."""
+
+from __future__ import annotations
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from strand.reconstruction.finding.plane import in_plane, largest_plane
+
+
+def tilted(seed, count=6000, things=2000, noise=0.001):
+    """Points of a tilted table before a camera at the origin, with things on it; its normal and n.x."""
+    rng = np.random.default_rng(seed)
+    normal = np.array([0.3, -0.6, -1.0]) + 0.3 * rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    middle = np.array([0.0, 0.0, 0.8])
+    plan = rng.uniform(-0.4, 0.4, (count, 2)) @ in_plane(normal).T
+    table = middle + plan + rng.normal(scale=noise, size=(count, 1)) * normal
+    above = middle + rng.uniform(-0.1, 0.1, (things, 3)) + 0.15 * normal
+    return np.vstack([table, above]), normal, float(normal @ middle)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_plane_is_the_table_as_open3d_finds_it_too(seed):
+    points, normal, offset = tilted(seed)
+    found, height, share = largest_plane(points)
+    assert np.degrees(np.arccos(min(found @ normal, 1.0))) < 0.1
+    assert height == pytest.approx(offset, abs=2e-4)
+    assert 0.7 < share < 0.8
+    o3d.utility.random.seed(0)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    (*other, minus), inliers = cloud.segment_plane(0.005, 3, 1000)
+    sign = np.sign(np.dot(other, found))
+    # least squares over all inliers is nearer to the truth than a plane through three points
+    assert np.degrees(np.arccos(min(sign * np.dot(other, found), 1.0))) < 1.0
+    assert -sign * minus == pytest.approx(height, abs=5e-3)
+    assert len(inliers) / len(points) == pytest.approx(share, abs=0.02)
+
+
+def test_the_same_bits_again_and_the_same_plane_in_any_unit():
+    points, _, _ = tilted(3)
+    normal, offset, share = largest_plane(points)
+    again = largest_plane(points)
+    assert np.array_equal(again[0], normal)
+    assert again[1:] == (offset, share)
+    scaled = largest_plane(1000.0 * points)
+    np.testing.assert_allclose(scaled[0], normal, atol=1e-9)
+    assert scaled[1] == pytest.approx(1000.0 * offset)
+
+
+def test_points_that_fix_no_plane_have_none():
+    line = np.linspace(1.0, 2.0, 50)[:, None] * [0.1, 0.2, 1.0]
+    for points in (np.empty((0, 3)), line[:2], line, np.tile(line[:1], (40, 1))):
+        assert largest_plane(points) is None

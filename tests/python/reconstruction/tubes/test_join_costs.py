@@ -1,0 +1,67 @@
+"""What it costs to join ends."""
+
+from __future__ import annotations
+
+import numpy as np
+from drawn import R, line
+
+from strand.config import Linking
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
+from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.tubes.chaining import chained
+from strand.reconstruction.tubes.join_costs import join_costs
+from strand.reconstruction.tubes.matching import matched
+
+
+def linked(arcs, visibility=None):
+    """Arcs made chains by the matching of least cost."""
+    evidence = JoinEvidence(R, Linking(), visibility)
+    return chained(arcs, matched(join_costs(arcs, evidence), evidence.config.free_end)[0], evidence)
+
+
+def test_joins_keep_out_of_space_that_was_seen_to_be_empty(paper):
+    visibility = visibility_from(paper.views, paper.poses_true, paper.views)
+    z = 8.0 * R
+    arcs = [line([-0.06, 0.0, z], [-0.01, 0.0, z]), line([0.01, 0.0, z], [0.06, 0.0, z])]
+    assert len(linked(arcs)) == 1
+    assert len(linked(arcs, visibility)) == 2
+
+
+def test_two_ways_that_are_as_good_have_no_margin():
+    def ends(slope):
+        """Four arcs that lead into a gap, each pair as likely to go on across as along."""
+        arcs = []
+        for x in (-1.0, 1.0):
+            for y in (-1.0, 1.0):
+                inner = np.array([x * 3 * R, y * 1.5 * R, 0.0])
+                out = np.array([x, y * slope, 0.0]) / np.hypot(1.0, slope)
+                arcs.append(line(inner + 10 * R * out, inner))
+        return arcs
+
+    def margin(slope):
+        costs = join_costs(ends(slope), JoinEvidence(R, Linking()))
+        joins, cost = matched(costs, 5.0)
+        return min(matched(costs, 5.0, [pair])[1] - cost for pair in joins), joins
+
+    low, across = margin(0.0)[1], margin(0.5)[1]
+    assert low != across
+    a, b = 0.0, 0.5
+    for _ in range(40):
+        middle = 0.5 * (a + b)
+        a, b = (middle, b) if margin(middle)[1] == low else (a, middle)
+    assert margin(a)[0] < 0.01
+    assert margin(0.0)[0] > 1.0
+    assert margin(0.5)[0] > 0.3
+
+
+def test_linking_prefers_the_straight_way_on():
+    up = np.array([0.0, 0.0, 2 * R])
+    line = np.linspace(-0.06, 0.06, 60)
+    lower = np.stack([line, 0 * line, 0 * line], axis=1)
+    upper = np.stack([0 * line, line, 0 * line], axis=1) + up
+    arcs = [lower[:25], lower[36:], upper]
+    chains = linked(arcs)
+    assert sorted(round(float(np.ptp(nodes[:, 0])), 3) for nodes, _ in chains) == [0.0, 0.12]
+    assert not any(closed for _, closed in chains)
+    far = [lower[:10], lower[50:]]
+    assert len(linked(far)) == 2

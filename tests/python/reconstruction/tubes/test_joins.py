@@ -1,0 +1,45 @@
+"""How certain joins are, and what else could have been the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import strand
+from strand.reconstruction.tubes.hypotheses import Hypothesis, ScoredHypothesis
+from strand.reconstruction.tubes.join_costs import JoinCosts
+from strand.reconstruction.tubes.joins import alternatives
+
+
+def test_joins_name_the_chains_that_run_there():
+    scene = strand.synthetic.scene(chains=strand.synthetic.random_ropes(4, 2, seed=2), seed=2)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 2
+    assert model.joins
+    for join in model.joins:
+        assert join.chains
+        for number in join.chains:
+            apart = np.linalg.norm(model.chains[number].points - join.place, axis=1).min()
+            assert apart < 4.0 * scene.radius
+
+
+def test_other_hypotheses_are_given_with_what_they_cost_more(collected, tmp_path):
+    scene = collected("paper_mid")
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert model.alternatives
+    costs = [other.cost for other in model.alternatives]
+    assert costs == sorted(costs)
+    assert costs[0] >= 0.0
+    model.save(tmp_path / "model.json")
+    loaded = strand.load(tmp_path / "model.json").alternatives
+    assert [other.cost for other in loaded] == costs
+    for a, b in zip(loaded, model.alternatives, strict=True):
+        for some, others in zip(a.chains, b.chains, strict=True):
+            np.testing.assert_array_equal(some, others)
+
+
+def test_a_hypothesis_that_explains_nothing_is_no_alternative(paper_model):
+    chains = [(chain.points, chain.closed) for chain in paper_model.chains]
+    one = Hypothesis(JoinCosts((), {}), (), chains, 0.0, ())
+    fit = paper_model.stages["fit"]
+    scored = [ScoredHypothesis(one, fit, cost, 0.0) for cost in (2.0, 3.5, np.inf)]
+    assert [other.cost for other in alternatives([scored, scored[2:], []])] == [1.5]

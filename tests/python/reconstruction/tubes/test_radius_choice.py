@@ -1,0 +1,36 @@
+"""Arcs of several radii."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drawn import crossing
+
+import strand
+from strand.reconstruction.radius import Radii
+from strand.reconstruction.stages import Run
+from strand.reconstruction.tubes import arcs
+from strand.reconstruction.tubes.clouds import Clouds
+
+
+def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(monkeypatch):
+    fit, fitted = arcs.fitted, []
+
+    def counted(*arguments, **options):
+        fitted.append(options.get("along_ray", False))
+        return fit(*arguments, **options)
+
+    monkeypatch.setattr(arcs, "fitted", counted)
+    views, bounds, _ = crossing(0.003, 0.006)
+    clouds = Clouds.of([view.crop(bounds) for view in views[2:3]], None)
+    # the last kind of rope is not there
+    radii = Radii(np.array([0.003, 0.006, 0.015]), np.array([0.0002, 0.0003, 0.001]), free=False, held=True)
+    few = clouds.thinned(0.003)
+    found, present = arcs.fit_arcs(clouds, few, np.eye(4)[None], radii, strand.Config(), Run(None))
+    assert present.values.tolist() == found.radii.tolist() == [0.003, 0.006]
+    # radii that are held need no fit along the rays
+    assert fitted
+    assert not any(fitted)
+    model = strand.reconstruct(views[2:3], None, bounds)
+    by_length = [chain.radius for chain in model.chains]
+    assert by_length == pytest.approx([0.003, 0.006], rel=0.1)

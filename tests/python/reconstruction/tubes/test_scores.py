@@ -1,0 +1,45 @@
+"""What hypotheses cost."""
+
+from __future__ import annotations
+
+import pytest
+from drawn import R, line
+
+from strand.config import Linking
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
+from strand.reconstruction.evidence.prior import Prior
+from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.tubes.scores import contradiction_cost, explanation_cost
+
+CHAINS = [(line([0, 0, 0], [0.3, 0, 0]), False), (line([0, 0.1, 0], [0.2, 0.1, 0]), False)]
+
+
+@pytest.mark.parametrize(
+    ("prior", "rings", "cost"),
+    [
+        (Prior(), "maybe", 0.0),
+        (Prior.given(2, None), "maybe", 0.0),
+        (Prior.given(4, None), "maybe", 60.0),
+        (Prior.given(1, None), "maybe", 30.0),
+        (Prior(), "always", 60.0),
+        (Prior.given(None, [0.2, 0.3]), "never", 0.0),
+        # 2 for each radius beyond 2 % and one radius
+        (Prior.given(None, [0.2, 0.33]), "maybe", 2.0 * ((0.03 - 0.02 * 0.33) / R - 1.0)),
+        # at most as much as a rope
+        (Prior.given(None, [0.2, 0.6]), "maybe", 30.0),
+    ],
+)
+def test_what_contradicts_what_is_known_costs(prior, rings, cost):
+    evidence = JoinEvidence(R, Linking(rings=rings), prior=prior)
+    assert contradiction_cost(CHAINS, evidence) == pytest.approx(cost, abs=1e-6)
+
+
+def test_points_that_are_not_explained_cost(paper, paper_model):
+    fit = paper_model.stages["fit"]
+    visibility = visibility_from(paper.views, paper_model.poses, paper.views)
+    whole = explanation_cost(fit, visibility)
+    lost = fit.explained.copy()
+    lost[::2] = False
+    assert explanation_cost(fit.replace(explained=lost), visibility) > whole + 20.0
+    # no camera saw through the true rope
+    assert explanation_cost(fit, None) == pytest.approx(whole, abs=2.0)

@@ -1,0 +1,103 @@
+"""A second look: what no curve explains, and decisions that are made again."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drawn import R, crossing
+
+import strand
+from strand.reconstruction.tubes import decision, method
+from strand.reconstruction.tubes.clouds import Clouds
+from strand.reconstruction.tubes.second_look import unexplained_arcs
+
+
+def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, collected):
+    fit = paper_model.stages["fit"]
+    assert unexplained_arcs(fit, [0]).nodes == []
+    two = collected("two_ropes")
+    model = strand.reconstruct(two.views, two.radius, two.bounds, keep_stages=True)
+    fit = model.stages["fit"]
+    clouds = Clouds.of([view.crop(two.bounds) for view in two.views], strand.Box(*two.bounds))
+    one = strand.fit_tubes(
+        clouds.points,
+        clouds.viewpoints,
+        fit.curves[:1],
+        fit.motions,
+        two.radius,
+        pose_sd=(0.01, 0.001),
+        reference=3,
+        fit_curves=False,
+        iterations=1,
+    )
+    found = unexplained_arcs(one, [0]).nodes
+    other = model.chains[1 if model.chains[0].nearest(found[0][0])[1] > 2.0 * R else 0]
+    assert sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in found) > 0.5 * other.length
+    for nodes in found:
+        assert max(other.nearest(node)[1] for node in nodes) < two.radius
+
+
+@pytest.mark.parametrize("radius", [(0.003, 0.006), None])
+def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeypatch, radius):
+    views, bounds, truth = crossing(0.003, 0.006)
+    decided = decision.decided
+    decisions = []
+
+    def cut_short_at_first(*arguments):
+        by_class = decided(*arguments)
+        if not decisions:
+            for number, (best, *_) in enumerate(by_class):
+                chains = [(nodes[: len(nodes) // 2], ring) for nodes, ring in best.hypothesis.chains]
+                by_class[number] = [replace(best, hypothesis=replace(best.hypothesis, chains=chains))]
+        decisions.append(by_class)
+        return by_class
+
+    for room in (method, decision):
+        monkeypatch.setattr(room, "decided", cut_short_at_first)
+    model = strand.reconstruct(views, radius, bounds)
+    assert len(decisions) == 2
+    assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.03)
+    lengths = [strand.Chain(axis, 1.0).length for axis in truth]
+    assert [chain.length for chain in model.chains] == pytest.approx(lengths, rel=0.02)
+
+
+def lanes(length: float, views: int = 11) -> tuple[list[np.ndarray], np.ndarray]:
+    """Points of each view on the upper half of ropes of a metre, side by side; the first one's axis."""
+    rng = np.random.default_rng(0)
+    count = round(length)
+    points = []
+    for _ in range(views):
+        x, lane = rng.random((2, 600 * count)) * [[1.0], [count]]
+        turn = np.pi * rng.random(len(x))
+        across, up = np.floor(lane) * 8.0 * R + R * np.cos(turn), R * np.sin(turn)
+        points.append(np.column_stack([x, across, up]))
+    axis = np.column_stack([np.linspace(0.0, 1.0, 101), np.zeros(101), np.zeros(101)])
+    return points, axis
+
+
+def test_memory_grows_with_the_points_and_not_with_points_times_nodes():
+    """What is left over of 20 m of rope in 11 views."""
+    points, axis = lanes(20.0)
+    cameras = np.tile([0.5, 1.0, 3.0], (len(points), 1))
+    fit = strand.fit_tubes(
+        points,
+        cameras,
+        [axis],
+        [np.eye(4)] * len(points),
+        R,
+        pose_sd=(0.01, 0.001),
+        reference=0,
+        fit_curves=False,
+        iterations=1,
+        uncertainty=False,
+    )
+    tracemalloc.start()
+    arcs = unexplained_arcs(fit, [0]).nodes
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    nodes = sum(len(arc) for arc in arcs)
+    assert nodes * 0.5 * R > 17.0
+    assert peak < 300 * len(fit.points)

@@ -1,0 +1,93 @@
+"""Errors that all pixels of a view share, and that fitted tubes contradict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import strand
+from strand import default
+from strand._core import EndObservation
+from strand.reconstruction.tubes.view_bias import doubts
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """What the doubts are asked about, of a scene where nothing is wrong."""
+    taken = []
+    whole = default._found
+    with pytest.MonkeyPatch.context() as patch:
+
+        def kept(observed, config, run):
+            taken.append((observed, whole(observed, config, run)))
+            return taken[-1][1]
+
+        patch.setattr(default, "_found", kept)
+        scene = strand.synthetic.scene("arc", seed=0, views=5, noise=0.3e-3)
+        strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    (observed, found), *_ = taken
+    return observed, found
+
+
+def amounts(found):
+    """Sums of the amounts by kind."""
+    sums = {}
+    for doubt in found:
+        sums[doubt.kind] = sums.get(doubt.kind, 0.0) + doubt.amount
+    return sums
+
+
+def test_where_nothing_is_wrong_there_is_no_such_doubt(asked):
+    observed, found = asked
+    assert found.ends
+    assert amounts(doubts(observed, found)) == {"radius": 0.0, "residuals": 0.0, "end": 0.0}
+
+
+def test_an_answer_without_tubes_says_nothing(asked):
+    observed, found = asked
+    assert doubts(observed, replace(found, stages={})) == []
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_a_radius_that_is_not_seen_is_doubted(factor):
+    scene = strand.synthetic.scene("arc", seed=0, views=3, noise=0.3e-3)
+    model = strand.reconstruct(scene.views, factor * scene.radius, scene.bounds)
+    (doubt,) = [doubt for doubt in model.doubts if doubt.kind == "radius"]
+    assert doubt.amount > 0.3
+    assert ("thicker" in doubt.reason) == (factor < 1.0)
+    assert model.confidence < 0.8
+    free = strand.reconstruct(scene.views, None, scene.bounds)
+    assert not [doubt for doubt in free.doubts if doubt.kind == "radius"]
+
+
+def test_residuals_that_are_alike_along_the_rope_are_doubted(asked):
+    observed, found = asked
+    fit = found.stages["fit"]
+    wave = 0.15 * fit.radii[0] * np.sin(fit.parameter / 2.0) * np.where(fit.view % 2, 1.0, -1.0)
+    other = replace(found, stages={"fit": fit.replace(residual=fit.residual + wave)})
+    assert amounts(doubts(observed, other))["residuals"] > 0.3
+    chance = 0.15 * fit.radii[0] * np.random.default_rng(0).normal(size=len(wave))
+    other = replace(found, stages={"fit": fit.replace(residual=fit.residual + chance)})
+    assert amounts(doubts(observed, other))["residuals"] == 0.0
+
+
+def test_an_end_that_views_see_apart_is_doubted(asked):
+    observed, found = asked
+    end = found.ends[0].end
+    own = [one for one in found.ends if one.end == end]
+    assert len(own) > 2
+    radius = found.stages["fit"].radius(end // 2)
+
+    def apart(by):
+        ends = [
+            EndObservation(
+                one.view, one.end, one.place + by * (-1) ** k * radius * one.outward, one.outward, one.sd
+            )
+            for k, one in enumerate(own)
+        ]
+        return amounts(doubts(observed, replace(found, ends=tuple(ends))))["end"]
+
+    assert apart(0.0) == 0.0
+    assert apart(1.0) > 0.3

@@ -1,0 +1,111 @@
+"""What the default method warns of, as data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drawn import R, line, of_kind
+
+import strand
+from strand.config import Linking
+from strand.ropes.doubt import DOUBTS, Doubt
+from strand.reconstruction.evidence.confidence import doubt_of_margin
+from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.tubes.warnings import about_answer
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
+def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
+    assert of_kind(paper_model, "radius") == []
+    model = strand.reconstruct(paper.views, factor * paper.radius, paper.bounds)
+    (warning,) = of_kind(model, "radius")
+    # what the points want is at most what is missing
+    assert 0.0 < warning.amount / (paper.radius - factor * paper.radius) < 1.5
+    assert ("thicker" if factor < 1.0 else "thinner") in str(warning)
+
+
+def test_an_end_that_leaves_the_extraction_range_is_named():
+    t = np.linspace(-0.2, 0.2, 400)
+    scene = strand.synthetic.scene(chains=[np.stack([t, 0 * t, 0 * t + 0.0042], axis=1)], seed=1)
+    low, high = (np.array(corner) for corner in scene.bounds)
+    low[0], high[0] = -0.1, 0.1
+    model = strand.reconstruct(scene.views, scene.radius, (low, high))
+    ends = of_kind(model, "cut end")
+    assert sorted(np.sign(warning.place[0]) for warning in ends) == [-1.0, 1.0]
+    for warning in ends:
+        assert warning.chains == (0,)
+        assert abs(warning.place[0]) == pytest.approx(0.1, abs=R)
+    whole = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert of_kind(whole, "cut end") == []
+
+
+def test_noise_that_the_residuals_contradict_is_named(paper):
+    config = strand.Config(tubes=strand.config.Tubes(noise=1e-5))
+    model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config, keep_stages=True)
+    (warning,) = of_kind(model, "noise")
+    assert warning.amount == pytest.approx(model.stages["fit"].sigma / 1e-5)
+    assert warning.amount > 30.0
+
+
+def test_what_the_data_leave_open_stays_as_reported_and_is_named():
+    scene = strand.synthetic.scene("straight", seed=2)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    along = np.diff(scene.truth[0][[0, -1]], axis=0)[0]
+    along /= np.linalg.norm(along)
+    for given, found, sd in zip(scene.poses, model.poses, model.pose_sd, strict=True):
+        moved = (found @ np.linalg.inv(given)) @ [*scene.truth[0].mean(axis=0), 1.0]
+        assert abs((moved[:3] - scene.truth[0].mean(axis=0)) @ along) < 2e-3
+        assert sd.max() < 1.01 * max(strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd)
+    poses = of_kind(model, "open pose")
+    assert poses
+    limits = np.repeat([strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd], 3)
+    for warning in poses:
+        assert warning.amount == pytest.approx((model.pose_sd[warning.view] / limits).max())
+        assert 0.8 < warning.amount < 1.01
+
+
+@pytest.mark.parametrize("kind", DOUBTS)
+def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_model):
+    visibility = visibility_from(paper.views, paper_model.poses, paper.views)
+    place = np.array([0.1, 0.2, 0.3])
+    least = doubt_of_margin(Linking().margin)
+    great = Doubt(kind, 1.01 * least, "how the rope runs", "it may end there", place)
+    small = Doubt(kind, 0.99 * least, "how the rope runs", "it may end there")
+    (warning,) = about_answer(
+        paper_model.chains, (great, small), visibility, strand.Box(*paper.bounds), Linking()
+    )
+    assert (warning.kind, warning.amount, str(warning)) == (kind, great.amount, str(great))
+    np.testing.assert_array_equal(warning.place, place)
+
+
+def test_joins_in_doubt_are_warned_of_where_they_are():
+    chains = strand.synthetic.random_ropes(5, 2, seed=2)
+    scene = strand.synthetic.scene(chains=chains, seed=2, views=2, noise=0.0015)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    nodes = np.concatenate(chains)
+    found = of_kind(model, "join")
+    assert found
+    for warning in found:
+        assert np.linalg.norm(nodes - warning.place, axis=1).min() < 2.0 * scene.radius
+        assert warning.amount in [doubt.amount for doubt in model.doubts if doubt.kind == "join"]
+
+
+def test_a_segment_of_no_rope_is_warned_of_where_it_is():
+    rope = line([-0.1, 0.0, R], [0.1, 0.0, R])
+    stub = line([0.0, 0.03, R], [4.0 * R, 0.03, R])
+    scene = strand.synthetic.scene(chains=[rope, stub], seed=1)
+    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
+    assert len(model.chains) == 1
+    (warning,) = of_kind(model, "left out")
+    assert np.linalg.norm(warning.place - stub.mean(axis=0)) < R
+    # 0.15 for each radius of it, and for one more
+    assert warning.amount == pytest.approx(0.15 * 5.0, abs=0.15)
+
+
+def test_a_wrong_number_of_ropes_is_a_prior_that_the_points_contradict(paper):
+    model = strand.reconstruct(paper.views, paper.radius, paper.bounds, ropes=2)
+    (prior,) = of_kind(model, "prior")
+    (rival,) = of_kind(model, "rival")
+    assert prior.place is None
+    assert prior.amount > 2.0
+    assert strand.Chain(paper.truth[0], R).nearest(rival.place)[1] < 2.0 * R

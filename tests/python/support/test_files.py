@@ -1,0 +1,199 @@
+"""Whole files, or none; JSON and TOML."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strand import FileFormatError, StrandError
+from strand.support.files import open_file, read_bytes, read_json, read_toml, replacing, write_bytes, write_json
+
+
+def test_write_bytes_replaces_the_file_and_leaves_nothing_else(tmp_path):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    write_bytes(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_write_bytes_keeps_the_usual_permissions(tmp_path):
+    (tmp_path / "plain").write_bytes(b"")
+    write_bytes(tmp_path / "ours", b"")
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
+def test_write_bytes_leaves_the_old_file_if_it_fails(tmp_path, monkeypatch, step, error):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(type(error)) as caught:
+        write_bytes(path, b"new")
+    if isinstance(error, OSError):
+        assert caught.value.filename == str(path)
+        assert caught.value.errno == errno.ENOSPC
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def write_half(path, error):
+    with replacing(path) as file:
+        file.write(b"half")
+        raise error
+
+
+def test_a_file_written_in_pieces_is_whole_or_not_there(tmp_path):
+    path = tmp_path / "a.bin"
+    with replacing(path) as file:
+        file.write(b"one")
+        assert not path.exists()
+        file.write(b"two")
+    assert path.read_bytes() == b"onetwo"
+    for error, named in (
+        (ValueError("of the caller"), None),
+        (FileNotFoundError(2, "No such file", "other.bin"), "other.bin"),
+        (OSError(errno.ENOSPC, "No space left on device"), str(path)),
+    ):
+        with pytest.raises(type(error), match=re.escape(str(error).split("] ")[-1].split(": ")[0])) as caught:
+            write_half(path, error)
+        assert getattr(caught.value, "filename", None) == named
+    assert path.read_bytes() == b"onetwo"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_write_bytes_names_the_file_it_cannot_write(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        write_bytes(tmp_path / "no" / "a.bin", b"")
+    assert caught.value.filename == str(tmp_path / "no" / "a.bin")
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(NotADirectoryError):
+        write_bytes(tmp_path / "file" / "a.bin", b"")
+
+
+def test_write_bytes_refuses_what_is_not_a_file(tmp_path):
+    with pytest.raises(OSError, match="Not a regular file"):
+        write_bytes(tmp_path, b"")
+    with pytest.raises(OSError, match="Not a regular file"):
+        write_bytes(os.devnull, b"")
+    assert not Path(os.devnull).is_file()
+
+
+def test_write_bytes_writes_through_a_link(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there" / "a.bin")
+    write_bytes(tmp_path / "link", b"new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "there" / "a.bin").read_bytes() == b"new"
+
+
+def test_json_comes_back(tmp_path):
+    value = {"a": [1, 0.1, True, None, "é"], "b": {}}
+    write_json(tmp_path / "a.json", value)
+    assert read_json(tmp_path / "a.json") == value
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_write_json_refuses_what_json_cannot_say(tmp_path, number):
+    with pytest.raises(ValueError, match=r"a\.json"):
+        write_json(tmp_path / "a.json", {"a": number})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b'{"a": [1, 2', b"nonsense", b"\xff\xfe\xfd", b"[NaN]", b"[-Infinity]", b"[" * 100_000]
+)
+def test_read_json_names_a_bad_file(tmp_path, data):
+    (tmp_path / "a.json").write_bytes(data)
+    with pytest.raises(FileFormatError, match=r"a\.json"):
+        read_json(tmp_path / "a.json")
+
+
+def test_read_json_without_a_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        read_json(tmp_path / "a.json")
+
+
+def test_file_format_error_is_a_strand_error_and_a_value_error():
+    assert issubclass(FileFormatError, StrandError)
+    assert issubclass(FileFormatError, ValueError)
+
+
+def test_read_toml(tmp_path):
+    (tmp_path / "a.toml").write_text("a = 1\n[b]\nc = 'd'\n")
+    assert read_toml(tmp_path / "a.toml") == {"a": 1, "b": {"c": "d"}}
+
+
+def test_the_error_says_file_place_and_reason():
+    error = FileFormatError("a.npz", "takes 9 bytes", "depth")
+    assert (error.file, error.place, error.reason) == ("a.npz", "depth", "takes 9 bytes")
+    assert str(error) == "a.npz: depth: takes 9 bytes"
+    assert str(FileFormatError(Path("a.npz"), "the file is empty")) == "a.npz: the file is empty"
+    assert len(str(FileFormatError("a", "x" * 10**6))) < 500
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.place) == (FileFormatError, str(error), "depth")
+
+
+def test_the_place_of_a_check_is_what_its_message_begins_with():
+    error = FileFormatError.of("a", ValueError("camera.fx: expected a number, got 3: no"))
+    assert (error.place, error.reason) == ("camera.fx", "expected a number, got 3: no")
+    assert FileFormatError.of("a", RecursionError()).reason == "RecursionError"
+
+
+def test_only_regular_files_are_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "endless").symlink_to("/dev/zero")
+    for name in ("pipe", "endless"):
+        with pytest.raises(FileFormatError, match=rf"{name}: expected a regular file"):
+            open_file(tmp_path / name)
+    (tmp_path / "loop").symlink_to("loop")
+    for name, number in (("loop", errno.ELOOP), (".", errno.EISDIR), ("no", errno.ENOENT)):
+        with pytest.raises(OSError, match=re.escape(os.strerror(number))) as caught:
+            open_file(tmp_path / name)
+        assert caught.value.errno == number
+
+
+def test_no_more_is_read_than_allowed(tmp_path):
+    (tmp_path / "a").write_bytes(b"12345")
+    assert read_bytes(tmp_path / "a", 5) == b"12345"
+    with pytest.raises(FileFormatError, match="a: larger than the 4 bytes that may be read"):
+        read_bytes(tmp_path / "a", 4)
+    for read in (read_json, read_toml):
+        with pytest.raises(FileFormatError, match="larger than the 4 bytes"):
+            read(tmp_path / "a", 4)
+
+
+@pytest.mark.parametrize(
+    "data", [b"a = " + b"[" * 100_000, b"a = " + b"{a=" * 5000, b"a.b.c" + b".d" * 50 + b" = 1", b"\xff"]
+)
+def test_read_toml_names_a_bad_file(tmp_path, data):
+    (tmp_path / "a.toml").write_bytes(data)
+    with pytest.raises(FileFormatError, match=r"a\.toml: truncated, or not TOML"):
+        read_toml(tmp_path / "a.toml")
+
+
+def test_json_numbers_beyond_floats_are_refused(tmp_path):
+    (tmp_path / "a.json").write_text("[1,\n2e999]")
+    with pytest.raises(FileFormatError, match="2e999 is more than a number holds"):
+        read_json(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text("[1,\n2")
+    with pytest.raises(FileFormatError) as caught:
+        read_json(tmp_path / "a.json")
+    assert caught.value.place == "line 2"
+
+
+def test_a_link_to_itself_is_not_written(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match="Too many levels of symbolic links"):
+        write_bytes(tmp_path / "loop", b"")
