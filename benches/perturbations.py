@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 import strand
 from strand.support.checks import Array
-from strand.views.pose import rotation_about
 from strand.synthetic import SyntheticScene, render_depth
 from strand.synthetic.fields import field, spread
+from strand.views.pose import rotation_about
 
 FOREIGN = 500  # added to a scene's seed: the scene that a foreign view is of
 

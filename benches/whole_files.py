@@ -11,11 +11,11 @@ import numpy as np
 from PIL import Image
 
 import strand
+from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
-from strand.geometry.curve import Curve
-from strand.support.files import plain
 from strand.ropes.model import Alternative, Doubt, Join, Model, ModelWarning
+from strand.support.files import plain
 from strand.views.sensor import Sensor
 
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)

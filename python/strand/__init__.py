@@ -19,34 +19,34 @@ from strand._core import (
     trace_chains,
     trace_tubes,
 )
-from strand.views.box import Box
-from strand.ropes.chain import Chain
 from strand.config import Config
+from strand.export.capsules import Capsules
+from strand.export.spheres import Spheres
+from strand.io.models import load
+from strand.io.recordings import Recording
+from strand.io.scenes import load_scene
+from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
+from strand.reconstruction.finding.strips import LeftOut
+from strand.reconstruction.pipeline import reconstruct
+from strand.reconstruction.radius import estimate_radius
+from strand.reconstruction.tubes.registration import register_views
+from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact
 from strand.ropes.crossings import Crossing
 from strand.ropes.diagram import Diagram, knot_diagram
 from strand.ropes.doubt import Doubt
-from strand.export.capsules import Capsules
-from strand.export.spheres import Spheres
-from strand.support.files import FileFormatError
-from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
-from strand.reconstruction.finding.strips import LeftOut
 from strand.ropes.grasps import Grasp, Grasps, Refused
 from strand.ropes.gripper import Gripper
-from strand.io.models import load
-from strand.io.recordings import Recording
-from strand.io.scenes import load_scene
 from strand.ropes.knots import Knot, knot
 from strand.ropes.linking import linking_number
 from strand.ropes.model import Alternative, Join, Model, ModelWarning
-from strand.reconstruction.pipeline import reconstruct
-from strand.views.pose import pose_from_angles, rotation_xyz, turntable_pose
 from strand.ropes.pulls import Pull, PullPlan
 from strand.ropes.queries import Nearest, RayHits, Sweeps
-from strand.reconstruction.radius import estimate_radius
-from strand.views.sensor import Sensor
 from strand.ropes.shape import ShapeError
-from strand.reconstruction.tubes.registration import register_views
+from strand.support.files import FileFormatError
+from strand.views.box import Box
+from strand.views.pose import pose_from_angles, rotation_xyz, turntable_pose
+from strand.views.sensor import Sensor
 from strand.views.view import View
 
 __all__ = [

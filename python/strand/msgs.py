@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array, color_array, finite_array, flag, text, whole
 from strand.io.recordings.cameras import pinhole_of
 from strand.io.recordings.views import view_of
+from strand.ropes.chain import Chain
 from strand.ropes.model import Model
+from strand.support.checks import Array, color_array, finite_array, flag, text, whole
 from strand.views.view import View
 
 Message = dict[str, Any]

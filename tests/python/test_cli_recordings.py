@@ -11,8 +11,8 @@ from bag_files import FORMATS, START, Messages, cameras, film, millimetres, writ
 
 import strand
 from strand.cli import main
-from strand.support.files import FileFormatError
 from strand.io.models import load_frames
+from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 SIZE = SCENE.depth.shape[1:]

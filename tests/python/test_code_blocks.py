@@ -21,8 +21,8 @@ from PIL import Image
 from scene_files import ply
 
 import strand
-from strand.support.files import read_toml
 from strand.report import rerun_view
+from strand.support.files import read_toml
 
 # headings of blocks that need a camera's library, or ROS: test_recipes.py runs them with stand-ins of these
 WITH_LIBRARIES = {"docs/recordings.md": frozenset({"RealSense", "Orbbec", "ZED", "A ROS 2 node"})}

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from strand.batch.settings import Settings
 from strand.batch.units import BAG, IMAGES, Unit, images_of, open_bag
-from strand.views.box import Bounds
-from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.recordings.recording import Recording, Undecoded
 from strand.io.scenes import load_scene
 from strand.io.single import Camera, read_view
 from strand.io.view_files import SUFFIXES
+from strand.support.files import FileFormatError
+from strand.views.box import Bounds
 from strand.views.view import View
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from strand.batch.shards import VERSION_KEY, names
 from strand.batch.table import SCHEMA_VERSION, schema
 from strand.ropes.chain import Chain
+from strand.ropes.model import Model, ModelWarning
 from strand.support.checks import checked_path, several, text
 from strand.support.extras import extra
 from strand.support.files import FileFormatError
-from strand.ropes.model import Model, ModelWarning
 
 # warnings that always name chains; of others it cannot be told whether they are about all or about none
 _ABOUT_CHAINS = ("branch", "cut end")

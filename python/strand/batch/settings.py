@@ -12,15 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.views.box import Bounds, extraction_range
-from strand.support.checks import flag, not_negative, own, pinhole, positive, several, small_array, text, whole
 from strand.config import Config
-from strand.reconstruction.evidence.prior import Prior
-from strand.support.files import plain
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.recording import TOLERANCE
 from strand.io.single import Camera
+from strand.reconstruction.evidence.prior import Prior
+from strand.support.checks import (
+    flag,
+    not_negative,
+    own,
+    pinhole,
+    positive,
+    several,
+    small_array,
+    text,
+    whole,
+)
+from strand.support.files import plain
 from strand.support.lazy import lazy
+from strand.views.box import Bounds, extraction_range
 
 DIGITS = 16
 """How many hexadecimal digits a digest has in tables and names."""

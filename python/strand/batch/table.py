@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.ropes.crossings import Crossing
+from strand.support.checks import Array
 from strand.support.extras import extra
 
 SCHEMA_VERSION = 1

@@ -10,11 +10,11 @@ from itertools import count
 from pathlib import Path
 
 from strand.batch.settings import Settings, digest_of
-from strand.support.checks import checked_path, several
-from strand.support.files import FileFormatError, open_file
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
 from strand.io.view_files import SUFFIXES as SINGLE
+from strand.support.checks import checked_path, several
+from strand.support.files import FileFormatError, open_file
 
 SCENE, BAG, IMAGES = "scene", "bag", "images"
 """What kinds of recording there are: `strand.load_scene` reads it; `strand.Recording` does; depth images."""
@@ -98,7 +98,9 @@ def find(
     named = {os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")}
     # several paths may lead to the same recordings: one of them is taken, and no link if there is another
     real = {one: os.path.realpath(one) for one in named}
-    places = sorted({real[one]: one for one in sorted(named, key=lambda one: (one == real[one], one))}.values())
+    places = sorted(
+        {real[one]: one for one in sorted(named, key=lambda one: (one == real[one], one))}.values()
+    )
     above = checked_path("root", root)
     for place in places:
         os.stat(place)

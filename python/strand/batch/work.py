@@ -11,10 +11,10 @@ from strand.batch.frames import Seen, frames
 from strand.batch.settings import Settings
 from strand.batch.table import Row, record_batch
 from strand.batch.units import Unit, in_words
-from strand.ropes.crossings import listed_crossings
 from strand.reconstruction.finding.ropes import NoRopeError
-from strand.ropes.model import Model
 from strand.reconstruction.pipeline import reconstruct
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
 
 
 def rows_of(unit: Unit, settings: Settings) -> Any:

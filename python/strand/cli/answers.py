@@ -7,8 +7,8 @@ import sys
 from contextlib import suppress
 
 from strand.cli.outcome import say
-from strand.ropes.model import Model, content
 from strand.report.remarks import remarks
+from strand.ropes.model import Model, content
 
 # doubts that are not warned of are printed among the first so many remarks, and from this weight on: less
 # changes no digit of the confidence

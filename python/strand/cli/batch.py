@@ -19,8 +19,8 @@ from strand.cli.inputs import matrix_of
 from strand.cli.options import add_camera, add_recording, add_ropes
 from strand.cli.outcome import say
 from strand.cli.solving import known
-from strand.support.files import require_writable
 from strand.io.recordings.recording import TOLERANCE
+from strand.support.files import require_writable
 
 HINT = "a table of the ropes of many recordings"
 DESCRIPTION = """\

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.views.box import metres
 from strand.cli.advice import Advice
 from strand.cli.outcome import printable
 from strand.io.contents import Contents, SceneContents, SingleContents
 from strand.io.recordings.contents import CameraContents, RecordingContents
 from strand.io.seen import Seen
-from strand.ropes.model import VERSION, Model
 from strand.report import tables
+from strand.ropes.model import VERSION, Model
+from strand.views.box import metres
 
 # columns of the labels, of an output that does not say how wide it is, and the fewest that words get
 _LABEL, _WIDTH, _LEAST = 12, 80, 30

@@ -16,9 +16,9 @@ from strand.cli.described import described, format_of, kind_of
 from strand.cli.options import add_limits
 from strand.cli.outcome import code_of
 from strand.cli.progress import progress
-from strand.support.files import plain
 from strand.io.contents import Contents, contents
 from strand.ropes.model import Model
+from strand.support.files import plain
 
 HINT = "what a file holds, and what would be done with it"
 DESCRIPTION = """\

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.cli.progress import progress
 from strand.io.intrinsics import read_intrinsics
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.recording import TOLERANCE
 from strand.io.scenes import Scene, load_scene
+from strand.support.checks import Array
 
 _OF_RECORDINGS = ("topic", "frame", "every", "world", "tolerance", "ignore_distortion")
 _OF_FILES = ("viewpoint", "camera_frame", "mask")

@@ -8,8 +8,8 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from strand.support.files import require_writable
 from strand.export.files import format_of
+from strand.support.files import require_writable
 
 
 def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:

@@ -16,11 +16,11 @@ from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import check_outputs
 from strand.cli.progress import progress
 from strand.cli.solving import known, radius_of, solve
-from strand.support.files import replacing
 from strand.io.recordings import Frame
 from strand.io.scenes import Scene
-from strand.ropes.model import content
 from strand.report import figures, tables
+from strand.ropes.model import content
+from strand.support.files import replacing
 
 HINT = "ropes of a recorded scene"
 DESCRIPTION = """\

@@ -11,9 +11,9 @@ from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.progress import progress
 from strand.cli.solving import in_words, solve
+from strand.report import page
 from strand.support.extras import extra
 from strand.support.files import require_writable
-from strand.report import page
 
 HINT = "a page about a recorded scene, to look at in a browser"
 DESCRIPTION = """\

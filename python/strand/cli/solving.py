@@ -9,9 +9,9 @@ import numpy as np
 
 import strand
 from strand import config
-from strand.views.box import Bounds, extraction_range
 from strand.cli.progress import progress
 from strand.io.scenes import Scene
+from strand.views.box import Bounds, extraction_range
 
 
 def solve(options: argparse.Namespace, recorded: Scene, keep_stages: bool) -> strand.Model:

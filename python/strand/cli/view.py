@@ -10,9 +10,9 @@ from strand.cli.inputs import files_read, load
 from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.solving import solve
+from strand.report import rerun_view
 from strand.support.extras import extra
 from strand.support.files import require_writable
-from strand.report import rerun_view
 
 HINT = "a recorded scene and its ropes in the viewer Rerun"
 DESCRIPTION = """\

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from strand.export.segments import segment_ends
 from strand.ropes.chain import Chain
 from strand.support.checks import instances
-from strand.export.segments import segment_ends
 
 
 def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:

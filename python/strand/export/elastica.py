@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.ropes.chain import Chain
 from strand.export.segments import segment_ends
+from strand.ropes.chain import Chain
 
 
 def elastica(chain: Chain, spacing: float | None = None) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array, positive, whole
 from strand.export.segments import segment_ends
 from strand.export.xml import document, numbers
+from strand.ropes.chain import Chain
+from strand.support.checks import Array, positive, whole
 
 # radii: segments two apart touch below two, and chords of bends are shorter than their arcs
 _LEAST_SPACING = 2.5

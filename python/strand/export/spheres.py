@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.export.capsules import capsules_of
 from strand.ropes.chain import Chain
 from strand.support.checks import Array, own, positive
-from strand.export.capsules import capsules_of
 
 # of the error: how far the line of the centres may be from the centreline; spheres need the rest most
 _AXIS = 0.25

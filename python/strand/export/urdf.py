@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.ropes.chain import Chain
 from strand.export.capsules import Capsules, capsules_of
 from strand.export.xml import document, numbers
+from strand.ropes.chain import Chain
 
 
 def urdf_of(chains: Sequence[Chain], error: float) -> bytes:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
+from strand.support.checks import Array
 
 # places for each stretch between nodes at which a curve's bend is asked for, and rounds of a finer search
 _PLACES, _ROUNDS = 4, 4

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array
 from strand.geometry.frames import carried, node_frames
+from strand.support.checks import Array
 
 
 def tube_mesh(

@@ -13,8 +13,8 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.files import FileFormatError, open_file
 from strand.io.budget import Budget
+from strand.support.files import FileFormatError, open_file
 
 HEADER_BYTES = 10_000
 DIRECTORY_BYTES = 1 << 20  # some ten thousand members

@@ -11,9 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.views.box import Box, extraction_range
-from strand.support.checks import Array, whole
-from strand.support.files import JSON_BYTES, FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.models import load
@@ -23,6 +20,9 @@ from strand.io.scenes import load_scene
 from strand.io.seen import Seen, seen_of
 from strand.io.view_files import SUFFIXES, read_view_file
 from strand.ropes.model import Model
+from strand.support.checks import Array, whole
+from strand.support.files import JSON_BYTES, FileFormatError
+from strand.views.box import Box, extraction_range
 from strand.views.view import View, cropped
 
 # entries of a folder that are looked at

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from strand.views.box import Bounds, Box, extraction_range
 from strand.support.checks import Array, number, rigid_motion
 from strand.support.files import shown
+from strand.views.box import Bounds, Box, extraction_range
 from strand.views.pose import pose_from_angles, turntable_pose
 
 POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.io.budget import Budget
 from strand.support.extras import extra
 from strand.support.files import FileFormatError
-from strand.io.budget import Budget
 
 PNG_COLOURS = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGB and alpha"}
 # of the many that Pillow knows, those that cameras write; some others start programs

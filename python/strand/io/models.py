@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from strand.ropes.chain import Chain
-from strand.support.checks import number, several, whole
-from strand.ropes.crossings import Crossing
 from strand.geometry.curve import Curve
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Doubt
-from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
 from strand.ropes.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
+from strand.support.checks import number, several, whole
+from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
 from strand.views.sensor import Sensor
 
 REQUIRED = (

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.lzf import MOST_GROWTH, decompress
 from strand.io.rows import holds, lines, read_rows
+from strand.support.files import FileFormatError
 
 HEADER_BYTES = 1 << 16
 KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of
 from strand.io.rows import holds, lines, read_rows
+from strand.support.files import FileFormatError
 
 HEADER_BYTES = 1 << 16
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}

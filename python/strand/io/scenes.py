@@ -12,9 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.views.box import Bounds, extraction_range
-from strand.support.checks import Array, finite_array, several, whole
-from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.io.arrays import Archive
 from strand.io.budget import MAX_BYTES, Budget
 from strand.io.cloud import Cloud
@@ -22,6 +19,9 @@ from strand.io.description import Description, parse_description
 from strand.io.images import read_color
 from strand.io.single import Camera, read_view
 from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
+from strand.support.checks import Array, finite_array, several, whole
+from strand.support.files import TOML_BYTES, FileFormatError, read_toml
+from strand.views.box import Bounds, extraction_range
 from strand.views.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
@@ -114,7 +114,7 @@ def load_scene(
 
         [[view]]
         file = "view2.npy"
-        turntable_deg = 30             # the plate's angle, see `strand.views.view.turntable_pose`
+        turntable_deg = 30             # the plate's angle, see `strand.turntable_pose`
 
     A view's file is a depth image: a single-channel 16-bit PNG, or a TIFF of 16-bit whole numbers or 32-bit
     floats; or points in the camera frame: PLY, PCD, or text with x, y, z and perhaps red, green, blue

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.support.checks import Array, flag, pinhole, positive, small_array
-from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.view_files import read_mask, read_view_file, require_one_each
+from strand.support.checks import Array, flag, pinhole, positive, small_array
+from strand.support.files import FileFormatError
 from strand.views.view import View
 
 # bytes of a view beside its arrays, and of each number of them

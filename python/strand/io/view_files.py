@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import mask_array
-from strand.support.files import FileFormatError
 from strand.io.arrays import read_npy
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of
@@ -18,6 +16,8 @@ from strand.io.images import read_depth_png, read_depth_tiff, read_mask_png
 from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
 from strand.io.xyz import read_xyz
+from strand.support.checks import mask_array
+from strand.support.files import FileFormatError
 
 _MASK = 4  # bytes of each pixel of a view's mask
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from strand.support.files import FileFormatError
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud, colors_of
 from strand.io.rows import lines, read_rows
+from strand.support.files import FileFormatError
 
 COLORS = (("red", "green", "blue"), ("r", "g", "b"))
 COMMENTS = (b"#", b"//")

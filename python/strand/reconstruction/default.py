@@ -11,22 +11,22 @@ from dataclasses import replace
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.support.checks import Array
 from strand.config import Config
 from strand.reconstruction import systematic
 from strand.reconstruction.evidence.confidence import confidence
-from strand.reconstruction.mistakes.diagnosis import suspected
-from strand.reconstruction.images.comparison import Reading, explained
-from strand.reconstruction.images.method import PLAIN, Read, answer, read
 from strand.reconstruction.images.above_table import all_masked, without_untold
+from strand.reconstruction.images.comparison import Reading, explained
 from strand.reconstruction.images.depth_scatter import depth_scatter
+from strand.reconstruction.images.method import PLAIN, Read, answer, read
 from strand.reconstruction.images.noisy_depth import read_scattered
-from strand.ropes.model import ModelWarning
-from strand.reconstruction.wide_surfaces import no_ropes
+from strand.reconstruction.mistakes.diagnosis import suspected
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes import view_bias as of_tubes
 from strand.reconstruction.tubes.hypotheses import alike
 from strand.reconstruction.tubes.method import find_chains as find_tubes
+from strand.reconstruction.wide_surfaces import no_ropes
+from strand.ropes.model import ModelWarning
+from strand.support.checks import Array
 
 # an answer this sure is not compared
 _SURE = 0.35

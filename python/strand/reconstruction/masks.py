@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.views.box import Box
-from strand.support.checks import Array
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import table_plane
+from strand.ropes.doubt import Doubt
 from strand.ropes.model import ModelWarning
+from strand.support.checks import Array
+from strand.views.box import Box
 from strand.views.pose import moved
 from strand.views.view import DepthImage, View
 

@@ -9,29 +9,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.views.box import Bounds, Box, extraction_range
-from strand.support.checks import flag, positive, to_millimetres
 from strand.config import Config
 from strand.reconstruction.default import find_chains as find_by_default
-from strand.ropes.doubt import Doubt
-from strand.reconstruction.mistakes.emptiness import mask_without_points, why_empty
 from strand.reconstruction.evidence.confidence import confidence, contradictions, of_chains
-from strand.reconstruction.mistakes.diagnosis import explained, thinnest
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.finding.table_edge import over_the_edge
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
-from strand.reconstruction.images.pixel_errors import neighbours_alike
-from strand.reconstruction.images.mask_radius import shown_radius
+from strand.reconstruction.finding.table_edge import over_the_edge
 from strand.reconstruction.images.depth_scatter import depth_scatter
+from strand.reconstruction.images.mask_radius import shown_radius
+from strand.reconstruction.images.pixel_errors import neighbours_alike
 from strand.reconstruction.images.rope_image import rope_images
 from strand.reconstruction.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
-from strand.ropes.model import Model, ModelWarning
+from strand.reconstruction.mistakes.diagnosis import explained, thinnest
+from strand.reconstruction.mistakes.emptiness import mask_without_points, why_empty
 from strand.reconstruction.orientation import oriented
 from strand.reconstruction.outliers import without_outliers
 from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii, estimate_radius
-from strand.reconstruction.wide_surfaces import no_ropes
 from strand.reconstruction.stages import Found, Observed, Run
+from strand.reconstruction.wide_surfaces import no_ropes
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import Model, ModelWarning
+from strand.support.checks import flag, positive, to_millimetres
+from strand.views.box import Bounds, Box, extraction_range
 from strand.views.view import View, checked_views, cropped
 
 # doubt of an answer for which something was left out

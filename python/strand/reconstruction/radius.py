@@ -10,8 +10,8 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.views.box import Bounds
 from strand.support.checks import Array, checked_radius
+from strand.views.box import Bounds
 from strand.views.view import View, checked_views
 
 # the largest radius that is looked for, metres

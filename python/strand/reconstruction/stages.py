@@ -10,14 +10,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from strand._core import EndObservation
-from strand.views.box import Box
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.evidence.prior import Prior
-from strand.support.lazy import lazy
-from strand.ropes.model import Alternative, Join, ModelWarning
 from strand.reconstruction.radius import Radii
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import Alternative, Join, ModelWarning
+from strand.support.checks import Array
+from strand.support.lazy import lazy
+from strand.views.box import Box
 from strand.views.sensor import Sensor
 from strand.views.view import View
 

@@ -13,13 +13,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.views.box import Box
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.config import Config, Poses
-from strand.ropes.doubt import Doubt
-from strand.views.pose import rotation_vector
 from strand.reconstruction.stages import Found, Observed
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
+from strand.views.box import Box
+from strand.views.pose import rotation_vector
 from strand.views.view import View
 
 # unknowns of a pose that its error may have moved; the standard normal deviate beyond which corrections are

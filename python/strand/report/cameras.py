@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.ropes.model import Model
+from strand.support.checks import Array
 from strand.views.view import View
 
 # an image that is made of points: pixels on its longer side, and for each point

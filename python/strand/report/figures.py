@@ -11,12 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.ropes.crossings import listed_crossings
-from strand.support.extras import extra
-from strand.support.files import write_bytes
-from strand.ropes.model import Model
 from strand.report.sheet import (
     DIMENSION,
     GREY,
@@ -37,6 +31,12 @@ from strand.report.sheet import (
     stroke,
 )
 from strand.report.tables import stages_of
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.support.checks import Array
+from strand.support.extras import extra
+from strand.support.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

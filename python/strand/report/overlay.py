@@ -10,13 +10,13 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.support.extras import extra
-from strand.ropes.model import Model
 from strand.geometry.polyline import runs
 from strand.report.cameras import Camera
 from strand.report.sheet import PALETTE, spread
+from strand.ropes.chain import Chain
+from strand.ropes.model import Model
+from strand.support.checks import Array
+from strand.support.extras import extra
 
 # pixels around the ropes that an image shows beside them, as a part of their extent, and at least
 _MARGIN, _LEAST_MARGIN = 0.12, 12

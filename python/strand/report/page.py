@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.support.checks import Array, finite_array
-from strand.ropes.crossings import listed_crossings
-from strand.support.extras import extra
-from strand.support.files import write_bytes
-from strand.ropes.model import Model
-from strand.views.pose import moved
 from strand.report.cameras import Camera, cameras_of, side_seen
 from strand.report.overlay import MAX_CHAINS, overlay
 from strand.report.sheet import spread
 from strand.report.space import deviations, space
 from strand.report.tables import stage_counts
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.support.checks import Array, finite_array
+from strand.support.extras import extra
+from strand.support.files import write_bytes
+from strand.views.pose import moved
 from strand.views.view import View, checked_views
 
 # so that the page stays below 5 MB: bytes of all depth images, and how many; rows of a table; characters of a

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import StrandError
-from strand.support.checks import finite_array
-from strand.ropes.crossings import listed_crossings
-from strand.support.extras import extra
-from strand.support.files import write_bytes
-from strand.ropes.model import Model
 from strand.report.cameras import cameras_of, side_seen
 from strand.report.page import points_by_view
 from strand.report.sheet import PALETTE
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.support.checks import finite_array
+from strand.support.extras import extra
+from strand.support.files import write_bytes
 from strand.views.view import View, checked_views
 
 _CROSSING, _DOUBT, _NEXT, _TRUTH = (255, 127, 14), (214, 39, 40), (44, 160, 44), (32, 32, 32)

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.ropes.crossings import listed_crossings
-from strand.ropes.model import Model
 from strand.geometry.polyline import runs
 from strand.report.cameras import Camera, side_seen
 from strand.report.sheet import INK, PALETTE, spread
+from strand.ropes.chain import Chain
+from strand.ropes.crossings import listed_crossings
+from strand.ropes.model import Model
+from strand.support.checks import Array
 
 # what is drawn at most, so that the page stays small: a point takes 16 bytes there, a node 80
 MAX_POINTS = 40_000

@@ -19,6 +19,15 @@ from strand.geometry.bending import (
     torsion_of_nodes,
     torsion_over_window,
 )
+from strand.geometry.curve import Curve
+from strand.geometry.frames import carried, least_turned, node_frames
+from strand.geometry.mesh import tube_mesh
+from strand.geometry.polyline import between, runs
+from strand.ropes.crossings import Crossing, find_crossings, listed_crossings
+from strand.ropes.doubt import Doubt
+from strand.ropes.knots import Knot, tied
+from strand.ropes.notebook import chain_html
+from strand.ropes.shape import ShapeError, compare_shapes
 from strand.support.checks import (
     Array,
     as_array,
@@ -32,16 +41,7 @@ from strand.support.checks import (
     small_array,
     whole,
 )
-from strand.ropes.crossings import Crossing, find_crossings, listed_crossings
-from strand.geometry.curve import Curve
-from strand.ropes.doubt import Doubt
-from strand.geometry.frames import carried, least_turned, node_frames
-from strand.ropes.knots import Knot, tied
 from strand.support.lazy import lazy
-from strand.geometry.mesh import tube_mesh
-from strand.geometry.polyline import between, runs
-from strand.ropes.notebook import chain_html
-from strand.ropes.shape import ShapeError, compare_shapes
 
 # products of lengths stay finite
 _FARTHEST = 1e75

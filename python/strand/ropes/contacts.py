@@ -12,10 +12,10 @@ import numpy as np
 import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, not_negative
+from strand.geometry.meeting import meeting
 from strand.ropes.clearance import nearest_on_segments
 from strand.ropes.crossings import Crossing, find_crossings, unit_direction
-from strand.geometry.meeting import meeting
+from strand.support.checks import Array, not_negative
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import crossed_segments
-from strand.support.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
 from strand.ropes.clearance import least_distance
 from strand.ropes.doubt import Doubt
 from strand.ropes.order import probability_of_order
+from strand.support.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain

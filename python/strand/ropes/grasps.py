@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, number, several
 from strand.ropes.crossings import Crossing, unit_direction
 from strand.ropes.gripper import Gripper
+from strand.support.checks import Array, number, several
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain

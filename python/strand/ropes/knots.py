@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
-from strand.support.checks import Array, finite_array, flag
 from strand.ropes.diagram import Diagram, diagram_of, unit_vector
+from strand.support.checks import Array, finite_array, flag
 
 UNKNOWN = "unknown"
 """The name of a knot that is not in the table."""

@@ -10,7 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import TubeQueries
+from strand.config import METHODS
+from strand.export.capsules import Capsules, capsules_of
+from strand.export.files import csv_of, format_of, mesh_of, polylines_of
+from strand.export.mjcf import mjcf_of
+from strand.export.spheres import Spheres, spheres_of
+from strand.export.urdf import urdf_of
 from strand.ropes.chain import Chain, tube_queries
+from strand.ropes.contacts import Contact, find_contacts
+from strand.ropes.crossings import Crossing, find_crossings, free_stretch, listed_crossings
+from strand.ropes.doubt import DOUBTS, Doubt
+from strand.ropes.grasps import Grasps, find_grasps
+from strand.ropes.gripper import Gripper
+from strand.ropes.next_view import best_camera
+from strand.ropes.notebook import model_html
+from strand.ropes.pulls import PullPlan, plan_pulls
+from strand.ropes.queries import Nearest, RayHits, Sweeps
 from strand.support.checks import (
     Array,
     finite_array,
@@ -25,23 +40,8 @@ from strand.support.checks import (
     text,
     whole,
 )
-from strand.config import METHODS
-from strand.ropes.contacts import Contact, find_contacts
-from strand.ropes.crossings import Crossing, find_crossings, free_stretch, listed_crossings
-from strand.ropes.doubt import DOUBTS, Doubt
-from strand.export.capsules import Capsules, capsules_of
-from strand.export.mjcf import mjcf_of
-from strand.export.spheres import Spheres, spheres_of
-from strand.export.urdf import urdf_of
 from strand.support.files import plain, write_bytes, write_json
-from strand.ropes.grasps import Grasps, find_grasps
-from strand.ropes.gripper import Gripper
-from strand.export.files import csv_of, format_of, mesh_of, polylines_of
 from strand.support.lazy import lazy
-from strand.ropes.next_view import best_camera
-from strand.ropes.pulls import PullPlan, plan_pulls
-from strand.ropes.queries import Nearest, RayHits, Sweeps
-from strand.ropes.notebook import model_html
 from strand.views.sensor import Sensor
 
 FORMAT, VERSION = "strand model", 2

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.report.sheet import PALETTE
+from strand.support.checks import Array
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 
 # set on random scenes: how many times wider heights scatter than covariances say, which leave out what both
 # strands share; the least that they do, of both radii; how far doubts reach, in radii; what doubts count for,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.support.checks import Array
 from strand.ropes.crossings import Crossing, unit_direction
+from strand.support.checks import Array
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.support.checks import Array, flag, whole
-from strand.views.pose import moved
 from strand.synthetic.camera import camera_pose, render_depth, sense
 from strand.synthetic.random_ropes import random_ropes
 from strand.synthetic.scenes import FOCAL_LENGTH, SyntheticScene, azimuths, misplaced, nearest
 from strand.synthetic.things import Ball, Box, Cylinder, Thing, cast
+from strand.views.pose import moved
 
 _SIZE, _DEPTH_SCALE = (640, 480), 1e-4
 _NOISE, _FLYING = 0.001, 0.05  # metres; a part of the pixels at steps

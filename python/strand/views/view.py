@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import strand._core as _core
-from strand.views.box import Bounds, Box, extraction_range
 from strand.support.checks import (
     Array,
     as_array,
@@ -26,6 +25,7 @@ from strand.support.checks import (
     to_millimetres,
     whole,
 )
+from strand.views.box import Bounds, Box, extraction_range
 from strand.views.pose import moved
 
 

@@ -7,8 +7,8 @@ import pytest
 from scene_files import DEPTH, LABELS, POINTS, ply, save_npz, save_png, scene_of
 
 import strand
-from strand.support.files import FileFormatError
 from strand.io.contents import contents
+from strand.support.files import FileFormatError
 
 MOST = 1 << 24
 

@@ -11,14 +11,14 @@ from drawn import of_kind
 from scipy.stats import chi2, norm
 
 import strand
-from strand.ropes.chain import Chain
 from strand.config import Config
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.systematic import depth_behind, deviate, doubts
-from strand.views.pose import rotation_about
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed
+from strand.reconstruction.systematic import depth_behind, deviate, doubts
+from strand.ropes.chain import Chain
 from strand.synthetic import render_depth
+from strand.views.pose import rotation_about
 
 KINDS = {"pose", "range", "view", "residuals", "radius"}
 

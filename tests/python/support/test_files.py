@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 
 from strand import FileFormatError, StrandError
-from strand.support.files import open_file, read_bytes, read_json, read_toml, replacing, write_bytes, write_json
+from strand.support.files import (
+    open_file,
+    read_bytes,
+    read_json,
+    read_toml,
+    replacing,
+    write_bytes,
+    write_json,
+)
 
 
 def test_write_bytes_replaces_the_file_and_leaves_nothing_else(tmp_path):

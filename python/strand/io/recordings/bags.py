@@ -11,8 +11,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from strand.support.extras import extra
-from strand.support.files import FileFormatError, open_file, read_bytes
 from strand.io.recordings.limits import (
     YAML_BYTES,
     GuardedPath,
@@ -21,6 +19,8 @@ from strand.io.recordings.limits import (
     bounded_zstd,
     most_at_once,
 )
+from strand.support.extras import extra
+from strand.support.files import FileFormatError, open_file, read_bytes
 
 _FORMATS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "SQLite file of a ROS 2 bag"}
 SUFFIXES = tuple(_FORMATS)

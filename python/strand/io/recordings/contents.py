@@ -8,12 +8,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from strand.support.files import FileFormatError
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.topics import camera_of, chosen, depth_topics
 from strand.io.recordings.transforms import TF_KINDS, Transforms
 from strand.io.recordings.views import view_of
 from strand.io.seen import Seen, seen_of
+from strand.support.files import FileFormatError
 
 # cameras that are looked at, and messages of each topic of TF
 _CAMERAS, _TRANSFORMS = 32, 100

@@ -12,14 +12,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, flag, not_negative, pinhole, positive, rigid_motion, several, text, whole
-from strand.support.files import FileFormatError
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
 from strand.io.recordings.synchronization import together
 from strand.io.recordings.topics import camera_of, chosen
 from strand.io.recordings.transforms import TF_KINDS, Transforms, stamp_of
 from strand.io.recordings.views import view_of
+from strand.support.checks import (
+    Array,
+    flag,
+    not_negative,
+    pinhole,
+    positive,
+    rigid_motion,
+    several,
+    text,
+    whole,
+)
+from strand.support.files import FileFormatError
 from strand.support.lazy import lazy
 from strand.views.view import View
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from strand.support.checks import Array
-from strand.support.files import FileFormatError
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.cameras import Pinhole, info_topic, is_rectified, pinhole_of, units_topic
 from strand.io.recordings.depth_messages import is_depth
+from strand.support.checks import Array
+from strand.support.files import FileFormatError
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 CLOUDS = ("sensor_msgs/msg/PointCloud2",)

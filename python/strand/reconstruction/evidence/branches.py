@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
-from strand.reconstruction.evidence.visibility import Visibility
 
 # a branch ends at most so far from the side of what it comes from, which is how far counting may miss an end,
 # and points at its axis this well; the way between is looked at in such steps; in radii
@@ -38,7 +38,7 @@ def branches(chains: Sequence[Chain], visibility: Visibility | None = None) -> l
             for other, strand in enumerate(chains):
                 if other == number:
                     continue
-                meets = strand.reconstruction.radius + _MEETS * r
+                meets = strand.radius + _MEETS * r
                 ahead = points[0] + np.arange(0.0, meets, _LOOK * r)[:, None] * out
                 apart = np.linalg.norm(ahead[:, None] - strand.points[None], axis=2)
                 place = int(apart.min(axis=0).argmin())
@@ -46,7 +46,7 @@ def branches(chains: Sequence[Chain], visibility: Visibility | None = None) -> l
                 if not inner or apart[0].min() >= meets or apart.min() >= _STRAIGHT * r:
                     continue
                 nearest = apart.min(axis=1)
-                between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > strand.reconstruction.radius]
+                between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > strand.radius]
                 if visibility is None or not visibility.free(between, r).any():
                     found.append((number, other, strand.points[place]))
     return found

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
+from strand.support.checks import Array
 from strand.views.view import View
 
 # an end has the colour of the points on its last stretch: so long, at least so many points, whose foot points

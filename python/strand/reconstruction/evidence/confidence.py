@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array, to_millimetres
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.evidence.prior import Prior, contradiction
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array, to_millimetres
 
 SCALE = 2.5
 """A difference of costs, in the unit of `Config.linking`, that is worth a factor of e in the odds."""

@@ -8,8 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
-from strand.views.box import Box
 from strand.support.checks import positive
+from strand.views.box import Box
 
 # a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
 _SHARE, _RADII = 0.02, 1.0

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import NotEnoughDataError
-from strand.views.box import Bounds, Box, extraction_range
-from strand.support.checks import Array
 from strand.reconstruction.finding.standing import table_in, tabletop
 from strand.reconstruction.finding.strips import LeftOut, rope_strips
 from strand.reconstruction.finding.widths import strip_lengths, strip_radius
 from strand.reconstruction.images.rope_image import RopeImage, rope_images
 from strand.reconstruction.radius import Radii
+from strand.support.checks import Array
+from strand.views.box import Bounds, Box, extraction_range
 from strand.views.view import View, checked_views, masked
 
 # ropes show at least so many radii of length in some view

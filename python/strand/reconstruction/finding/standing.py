@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.support.checks import Array
 from strand.reconstruction.finding.plane import in_plane, largest_plane
 from strand.reconstruction.images.above_table import gaussian
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
 
 # points that the table is sought in, at most; the share of a view's points that a table has
 _POINTS, _SHARE = 30_000, 0.3

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.support.checks import Array
 from strand.reconstruction.finding.plane import in_plane
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import strip_lengths
 from strand.reconstruction.images.above_table import standing_out
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
 
 # in radii: half the width from which on something is wide; as high as ropes pile up; how far around a wide,
 # high thing what is wide belongs to it, in plan

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 from strand.views.view import View
 
 # points so near an end are looked at, radii; below the table by so much, radii and standard deviations of

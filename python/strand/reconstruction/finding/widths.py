@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.support.checks import Array
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
 
 # half widths that may be a rope's, metres, and how much they vary along one, as a logarithm
 _NARROWEST, _WIDEST, _STEPS, _ALIKE = 0.0008, 0.03, 120, 0.2

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.views.box import Box
-from strand.support.checks import Array
 from strand.reconstruction.images.pixel_errors import neighbours_alike
 from strand.reconstruction.images.rope_image import RopeImage, rope_images
 from strand.reconstruction.images.table_plane import table_plane
 from strand.reconstruction.stages import Observed
+from strand.support.checks import Array
+from strand.views.box import Box
 from strand.views.view import View, cropped, masked
 
 LOWEST = -2.0

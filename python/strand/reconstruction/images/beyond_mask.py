@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.support.checks import Array
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 
 # places beyond an end and inside of it, and how far beside the axis the surroundings are, in radii
 _AHEAD, _ASIDE = np.arange(1.5, 4.1, 0.5), 3.0

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand._core import ImageFit, RopeImages
-from strand.support.checks import Array
 from strand.config import Config
+from strand.geometry.polyline import path_length, runs
 from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
-from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.labels import label_changes
-from strand.geometry.polyline import path_length, runs
+from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.stages import Observed
+from strand.support.checks import Array
 
 Table = tuple[Array, float] | None
 """A plane's unit normal n towards the cameras, and n.x on it, metres."""

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import ImageFit, RopeImages
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
-from strand.ropes.doubt import Doubt
+from strand.geometry.polyline import runs
 from strand.reconstruction.evidence.confidence import SCALE
 from strand.reconstruction.images.comparison import Explanation
 from strand.reconstruction.images.rope_image import RopeImage
-from strand.geometry.polyline import runs
 from strand.reconstruction.tubes.hypotheses import Course, courses, same_courses
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 
 # doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
 # this much more for the other order is worth a factor of e in the odds

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from strand._core import ImageFit, RopeImages
-from strand.support.checks import Array
 from strand.geometry.polyline import path_length
+from strand.support.checks import Array
 
 # how far along the rope ends are looked for, and in which steps, radii; nodes that say where it goes there
 _REACH, _STEP, _AHEAD = 3.0, 0.375, 4

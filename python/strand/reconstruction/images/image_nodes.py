@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import ImageFit, RopeImages
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import between
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
 from strand.views.pose import rotation_about
 
 # the standard deviation of where a mask shows an end, in radii

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.views.box import Box
-from strand.support.checks import Array
 from strand.reconstruction.images.above_table import LOWEST, gaussian, heights
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
+from strand.views.box import Box
 
 # standard deviations of the means, along a rope and across, and of what tells where it runs: of heights and
 # of their slopes; radii

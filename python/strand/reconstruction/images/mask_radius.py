@@ -8,9 +8,9 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.support.checks import Array
 from strand.reconstruction.images.rope_image import RopeImage, prepared
 from strand.reconstruction.images.table_plane import table_plane
+from strand.support.checks import Array
 
 # a rope's top is seen this much lower above its table than it is: matchers and mixed pixels pull it down
 _SEEN_HEIGHT = 0.85

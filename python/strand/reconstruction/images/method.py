@@ -8,22 +8,28 @@ import numpy as np
 
 from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
+from strand.reconstruction.images.above_table import raised
 from strand.reconstruction.images.beyond_mask import ends_that_go_on
 from strand.reconstruction.images.comparison import Explanation, Table, explained, likely_readings, refitted
 from strand.reconstruction.images.image_doubts import distinct, doubts, ends_at_strands, wide_masks
 from strand.reconstruction.images.image_ends import ends_moved
-from strand.reconstruction.images.pixel_errors import Errors, expected_errors, measured_errors, neighbours_alike, sensor_of
 from strand.reconstruction.images.image_nodes import as_chains, corrected_poses
 from strand.reconstruction.images.outlined import mean_noise
-from strand.reconstruction.images.above_table import raised
+from strand.reconstruction.images.pixel_errors import (
+    Errors,
+    expected_errors,
+    measured_errors,
+    neighbours_alike,
+    sensor_of,
+)
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
 from strand.reconstruction.images.table_plane import table_plane
-from strand.support.lazy import lazy
-from strand.ropes.model import Alternative
-from strand.views.pose import moved
-from strand.views.sensor import Sensor
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.warnings import about_answer
+from strand.ropes.model import Alternative
+from strand.support.lazy import lazy
+from strand.views.pose import moved
+from strand.views.sensor import Sensor
 
 PLAIN = 0.1
 """Errors of neighbouring pixels that are less alike count as independent."""

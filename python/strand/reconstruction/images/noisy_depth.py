@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strand._core import NotEnoughDataError, RopeImages
-from strand.support.checks import Array
 from strand.config import Config
+from strand.geometry.polyline import path_length
+from strand.reconstruction.images.above_table import raised
 from strand.reconstruction.images.comparison import (
     ROPE,
     Explanation,
@@ -25,17 +26,16 @@ from strand.reconstruction.images.comparison import (
     refitted,
 )
 from strand.reconstruction.images.image_ends import ends_moved
-from strand.reconstruction.images.pixel_errors import Errors
+from strand.reconstruction.images.image_nodes import corrected_poses
 from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.method import Read
-from strand.reconstruction.images.image_nodes import corrected_poses
 from strand.reconstruction.images.outlined import averaged, mean_noise, outlined
-from strand.reconstruction.images.above_table import raised
+from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
 from strand.reconstruction.images.table_plane import table_plane
-from strand.geometry.polyline import path_length
 from strand.reconstruction.stages import Observed, Run
 from strand.reconstruction.tubes.method import find_chains as find_tubes
+from strand.support.checks import Array
 from strand.views.view import View
 
 # weights of the outline's length, one for each mask

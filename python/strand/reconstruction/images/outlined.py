@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.views.box import Box
-from strand.support.checks import Array
 from strand.reconstruction.images.above_table import LOWEST, heights
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
+from strand.views.box import Box
 
 # pixels are averaged until a rope's radius is about this many of them: what is finer is lost in the noise
 _FINE = 3.0

@@ -10,9 +10,9 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.reconstruction.images.rope_image import RopeImage
-from strand.views.sensor import Sensor
 from strand.reconstruction.tubes.backgrounds import plane_correlations
 from strand.reconstruction.tubes.noise import depth_step
+from strand.views.sensor import Sensor
 
 # depth is taken from discs of this part of the rope's radius
 _DISC = 0.6

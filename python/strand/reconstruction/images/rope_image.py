@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.views.box import Box
 from strand.support.checks import Array
 from strand.support.lazy import lazy
+from strand.views.box import Box
 from strand.views.pose import moved
 from strand.views.view import DepthImage, View
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.support.checks import Array
 
 # points, planes through three of them that are tried, each compared with one point of so many, and the
 # share of points that a table needs

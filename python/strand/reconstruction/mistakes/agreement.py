@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.views.box import Box
 from strand.support.checks import Array
+from strand.views.box import Box
 from strand.views.view import View, cropped
 
 # points of a view that are asked, and fewest that say anything; views with more than so many show more than

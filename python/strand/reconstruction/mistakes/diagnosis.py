@@ -9,16 +9,16 @@ from contextlib import contextmanager
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.views.box import Box
-from strand.ropes.doubt import Doubt
+from strand.reconstruction.finding.ropes import find_ropes, on_table
 from strand.reconstruction.mistakes.agreement import apart, more_than_ropes
 from strand.reconstruction.mistakes.distance import too_far
 from strand.reconstruction.mistakes.field_of_view import seen_all_around, seen_from_one_place
 from strand.reconstruction.mistakes.flatness import bent_tables
 from strand.reconstruction.mistakes.principal_point import off_centre
 from strand.reconstruction.mistakes.undo import MISTAKES
-from strand.reconstruction.finding.ropes import find_ropes, on_table
 from strand.reconstruction.radius import Radii, apparent_radius
+from strand.ropes.doubt import Doubt
+from strand.views.box import Box
 from strand.views.view import View, cropped
 
 # views that are right show ropes so many radii apart at most; as far as this counts

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.views.box import Box, metres
-from strand.support.checks import Array
 from strand.reconstruction.mistakes.diagnosis import suspected, thinnest
 from strand.reconstruction.mistakes.undo import IN_MILLIMETRES, MISTAKES
-from strand.views.pose import moved
 from strand.reconstruction.radius import Radii
+from strand.support.checks import Array
+from strand.views.box import Box, metres
+from strand.views.pose import moved
 from strand.views.view import View
 
 # so many points of each view are looked at; a cause is likely if it explains this share of them

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array
 from strand.ropes.doubt import Doubt
+from strand.support.checks import Array
 from strand.views.view import View
 
 # views that are looked at, points of each, and fewest

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.support.checks import Array
 from strand.config import Reconnection
 from strand.geometry.polyline import bridge, end_direction, path_length, walk
 from strand.reconstruction.published.reconnection import Reconnected
+from strand.support.checks import Array
 
 # an end is looked for this far ahead, in steps of this length, within this distance of the axis; in radii
 _AHEAD, _STEP, _ASIDE = 4.0, 0.25, 0.75

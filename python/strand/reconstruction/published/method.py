@@ -12,17 +12,17 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.config import Config
-from strand.ropes.model import ModelWarning
 from strand.geometry.polyline import path_length
-from strand.views.pose import moved
 from strand.reconstruction.published.assembly import assemble
 from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import split
-from strand.reconstruction.wide_surfaces import no_ropes
 from strand.reconstruction.stages import Found, Observed, Run
+from strand.reconstruction.wide_surfaces import no_ropes
+from strand.ropes.chain import Chain
+from strand.ropes.model import ModelWarning
+from strand.support.checks import Array
+from strand.views.pose import moved
 from strand.views.view import View
 
 

@@ -11,10 +11,10 @@ from itertools import combinations
 
 import numpy as np
 
-from strand.support.checks import Array
 from strand.config import Reconnection
 from strand.geometry.polyline import end_direction, path_length
 from strand.reconstruction.published.splitting import Split
+from strand.support.checks import Array
 
 # the ways to join four ends in two pairs
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array
 from strand.config import Splitting
 from strand.geometry.polyline import path_length
+from strand.support.checks import Array
 
 Indices = NDArray[np.int64]
 # rows of the distance matrix that are in memory at a time

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.support.checks import Array
 from strand.config import Linking
 from strand.geometry.polyline import end_direction, path_length, runs
+from strand.support.checks import Array
 
 # arcs shorter than this may be duplicates of others that they are nearer to than strands in contact, in radii
 _DUPLICATE, _BESIDE = 6.0, 1.75

@@ -9,16 +9,16 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
-from strand.support.checks import Array
 from strand.config import Config
-from strand.views.pose import moved
 from strand.reconstruction.radius import Radii, agreeing
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
-from strand.reconstruction.tubes.tube_ends import extents
 from strand.reconstruction.tubes.fitting import ROUGHLY, fitted, splines
 from strand.reconstruction.tubes.radius_choice import best_explaining
 from strand.reconstruction.tubes.second_look import unexplained_arcs
+from strand.reconstruction.tubes.tube_ends import extents
+from strand.support.checks import Array
+from strand.views.pose import moved
 
 # arcs traced where views were off by less than this, in radii, are not traced again
 _SETTLED = 0.15

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import strand._core as _core
-from strand.support.checks import Array
-from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.geometry.polyline import bridge, path_length
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
+from strand.support.checks import Array
 
 # gaps shorter than this are bridged by a plain cubic, in radii; over longer ones these lengths of the
 # tangents, as parts of the gap, are tried

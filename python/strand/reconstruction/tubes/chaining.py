@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.support.checks import Array
-from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.geometry.polyline import bridge, path_length, walk
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.tubes.bridges import LONG, least_bending, seen_through
 from strand.reconstruction.tubes.clouds import Chains, Pair
+from strand.support.checks import Array
 
 
 def chained(arcs: Sequence[Array], joins: Sequence[Pair], evidence: JoinEvidence) -> Chains:

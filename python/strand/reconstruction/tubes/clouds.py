@@ -9,8 +9,8 @@ from itertools import compress
 import numpy as np
 
 import strand._core as _core
-from strand.views.box import Box
 from strand.support.checks import Array
+from strand.views.box import Box
 from strand.views.view import View
 
 Pair = tuple[int, int]

@@ -9,11 +9,11 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import EndObservation, TubeFit
-from strand.views.box import Box
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
-from strand.views.pose import moved
 from strand.reconstruction.tubes.tube_ends import pixel_width, seen_excess
+from strand.support.checks import Array
+from strand.views.box import Box
+from strand.views.pose import moved
 
 # all in radii: how far inside an end its density is taken, from and to; how near a line of sight another
 # strand hides what is there

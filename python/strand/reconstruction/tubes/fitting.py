@@ -7,9 +7,9 @@ from typing import Any
 
 import strand._core as _core
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.config import Config
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
+from strand.support.checks import Array
 
 # a fit that another follows ends after a step of less than this, in standard deviations of the unknowns
 ROUGHLY = 0.3

@@ -9,9 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from strand._core import NotEnoughDataError, TubeFit
-from strand.support.checks import Array
-from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.geometry.polyline import path_length, walk
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arc_repair import aimed, part_at_contacts, without_duplicates
 from strand.reconstruction.tubes.chaining import chained, chained_to_length
@@ -19,6 +18,7 @@ from strand.reconstruction.tubes.clouds import Chains, Pair
 from strand.reconstruction.tubes.join_costs import JoinCosts, bridge_costs, join_costs
 from strand.reconstruction.tubes.matching import free_ends, joined_most, joined_to, matched
 from strand.reconstruction.tubes.scores import contradiction_cost, explanation_cost
+from strand.support.checks import Array
 
 # ends cut back by so many radii where arcs run into each other
 _CUT_BACK = (2.5, 6.0)

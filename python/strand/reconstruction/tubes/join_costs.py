@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import strand._core as _core
-from strand.support.checks import Array
-from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.geometry.polyline import bridge, end_direction, path_length, runs
+from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.tubes.bridges import bridge_cost, least_bending, seen_through
 from strand.reconstruction.tubes.clouds import Pair
+from strand.support.checks import Array
 
 # gaps shorter than this are looked at from a radius back too, in radii
 _NEAR = 2.5

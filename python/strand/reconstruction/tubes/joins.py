@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.config import Linking
-from strand.ropes.model import Alternative, Join
 from strand.geometry.polyline import path_length
 from strand.reconstruction.tubes.clouds import Chains
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis
 from strand.reconstruction.tubes.matching import matched
+from strand.ropes.chain import Chain
+from strand.ropes.model import Alternative, Join
+from strand.support.checks import Array
 
 ByClass = Sequence[Sequence[ScoredHypothesis]]
 """For each class of radius the hypotheses about its arcs, the best first; empty for a class without arcs."""

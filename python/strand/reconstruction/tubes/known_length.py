@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
 from strand.reconstruction.evidence.prior import Prior
+from strand.support.checks import Array
 
 # a bow may become this many times as high; its height is found by so many bisections
 _HIGHEST, _BISECTIONS = 2.0, 40

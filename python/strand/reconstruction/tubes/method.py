@@ -16,16 +16,16 @@ from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.arcs import fit_arcs, seen_arcs, with_unexplained
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.decision import chosen, decided, decided_again
-from strand.reconstruction.tubes.tube_doubts import doubts
-from strand.reconstruction.tubes.tube_ends import with_hidden_ends
 from strand.reconstruction.tubes.joins import all_joins, alternatives
-from strand.reconstruction.tubes.tube_nodes import as_chains
 from strand.reconstruction.tubes.noise import expected_noise
 from strand.reconstruction.tubes.pixels import Cameras
 from strand.reconstruction.tubes.registration import registered_roughly
-from strand.reconstruction.tubes.whole_ropes import fit_ropes, rope_parts
 from strand.reconstruction.tubes.second_look import to_decide_again
+from strand.reconstruction.tubes.tube_doubts import doubts
+from strand.reconstruction.tubes.tube_ends import with_hidden_ends
+from strand.reconstruction.tubes.tube_nodes import as_chains
 from strand.reconstruction.tubes.warnings import about_answer, about_fit
+from strand.reconstruction.tubes.whole_ropes import fit_ropes, rope_parts
 
 # what a deadline may leave out
 SECOND_LOOK = "a second look at what is not explained"

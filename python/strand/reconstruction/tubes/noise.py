@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import TubeFit
-from strand.support.checks import Array
-from strand.views.sensor import Sensor
 from strand.reconstruction.tubes.backgrounds import plane_correlations
 from strand.reconstruction.tubes.pixels import Cameras, Grid
+from strand.support.checks import Array
+from strand.views.sensor import Sensor
 
 # residuals whose rays meet the surface more flatly tell more of the edge than of the noise
 _LEAST_FACING = 0.4

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
+from strand.support.checks import Array
 
 # residuals beyond this explain nothing, in smallest radii
 _LIMIT = 0.4

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.views.box import Bounds, extraction_range
-from strand.support.checks import Array, checked_radius, rigid_motion
 from strand.config import Config
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arcs import fit_arcs, trace
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROUGHLY, fitted, splines
+from strand.support.checks import Array, checked_radius, rigid_motion
+from strand.views.box import Bounds, extraction_range
 from strand.views.view import View, checked_views
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others

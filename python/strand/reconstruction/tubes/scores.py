@@ -6,13 +6,13 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import TubeFit
+from strand.geometry.polyline import path_length, runs
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.geometry.polyline import path_length, runs
 from strand.reconstruction.tubes.clouds import Chains
-from strand.reconstruction.tubes.tube_ends import extents
 from strand.reconstruction.tubes.second_look import is_phantom, unexplained
+from strand.reconstruction.tubes.tube_ends import extents
 
 # with b the curvature times the radius, each radius of rope costs _BENDING (b^2 + _KINK max(b - _SHARP, 0))
 _BENDING, _SHARP, _KINK = 1.5, 0.6, 4.0

@@ -8,11 +8,11 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
-from strand.reconstruction.evidence.visibility import Visibility
 from strand.geometry.polyline import runs
+from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.clouds import Arcs
+from strand.support.checks import Array
 
 # an arc needs this share of the points that others have for their length, and this many nodes
 _SHARE, _NODES = 0.2, 2

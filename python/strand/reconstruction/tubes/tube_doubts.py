@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import TubeFit
-from strand.support.checks import Array, to_millimetres
 from strand.geometry.curve import Curve
-from strand.ropes.doubt import Doubt
+from strand.geometry.polyline import path_length
 from strand.reconstruction.evidence.confidence import SCALE, doubt_of_margin
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.ropes.model import Join
-from strand.geometry.polyline import path_length
-from strand.reconstruction.tubes.tube_ends import extents, unseen_beyond
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, without_prior
 from strand.reconstruction.tubes.joins import ByClass, runs_through
+from strand.reconstruction.tubes.tube_ends import extents, unseen_beyond
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import Join
+from strand.support.checks import Array, to_millimetres
 
 # how far beyond an end no camera may have seen, in radii
 _UNSEEN = 1.75

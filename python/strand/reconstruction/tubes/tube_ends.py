@@ -9,9 +9,9 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import TubeFit
-from strand.support.checks import Array
 from strand.geometry.curve import Curve
 from strand.reconstruction.evidence.visibility import Visibility
+from strand.support.checks import Array
 
 # how far inside an end the density of its points is taken, in radii
 _INSIDE = 5.0

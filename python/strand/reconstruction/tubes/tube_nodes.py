@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand._core import TubeFit
-from strand.ropes.chain import Chain
-from strand.support.checks import Array
 from strand.config import Config
 from strand.geometry.curve import Curve, basis
 from strand.reconstruction.tubes.tube_ends import end_deviations
+from strand.ropes.chain import Chain
+from strand.support.checks import Array
 
 # nodes of a ring, the first counted twice
 _LEAST_OF_RING = 4

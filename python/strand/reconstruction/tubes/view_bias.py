@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import EndObservation, TubeFit
-from strand.ropes.doubt import Doubt
-from strand.reconstruction.systematic import deviate
-from strand.views.pose import moved
 from strand.reconstruction.radius import Radii, apparent_radius
 from strand.reconstruction.stages import Found, Observed
+from strand.reconstruction.systematic import deviate
+from strand.ropes.doubt import Doubt
+from strand.views.pose import moved
 from strand.views.view import View
 
 # a radius that was given may be off by so much more than noise does to it, which pulls it by so many squares

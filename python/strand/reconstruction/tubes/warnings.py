@@ -7,17 +7,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import TubeFit
-from strand.views.box import Box
-from strand.ropes.chain import Chain
-from strand.support.checks import to_millimetres
 from strand.config import Config, Linking, Poses
-from strand.ropes.doubt import Doubt
 from strand.reconstruction.evidence.branches import branches
 from strand.reconstruction.evidence.confidence import doubt_of_margin
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.ropes.model import ModelWarning
 from strand.reconstruction.radius import Radii, fitted_deviation
 from strand.reconstruction.tubes.noise import Noise
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import ModelWarning
+from strand.support.checks import to_millimetres
+from strand.views.box import Box
 
 # a radius that was given is in doubt if the fit is so many standard deviations from it
 _PULLED = 3.0

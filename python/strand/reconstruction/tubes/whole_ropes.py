@@ -15,11 +15,11 @@ from strand.reconstruction.radius import Radii, agreeing
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.reconstruction.tubes.end_observations import observed_ends
-from strand.reconstruction.tubes.tube_ends import extents
 from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
 from strand.reconstruction.tubes.known_length import as_long
 from strand.reconstruction.tubes.noise import Noise, measured_noise
 from strand.reconstruction.tubes.pixels import Cameras
+from strand.reconstruction.tubes.tube_ends import extents
 
 
 def fit_ropes(

@@ -17,9 +17,9 @@ from rosbags.rosbag2 import storage_mcap
 
 import strand
 from strand import Recording
-from strand.support.files import FileFormatError
 from strand.io.recordings import is_recording, limits
 from strand.io.recordings.bags import Bag
+from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=2, size=(64, 48))
 KINDS = [

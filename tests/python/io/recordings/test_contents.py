@@ -7,9 +7,9 @@ import pytest
 from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
 
 import strand
-from strand.support.files import FileFormatError
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.contents import Topic, recording_contents
+from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=2, size=(40, 30))
 SIZE = (40, 30)

@@ -9,9 +9,9 @@ from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, millimetr
 
 import strand
 from strand import Recording
-from strand.support.files import FileFormatError
 from strand.io import recordings
 from strand.io.recordings import is_recording
+from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3, size=(160, 120))
 DEPTHS = millimetres(SCENE)

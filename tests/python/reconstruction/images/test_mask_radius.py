@@ -11,8 +11,8 @@ import strand
 import strand._core as _core
 from strand._core import NotEnoughDataError, convolved
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.above_table import all_masked, raised
+from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.rope_image import rope_images
 from strand.reconstruction.images.table_plane import table_plane
 from strand.reconstruction.radius import Radii

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import strand
+from strand.geometry.polyline import path_length
+from strand.reconstruction.images.above_table import raised
 from strand.reconstruction.images.image_ends import _changed
 from strand.reconstruction.images.lengthwise import points_along
-from strand.reconstruction.images.outlined import averaged, outlined
-from strand.reconstruction.images.above_table import raised
 from strand.reconstruction.images.noisy_depth import _within
+from strand.reconstruction.images.outlined import averaged, outlined
 from strand.reconstruction.images.rope_image import pixels_of, rope_images
 from strand.reconstruction.images.table_plane import table_plane
-from strand.geometry.polyline import path_length
 from strand.synthetic import scene
 
 RADIUS = 0.004

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import strand
+from strand.geometry.polyline import between
 from strand.reconstruction.images.image_nodes import corrected_poses
 from strand.reconstruction.images.rope_image import prepared, rope_images
 from strand.reconstruction.images.table_plane import table_plane
-from strand.geometry.polyline import between
 from strand.synthetic import Segmentation, scene
 from strand.views.view import cropped
 

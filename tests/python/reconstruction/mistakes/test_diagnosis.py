@@ -7,10 +7,10 @@ import pytest
 
 import strand
 from strand.reconstruction.mistakes.agreement import apart
+from strand.reconstruction.mistakes.diagnosis import explained, suspected
 from strand.reconstruction.mistakes.distance import too_far
 from strand.reconstruction.mistakes.field_of_view import seen_all_around, seen_from_one_place
 from strand.reconstruction.mistakes.flatness import bent_tables, table_scatters
-from strand.reconstruction.mistakes.diagnosis import explained, suspected
 from strand.reconstruction.mistakes.principal_point import off_centre
 from strand.reconstruction.mistakes.undo import MISTAKES, ray_lengths
 from strand.reconstruction.radius import Radii

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from drawn import R, length_of
 
-from strand.views.box import Box
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.tubes.bridges import least_bending
+from strand.views.box import Box
 
 
 def test_a_bridge_has_the_length_that_is_asked_for():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import strand
-from strand import default
 from strand._core import EndObservation
+from strand.reconstruction import default
 from strand.reconstruction.tubes.view_bias import doubts
 
 

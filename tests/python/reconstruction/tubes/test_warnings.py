@@ -8,10 +8,10 @@ from drawn import R, line, of_kind
 
 import strand
 from strand.config import Linking
-from strand.ropes.doubt import DOUBTS, Doubt
 from strand.reconstruction.evidence.confidence import doubt_of_margin
 from strand.reconstruction.evidence.visibility import visibility_from
 from strand.reconstruction.tubes.warnings import about_answer
+from strand.ropes.doubt import DOUBTS, Doubt
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
