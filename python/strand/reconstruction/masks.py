@@ -15,6 +15,7 @@ from strand.reconstruction.images.table_plane import table_plane
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import ModelWarning
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 from strand.views.box import Box
 from strand.views.pose import moved
 from strand.views.view import DepthImage, View
@@ -191,7 +192,7 @@ def _why_misplaced(rope: _Rope, radii: Array) -> tuple[str | None, bool]:
     height = float(np.median(heights)) / radii[0]
     if height >= _LEAST_HEIGHT:
         return None, False
-    spread = 1.4826 * float(np.median(np.abs(heights / radii[0] - height)))
+    spread = robust_deviation(heights / radii[0] - height)
     low = float(np.mean(heights < _FLAT * radii[0]))
     reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "

@@ -1,1 +1,1 @@
-"""Checks of arguments, files, extras and lazy properties."""
+"""Checks of arguments, files, extras, lazy properties and robust deviations."""

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.support.checks import Array, not_negative, number, positive, several, whole
 from strand.support.files import write_bytes
+from strand.support.robust import robust_deviation
 from strand.synthetic.camera import TABLE, camera_pose, image_size, render_depth, rope_nodes, sense
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.segmentation import Segmentation
@@ -34,7 +35,6 @@ _VIEWS = 10_000  # most images of a scene
 _NOISE, _FLYING = 0.0007, 0.05  # of a scene without a camera: metres, and a part of the pixels at steps
 _ELEVATION = math.radians(50.0)  # of the cameras above a table
 _AROUND_TABLE, _BEFORE_WALL = math.radians(90.0), math.radians(40.0)  # the outermost azimuths
-_ROBUST = 1.4826  # standard deviation over the median of the absolute error, of normal errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +291,7 @@ def scene(
             on_ropes.append(np.abs(image * depth_scale - exact)[shown & (image > 0)])
     if imitated is not None:
         found = np.concatenate(on_ropes)
-        noise = float(_ROBUST * np.median(found)) if len(found) else 0.0
+        noise = robust_deviation(found)
     errors = stage.normal(size=(count, 3)) * (turn_error, shift_error, shift_error)
     errors[count // 2] = 0.0
     low, high = nodes.min(axis=0) - 6.0 * radius, nodes.max(axis=0) + 6.0 * radius

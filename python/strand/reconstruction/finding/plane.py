@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 
 # planes through three points that are tried, and points that each is compared with
 _TRIES, _COMPARED = 300, 3000
 # how far from the plane points may lie: first, of their median distance; then in standard deviations of what
 # lies on it, at least so much of the distance
 _FIRST, _DEVIATIONS, _LEAST, _ROUNDS = 0.01, 3.0, 0.002, 4
-_ROBUST = 1.4826
 # three points whose angle has a smaller sine lie on a line
 _STRAIGHT = 1e-6
 _AT_ONCE = 20
@@ -68,7 +68,7 @@ def largest_plane(points: Array) -> tuple[Array, float, float] | None:
         from_middle = own - middle
         normal = np.linalg.eigh(from_middle.T @ from_middle)[1][:, 0]
         offset = float(normal @ middle)
-        scatter = _ROBUST * float(np.median(np.abs(from_middle @ normal)))
+        scatter = robust_deviation(from_middle @ normal)
         wide = max(_DEVIATIONS * scatter, least)
     if offset > 0.0:
         normal, offset = -normal, -offset

@@ -12,6 +12,7 @@ from strand.reconstruction.finding.plane import in_plane, largest_plane
 from strand.reconstruction.images.above_table import gaussian
 from strand.reconstruction.images.rope_image import RopeImage
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 
 # points that the table is sought in, at most; the share of a view's points that a table has
 _POINTS, _SHARE = 30_000, 0.3
@@ -19,7 +20,7 @@ _POINTS, _SHARE = 30_000, 0.3
 _CELL, _CELLS, _INNER = 0.04, 30, 0.3
 # heights are smoothed by so many pixels; what stands out by so many deviations of what lies on the table, and
 # by this share of its distance, stands above it
-_SMOOTH, _DEVIATIONS, _LOWEST, _ROBUST = 0.8, 5.0, 0.001, 1.4826
+_SMOOTH, _DEVIATIONS, _LOWEST = 0.8, 5.0, 0.001
 # heights above this share of the distance are cut before they are smoothed
 _HIGHEST = 0.03
 # squares of coordinates are finite up to here, metres
@@ -119,7 +120,7 @@ def _standing(above: Array, seen: NDArray[np.bool_], distance: float) -> NDArray
     shares = _core.convolved(seen.astype(np.float32), kernel)
     smooth = _core.convolved(cut.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
     on_table = smooth[seen & (np.abs(smooth) < _LOWEST * 5.0)]
-    scatter = _ROBUST * float(np.median(np.abs(on_table))) if len(on_table) else 0.0
+    scatter = robust_deviation(on_table)
     found = (shares > _SEEN) & (smooth > max(_DEVIATIONS * scatter, _LOWEST))
     numbers = _core.blob_numbers(found)
     return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _FEWEST))

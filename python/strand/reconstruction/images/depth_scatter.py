@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import strand._core as _core
+from strand.support.robust import DEVIATION_OF_MEDIAN
 from strand.views.view import View
 
 # every so many rows are asked
@@ -40,5 +41,5 @@ def depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> 
         _EVERY,
     )
     # of normal noise: the median's size, and a second difference has six times the variance of a depth
-    found = 1.4826 * np.array(bends) / 6.0**0.5
+    found = DEVIATION_OF_MEDIAN * np.array(bends) / 6.0**0.5
     return float(np.median([min(around, own) if 0.0 < own < wide else around for around, own in found]))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 from strand.views.view import View
 
 # views that are looked at, points of each, and fewest
@@ -17,7 +18,7 @@ _VIEWS, _POINTS, _FEWEST = 3, 1000, 300
 _CELLS, _FILLED = 12, 0.5
 # half of the points lie as near as this to a table, of their distance; rounds of the robust fit, and the
 # deviations at which a point counts half
-_NEAR, _ROUNDS, _ODD, _ROBUST = 0.0125, 10, 2.0, 1.4826
+_NEAR, _ROUNDS, _ODD = 0.0125, 10, 2.0
 # change of the scatter from round to round, as a part of it, below which a fit has settled
 _SETTLED = 0.01
 # depth is doubted where the table is so many times flatter with it over the rays' lengths; lenses and sensors
@@ -114,7 +115,7 @@ def _scatter(slopes: Array, inverse: Array, depth: Array) -> float:
         weighted = slopes * weights[:, None]
         linear = np.linalg.solve(weighted.T @ slopes, weighted.T @ inverse)
         off = (inverse - slopes @ linear) * depth
-        scatter = _ROBUST * float(np.median(np.abs(off)))
+        scatter = robust_deviation(off)
         if abs(scatter - before) < _SETTLED * scatter:
             break
         weights = 1.0 / (1.0 + (off / max(_ODD * scatter, np.finfo(float).tiny)) ** 2)

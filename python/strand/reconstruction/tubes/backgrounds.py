@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.support.checks import Array
+from strand.support.robust import DEVIATION_OF_MEDIAN
 
 # side of the windows that planes are fitted to, pixels
 _SIDE = 40
@@ -55,7 +56,7 @@ def plane_correlations(images: Sequence[tuple[Array, float]], lags: int) -> tupl
         windows = windows[np.argsort(np.abs(windows.mean(axis=1) - depth), kind="stable")]
         nearness = 1.0 / windows
         errors = nearness - (nearness @ fits) @ terms
-        sd = 1.4826 * np.median(np.abs(errors), axis=1)
+        sd = DEVIATION_OF_MEDIAN * np.median(np.abs(errors), axis=1)
         if not len(sd):
             continue
         # in metres: what is no plane has wider residuals than those that are

@@ -13,6 +13,7 @@ from strand._core import TubeFit
 from strand.reconstruction.tubes.backgrounds import plane_correlations
 from strand.reconstruction.tubes.pixels import Cameras, Grid
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 from strand.views.sensor import Sensor
 
 # residuals whose rays meet the surface more flatly tell more of the edge than of the noise
@@ -188,7 +189,7 @@ def measured_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     if not good.any():
         return Noise(fit.sigma)
     error = fit.residual / fit.facing.clip(_LEAST_FACING)
-    sd = 1.4826 * float(np.median(np.abs(error[good])))
+    sd = robust_deviation(error[good])
     grids = cameras.grids
     if not grids:
         return Noise(sd)
