@@ -15,7 +15,7 @@ from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.model import Alternative, Doubt, Join, Model, ModelWarning
-from strand.support.files import plain
+from strand.support.files import convert_to_json
 from strand.views.sensor import Sensor
 
 DEPTH = np.random.default_rng(1).integers(300, 900, size=(6, 8)).astype(np.uint16)
@@ -208,6 +208,6 @@ def model() -> bytes:
         sensor=Sensor(sd=0.001),
     )
     crossing = Crossing((0, 0.05), (0, 0.01), np.ones(3), np.zeros(3), 0.009, 1e-4, 1e-3, 0.5, 1, 0.99)
-    content = plain(made) | {"crossings": [plain(crossing)]}
+    content = convert_to_json(made) | {"crossings": [convert_to_json(crossing)]}
     del content["stages"]
     return json.dumps({"format": "strand model", "version": 2, "units": "metres", **content}).encode()

@@ -15,7 +15,7 @@ CHOICES = re.compile(r"^(\s*\w+ : )\{(.+)\}", re.MULTILINE)
 
 
 class Habits(griffe.Extension):
-    """Kernels are documented in Rust and have stubs, choices in braces are words, `lazy` makes attributes."""
+    """Kernels are documented in Rust, choices in braces are words, lazy properties are attributes."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
         """Take a kernel's docstring from the compiled module; keep griffe from reading types as code."""
@@ -39,7 +39,7 @@ class Habits(griffe.Extension):
             cls.set_member("__init__", cls.members["__new__"])
         for name, member in list(cls.members.items()):
             if isinstance(member, griffe.Function) and any(
-                str(decorator.value) == "lazy" for decorator in member.decorators
+                str(decorator.value) == "lazy_property" for decorator in member.decorators
             ):
                 attribute = griffe.Attribute(
                     name, annotation=member.returns, docstring=member.docstring, parent=cls

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import one_of
+from strand.support.checks import check_choice
 from strand.support.files import FileFormatError, read_toml
 from strand.views.sensor import Sensor, preset
 
@@ -339,7 +339,7 @@ class Linking:
 
     def __post_init__(self) -> None:
         _check(self)
-        one_of("Linking.rings", self.rings, RINGS)
+        check_choice("Linking.rings", self.rings, RINGS)
 
 
 METHODS = ("tubes", "published")
@@ -392,7 +392,7 @@ class Config:
     reconnection: Reconnection = field(default_factory=Reconnection)
 
     def __post_init__(self) -> None:
-        one_of("Config.method", self.method, METHODS)
+        check_choice("Config.method", self.method, METHODS)
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             object.__setattr__(self, "sensor", preset(self.sensor))
         for name, section in _SECTIONS.items():

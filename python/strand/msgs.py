@@ -17,7 +17,14 @@ from strand.io.recordings.cameras import pinhole_of
 from strand.io.recordings.views import view_of
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
-from strand.support.checks import Array, color_array, finite_array, flag, text, whole
+from strand.support.checks import (
+    Array,
+    check_bool,
+    check_colors,
+    check_finite_array,
+    check_integer,
+    check_text,
+)
 from strand.views.view import View
 
 Message = dict[str, Any]
@@ -94,7 +101,7 @@ def marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str 
     """
     if not isinstance(model, Model):
         raise TypeError(f"model: expected a Model, got {type(model).__name__}")
-    head, name = _header(frame_id, stamp), text("namespace", namespace)
+    head, name = _header(frame_id, stamp), check_text("namespace", namespace)
     sure = 1.0 if math.isnan(model.confidence) else model.confidence
     markers: list[Message] = [{"header": head, "ns": name, "id": 0, "action": _DELETE_ALL}]
     for i, chain in enumerate(model.chains):
@@ -185,14 +192,14 @@ def point_cloud2(
         If an argument is of the wrong kind, a number is not finite or does not fit in single precision, there
         is not one colour for each point, or `stamp` is negative.
     """
-    cloud = finite_array("points", points, ("N", 3))
+    cloud = check_finite_array("points", points, ("N", 3))
     if cloud.size and np.abs(cloud).max() > np.finfo(np.float32).max:
         raise ValueError("points: expected coordinates that fit in single precision")
     step = 12 if colors is None else 16
     data = np.zeros((len(cloud), step // 4), dtype="<u4")
     data[:, :3] = cloud.astype("<f4").view("<u4")
     if colors is not None:
-        shares = color_array("colors", colors, (len(cloud), 3))
+        shares = check_colors("colors", colors, (len(cloud), 3))
         red, green, blue = np.round(255.0 * shares).astype(np.uint32).T
         data[:, 3] = red << 16 | green << 8 | blue
     fields = [
@@ -260,14 +267,17 @@ def view(
         matrices = all(hasattr(camera_info, name) or hasattr(camera_info, name.upper()) for name in "kdp")
         if not (matrices and hasattr(camera_info, "height") and hasattr(camera_info, "width")):
             raise TypeError(f"camera_info: expected a CameraInfo, got {type(camera_info).__name__}")
-        rectified, ignore = flag("rectified", rectified), flag("ignore_distortion", ignore_distortion)
+        rectified, ignore = (
+            check_bool("rectified", rectified),
+            check_bool("ignore_distortion", ignore_distortion),
+        )
         camera = pinhole_of(camera_info, rectified=rectified, ignore_distortion=ignore)
     return view_of(message, camera, pose, depth_scale)
 
 
 def _header(frame_id: str, stamp: int) -> Message:
-    sec, nanosec = divmod(whole("stamp", stamp), 10**9)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": text("frame_id", frame_id)}
+    sec, nanosec = divmod(check_integer("stamp", stamp), 10**9)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": check_text("frame_id", frame_id)}
 
 
 def _place(node: Array) -> Message:

@@ -87,13 +87,13 @@ def test_what_is_missing_is_asked_for_by_the_installed_name(name, tmp_path):
         information = tmp_path / f"{name.replace('-', '_')}-1.0.dist-info"
         information.mkdir()
         (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-        (information / "RECORD").write_text("strand/__init__.py,,\nstrand/extras.py,,\n")
+        (information / "RECORD").write_text("strand/__init__.py,,\nstrand/support/extras.py,,\n")
     code = f"""
 import sys
 sys.path[:] = {[str(tmp_path), *sys.path]!r}
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 sys.modules["plotly"] = None
-extra("plotly.graph_objects")
+import_extra("plotly.graph_objects")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     wanted = "." if name is None else name

@@ -17,7 +17,7 @@ from strand._core import set_num_threads
 from strand.batch.engines import TRIES, EngineError, environment
 from strand.batch.shards import Written
 from strand.batch.units import Unit
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 AHEAD = 2
 """Tasks that are asked for, for each that can run: enough that no worker waits for the driver."""
@@ -73,7 +73,7 @@ def each(
     Exception
         What the work raises; other work is ended.
     """
-    ray = extra("ray")
+    ray = import_extra("ray")
     connected = nullcontext() if ray.is_initialized() else _connected(ray, workers * threads, address)
     with connected:
         yield from _each(ray, work, units, threads)

@@ -14,8 +14,8 @@ from strand.batch.shards import VERSION_KEY, names
 from strand.batch.table import SCHEMA_VERSION, schema
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model, ModelWarning
-from strand.support.checks import checked_path, several, text
-from strand.support.extras import extra
+from strand.support.checks import check_path, check_sequence, check_text
+from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
 
 # warnings that always name chains; of others it cannot be told whether they are about all or about none
@@ -48,7 +48,7 @@ def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
     ImportError
         If pyarrow is not installed.
     """
-    pa, wanted = extra("pyarrow"), _columns(columns)
+    pa, wanted = import_extra("pyarrow"), _columns(columns)
     read = [one for _, one in tables(out, [*dict.fromkeys(["recording", "frame", *wanted])])]
     # each shard has frames of one recording in order, so shards are put in order instead of rows
     read.sort(key=_place)
@@ -96,8 +96,8 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
 
 def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
     """Go through the paths and tables of all shards, in the order of their names."""
-    pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
-    wanted, folder = schema(), checked_path("out", out)
+    pa, pq = import_extra("pyarrow"), import_extra("pyarrow.parquet")
+    wanted, folder = schema(), check_path("out", out)
     for name in sorted(names(folder), key=_in_order):
         path = folder / name
         try:
@@ -138,7 +138,7 @@ def _place(table: Any) -> tuple[str, int]:
 def _columns(columns: Sequence[str] | None) -> list[str]:
     if columns is None:
         return list(schema().names)
-    wanted = [text("columns", one) for one in several("columns", columns, "names")]
+    wanted = [check_text("columns", one) for one in check_sequence("columns", columns, "names")]
     for one in wanted:
         if one not in schema().names:
             raise ValueError(f"columns: expected some of {', '.join(schema().names)}, got {one!r}")

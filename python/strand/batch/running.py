@@ -13,8 +13,15 @@ from strand.batch.engines import TRIES
 from strand.batch.settings import Settings
 from strand.batch.shards import Shards, Work, Written, made_ready, name_of, root_of
 from strand.batch.units import Unit, find
-from strand.support.checks import checked_path, flag, one_of, several, text, whole
-from strand.support.extras import extra
+from strand.support.checks import (
+    check_bool,
+    check_choice,
+    check_integer,
+    check_path,
+    check_sequence,
+    check_text,
+)
+from strand.support.extras import import_extra
 
 ENGINES = ("local", "ray")
 """What units may be worked on by."""
@@ -114,30 +121,30 @@ def run(
         a `RuntimeError`.
     """
     given = [recordings] if isinstance(recordings, (str, os.PathLike)) else recordings
-    paths = [checked_path("recordings", one) for one in several("recordings", given, "paths")]
+    paths = [check_path("recordings", one) for one in check_sequence("recordings", given, "paths")]
     if not paths:
         raise ValueError("recordings: expected at least one path, got none")
-    folder = checked_path("out", out).absolute()
-    above = root_of(folder) if root is None else checked_path("root", root)
+    folder = check_path("out", out).absolute()
+    above = root_of(folder) if root is None else check_path("root", root)
     if not above.is_dir():
         raise ValueError(f"root: expected a folder, got {above}")
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise TypeError(f"settings: expected strand.batch.Settings, got {type(settings).__name__}")
-    one_of("engine", engine, ENGINES)
-    threads = whole("threads", threads, 1)
+    check_choice("engine", engine, ENGINES)
+    threads = check_integer("threads", threads, 1)
     if address is not None:
-        text("address", address)
+        check_text("address", address)
         if engine != "ray":
             raise ValueError("address: only Ray has one; give engine='ray' (--engine ray)")
     workers = _workers(workers, threads, elsewhere=address is not None)
-    flag("retry_errors", retry_errors)
+    check_bool("retry_errors", retry_errors)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected something to call, got {type(progress).__name__}")
     # that something is missing is said before the work
-    extra("pyarrow.parquet")
+    import_extra("pyarrow.parquet")
     if engine == "ray":
-        extra("ray")
+        import_extra("ray")
     units = find(paths, settings, above, folder)
     first = next(units, None)
     made_ready(folder, settings, above)
@@ -194,7 +201,7 @@ def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:
         raise ValueError(f"threads: expected at most {cores()}, as many as there are cores, got {threads}")
     if workers is None:
         return max(cores() // threads, 1)
-    workers = whole("workers", workers, 1)
+    workers = check_integer("workers", workers, 1)
     if not elsewhere and workers * threads > cores():
         needed = workers * threads
         raise ValueError(

@@ -18,18 +18,18 @@ from strand.io.recordings.recording import TOLERANCE
 from strand.io.single import Camera
 from strand.reconstruction.evidence.prior import Prior
 from strand.support.checks import (
-    flag,
-    not_negative,
-    own,
-    pinhole,
-    positive,
-    several,
-    small_array,
-    text,
-    whole,
+    check_bool,
+    check_integer,
+    check_intrinsics,
+    check_nonnegative,
+    check_positive,
+    check_sequence,
+    check_small_array,
+    check_text,
+    freeze_array,
 )
-from strand.support.files import plain
-from strand.support.lazy import lazy
+from strand.support.files import convert_to_json
+from strand.support.lazy import lazy_property
 from strand.views.box import Bounds, extraction_range
 
 DIGITS = 16
@@ -92,27 +92,29 @@ class Settings:
         if not isinstance(self.config, Config):
             raise TypeError(f"config: expected a strand.Config, got {type(self.config).__name__}")
         Camera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
-        flag("ignore_distortion", self.ignore_distortion)
-        flag("outside", self.outside)
+        check_bool("ignore_distortion", self.ignore_distortion)
+        check_bool("outside", self.outside)
         # in one form, however they are given: their digest says whether two are the same
         checked: dict[str, Any] = {
             "radius": _lengths("radius", self.radius),
             "bounds": None if self.bounds is None else extraction_range(self.bounds),
             "length": _lengths("length", self.length),
-            "deadline": None if self.deadline is None else positive("deadline", self.deadline),
-            "every": whole("every", self.every, 1),
-            "stretch": None if self.stretch is None else whole("stretch", self.stretch, 1),
-            "world": None if self.world is None else text("world", self.world),
-            "tolerance": not_negative("tolerance", self.tolerance),
-            "intrinsics": None if self.intrinsics is None else own(pinhole("intrinsics", self.intrinsics)),
+            "deadline": None if self.deadline is None else check_positive("deadline", self.deadline),
+            "every": check_integer("every", self.every, 1),
+            "stretch": None if self.stretch is None else check_integer("stretch", self.stretch, 1),
+            "world": None if self.world is None else check_text("world", self.world),
+            "tolerance": check_nonnegative("tolerance", self.tolerance),
+            "intrinsics": None
+            if self.intrinsics is None
+            else freeze_array(check_intrinsics("intrinsics", self.intrinsics)),
             "depth_scale": None if self.depth_scale is None else float(self.depth_scale),
-            "max_bytes": whole("max_bytes", self.max_bytes, 1),
+            "max_bytes": check_integer("max_bytes", self.max_bytes, 1),
         }
         if self.topics is not None:
-            given = several("topics", self.topics, "text")
-            checked["topics"] = tuple(text("topics", one) for one in given)
+            given = check_sequence("topics", self.topics, "text")
+            checked["topics"] = tuple(check_text("topics", one) for one in given)
         if self.viewpoint is not None:
-            checked["viewpoint"] = own(small_array("viewpoint", self.viewpoint, (3,)))
+            checked["viewpoint"] = freeze_array(check_small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         Prior.given(self.ropes, self.length, None)
@@ -120,10 +122,10 @@ class Settings:
     @property
     def in_words(self) -> dict[str, Any]:
         """All of it in JSON's types, the numbers of the method too."""
-        said: dict[str, Any] = _finite(plain(self))
+        said: dict[str, Any] = _finite(convert_to_json(self))
         return said
 
-    @lazy
+    @lazy_property
     def digest(self) -> str:
         """16 hexadecimal digits of all of it: what the column `configuration` holds."""
         return digest_of(json.dumps(self.in_words, sort_keys=True))
@@ -134,8 +136,8 @@ def _lengths(name: str, given: float | Sequence[float] | None) -> float | tuple[
     if given is None:
         return None
     if isinstance(given, (int, float, np.number)) or (isinstance(given, np.ndarray) and given.ndim == 0):
-        return positive(name, given)
-    values = tuple(positive(name, one) for one in several(name, given, "numbers"))
+        return check_positive(name, given)
+    values = tuple(check_positive(name, one) for one in check_sequence(name, given, "numbers"))
     if not values:
         raise ValueError(f"{name}: expected a number or several, got none")
     return values

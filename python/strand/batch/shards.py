@@ -21,7 +21,7 @@ from strand.batch.settings import DIGITS, Settings, digest_of
 from strand.batch.table import SCHEMA_VERSION
 from strand.batch.units import Unit
 from strand.batch.work import lost, rows_of
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, read_json, write_bytes, write_json
 
 VERSION_KEY = "strand.schema"
@@ -122,7 +122,7 @@ def orphaned() -> bool:
 
 def parquet(batch: Any, unit: Unit) -> bytes:
     """Return rows as a Parquet file; its metadata says the schema's version and the input's digest."""
-    pa, pq = extra("pyarrow"), extra("pyarrow.parquet")
+    pa, pq = import_extra("pyarrow"), import_extra("pyarrow.parquet")
     content = io.BytesIO()
     # nodes hardly repeat: dictionaries would only take time, and zstd twice that of snappy to save a tenth;
     # Parquet's own types say all that the schema does

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 SCHEMA_VERSION = 1
 """Is raised when columns change; what shards say in their metadata under `strand.schema`."""
@@ -69,7 +69,7 @@ def schema() -> Any:
     ImportError
         If pyarrow is not installed.
     """
-    pa = extra("pyarrow")
+    pa = import_extra("pyarrow")
     place = pa.list_(pa.float64())
     crossing = pa.struct(
         [
@@ -112,7 +112,7 @@ def schema() -> Any:
 
 def record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
     """Return rows as a `pyarrow.RecordBatch` of the schema."""
-    pa = extra("pyarrow")
+    pa = import_extra("pyarrow")
     columns = schema()
     chains = [row.chain for row in rows]
     covariances = [None if chain is None else chain.covariance for chain in chains]
@@ -174,13 +174,13 @@ def _known(value: float) -> float | None:
 
 def _lists(arrays: Sequence[Array | None]) -> Any:
     """Return a list for each array; null where there is none."""
-    pa = extra("pyarrow")
+    pa = import_extra("pyarrow")
     return pa.ListArray.from_arrays(_offsets(arrays), pa.array(_flat(arrays)))
 
 
 def _nested(arrays: Sequence[Array | None], width: int) -> Any:
     """Return a list of lists for each array (N, width); null where there is none."""
-    pa = extra("pyarrow")
+    pa = import_extra("pyarrow")
     flat = _flat(arrays)
     inner = np.arange(0, len(flat) + 1, width, dtype=np.int32)
     return pa.ListArray.from_arrays(_offsets(arrays), pa.ListArray.from_arrays(inner, pa.array(flat)))
@@ -193,7 +193,7 @@ def _flat(arrays: Sequence[Array | None]) -> Array:
 
 def _offsets(arrays: Sequence[Array | None]) -> Any:
     """Where each array's rows begin, and where the last one's end; null before what is not there."""
-    pa = extra("pyarrow")
+    pa = import_extra("pyarrow")
     sizes = [0 if array is None else len(array) for array in arrays]
     places: NDArray[np.int32] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
     return pa.array(places, mask=np.array([*(array is None for array in arrays), False]))

@@ -13,7 +13,7 @@ from strand.batch.settings import Settings, digest_of
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
 from strand.io.view_files import SUFFIXES as SINGLE
-from strand.support.checks import checked_path, several
+from strand.support.checks import check_path, check_sequence
 from strand.support.files import FileFormatError, open_file
 
 SCENE, BAG, IMAGES = "scene", "bag", "images"
@@ -94,14 +94,14 @@ def find(
     ValueError
         If a path is empty, or there is no recording in one of them; before anything is found.
     """
-    kept = None if leave_out is None else os.path.realpath(checked_path("leave_out", leave_out))
-    named = {os.path.abspath(checked_path("given", one)) for one in several("given", given, "paths")}
+    kept = None if leave_out is None else os.path.realpath(check_path("leave_out", leave_out))
+    named = {os.path.abspath(check_path("given", one)) for one in check_sequence("given", given, "paths")}
     # several paths may lead to the same recordings: one of them is taken, and no link if there is another
     real = {one: os.path.realpath(one) for one in named}
     places = sorted(
         {real[one]: one for one in sorted(named, key=lambda one: (one == real[one], one))}.values()
     )
-    above = checked_path("root", root)
+    above = check_path("root", root)
     for place in places:
         os.stat(place)
     for place in places:

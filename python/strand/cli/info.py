@@ -18,7 +18,7 @@ from strand.cli.outcome import code_of
 from strand.cli.progress import progress
 from strand.io.contents import Contents, contents
 from strand.ropes.model import Model
-from strand.support.files import plain
+from strand.support.files import convert_to_json
 
 HINT = "what a file holds, and what would be done with it"
 DESCRIPTION = """\
@@ -74,7 +74,7 @@ def _as_json(path: Path, held: Contents, would: Advice) -> dict[str, object]:
         "file": str(path),
         "kind": kind_of(held),
         "format": format_of(path, held),
-        "holds": _model(held) if isinstance(held, Model) else _finite(plain(held)),
+        "holds": _model(held) if isinstance(held, Model) else _finite(convert_to_json(held)),
         "missing": list(would.missing),
         "reconstruct": {"command": would.command, "would": would.would},
     }
@@ -97,7 +97,7 @@ def _model(held: Model) -> dict[str, object]:
             "radius": chain.radius,
             "nodes": len(chain.points),
             "closed": chain.closed,
-            "confidence": plain(chain.confidence),
+            "confidence": convert_to_json(chain.confidence),
             "doubts": [doubt.kind for doubt in chain.doubts],
         }
         for chain in held.chains
@@ -105,7 +105,7 @@ def _model(held: Model) -> dict[str, object]:
     return {
         "method": held.method,
         "views": len(held.poses),
-        "confidence": plain(held.confidence),
+        "confidence": convert_to_json(held.confidence),
         "doubts": [doubt.kind for doubt in held.doubts],
         "warnings": [warning.kind for warning in held.warnings],
         "chains": chains,

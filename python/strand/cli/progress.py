@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 
 from strand.cli.outcome import say
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 # seconds before anything is shown, so that nothing flashes, and from one picture to the next
 _PATIENCE, _EVERY = 1.0, 0.1
@@ -52,10 +52,10 @@ def _show(begun: Sequence[tuple[str, float]], ended: threading.Event) -> None:
     """Show stages and when they began until they end."""
     if ended.wait(_PATIENCE):
         return
-    console = extra("rich.console").Console(stderr=True)
+    console = import_extra("rich.console").Console(stderr=True)
     with (
         suppress(OSError),  # a terminal that is gone is no reason to stop
-        extra("rich.live").Live(console=console, transient=True, auto_refresh=False) as live,
+        import_extra("rich.live").Live(console=console, transient=True, auto_refresh=False) as live,
     ):
         while not ended.wait(_EVERY):
             live.update(_lines(list(begun), time.monotonic()), refresh=True)

@@ -20,7 +20,7 @@ from strand.io.recordings import Frame
 from strand.io.scenes import Scene
 from strand.report import figures, tables
 from strand.ropes.model import content
-from strand.support.files import replacing
+from strand.support.files import replace_file
 
 HINT = "ropes of a recorded scene"
 DESCRIPTION = """\
@@ -111,7 +111,7 @@ def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
     """Print a line for each frame, and write one with its model, or with why there is none."""
     given = known(options)
     previous, count = None, 0
-    with nullcontext() if options.out is None else replacing(options.out) as file:
+    with nullcontext() if options.out is None else replace_file(options.out) as file:
         for frame in frames:
             count += 1
             said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}

@@ -12,7 +12,7 @@ from strand.cli.outputs import keep_input
 from strand.cli.progress import progress
 from strand.cli.solving import in_words, solve
 from strand.report import page
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
 HINT = "a page about a recorded scene, to look at in a browser"
@@ -33,7 +33,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a scene's ropes, and write a page about them."""
-    extra("plotly.offline")  # that it is missing is said before the work
+    import_extra("plotly.offline")  # that it is missing is said before the work
     recorded = load(options)
     keep_input(files_read(options, recorded), {"--out": options.out})
     require_writable(options.out)

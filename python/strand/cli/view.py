@@ -11,7 +11,7 @@ from strand.cli.options import add_known, add_scene
 from strand.cli.outputs import keep_input
 from strand.cli.solving import solve
 from strand.report import rerun_view
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
 HINT = "a recorded scene and its ropes in the viewer Rerun"
@@ -31,7 +31,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a scene's ropes, and show them in a window, or save what it would show."""
-    extra("rerun")  # that it is missing is said before the work
+    import_extra("rerun")  # that it is missing is said before the work
     recorded = load(options)
     if options.save is not None:
         keep_input(files_read(options, recorded), {"--save": options.save})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.ropes.chain import Chain
-from strand.support.checks import Array, own, positive
+from strand.support.checks import Array, check_positive, freeze_array
 
 # of the error: how far a smooth curve may be from the places on it that stand for it
 _SAMPLING = 0.05
@@ -42,7 +42,7 @@ class Capsules:
 
     def __post_init__(self) -> None:
         for name in ("start", "stop", "radius", "chain", "s"):
-            object.__setattr__(self, name, own(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -79,7 +79,7 @@ def capsules_of(chains: Sequence[Chain], error: float) -> Capsules:
         How far the axes may be from the centrelines, metres.
     """
     smallest = max((chain.radius for chain in chains), default=0.0) * _LEAST
-    if positive("error", error) < smallest:
+    if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least a thousandth of the radius, {smallest:g} m, got {error}")
     starts, stops, radii, numbers, arcs = [np.empty((0, 3))], [np.empty((0, 3))], [], [], [np.empty((0, 2))]
     for number, chain in enumerate(chains):

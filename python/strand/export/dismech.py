@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from strand.export.segments import segment_ends
 from strand.ropes.chain import Chain
-from strand.support.checks import instances
+from strand.support.checks import check_instances
 
 
 def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:
@@ -35,7 +35,7 @@ def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:
     """
     nodes: list[str] = []
     edges: list[str] = []
-    for chain in instances("chains", chains, Chain):
+    for chain in check_instances("chains", chains, Chain):
         places = segment_ends(chain, spacing)
         first, last = len(nodes) + 1, len(nodes) + len(places)
         nodes += [",".join(f"{value:.12g}" for value in place) for place in places.tolist()]

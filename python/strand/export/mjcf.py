@@ -11,7 +11,7 @@ import numpy as np
 from strand.export.segments import segment_ends
 from strand.export.xml import document, numbers
 from strand.ropes.chain import Chain
-from strand.support.checks import Array, positive, whole
+from strand.support.checks import Array, check_integer, check_positive
 
 # radii: segments two apart touch below two, and chords of bends are shorter than their arcs
 _LEAST_SPACING = 2.5
@@ -24,8 +24,8 @@ def mjcf_of(
     chains: Sequence[Chain], version: int, spacing: float | None, density: float, young: float
 ) -> bytes:
     """Return a model of MuJoCo, see `strand.Model.to_mjcf`."""
-    version = whole("version", version, 3, 4)
-    density, young = positive("density", density), positive("young", young)
+    version = check_integer("version", version, 3, 4)
+    density, young = check_positive("density", density), check_positive("young", young)
     model = ElementTree.Element("mujoco", model="strand")
     # version 4 bends rods by this integrator; in version 3 it damps joints implicitly
     integrator = "implicitfast" if version == 3 else "discrete"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from strand.ropes.chain import Chain
-from strand.support.checks import Array, positive
+from strand.support.checks import Array, check_positive
 
 # radii: shorter ones would touch the neighbours of their neighbours
 SPACING = 3.0
@@ -33,7 +33,7 @@ def segment_ends(chain: Chain, spacing: float | None, least: float = 0.0, fewest
     ValueError
         If it is too small.
     """
-    step = SPACING * chain.radius if spacing is None else positive("spacing", spacing)
+    step = SPACING * chain.radius if spacing is None else check_positive("spacing", spacing)
     if step < least * chain.radius:
         raise ValueError(
             f"spacing: expected at least {least:g} radii, {least * chain.radius:g} m, got {spacing}"

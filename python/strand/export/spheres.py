@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from strand.export.capsules import capsules_of
 from strand.ropes.chain import Chain
-from strand.support.checks import Array, own, positive
+from strand.support.checks import Array, check_positive, freeze_array
 
 # of the error: how far the line of the centres may be from the centreline; spheres need the rest most
 _AXIS = 0.25
@@ -39,7 +39,7 @@ class Spheres:
 
     def __post_init__(self) -> None:
         for name in ("center", "radius", "chain"):
-            object.__setattr__(self, name, own(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -58,7 +58,7 @@ def spheres_of(chains: Sequence[Chain], error: float) -> Spheres:
         How deep the surface may be between two spheres, metres, and how far aside.
     """
     smallest = max((chain.radius for chain in chains), default=0.0) * _LEAST
-    if positive("error", error) < smallest:
+    if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least 0.01 radii, {smallest:g} m, got {error}")
     axes = capsules_of(chains, _AXIS * error)
     centers, radii, numbers = [np.empty((0, 3))], [], []

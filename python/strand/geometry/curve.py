@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.support.checks import Array, finite_array, number, own
-from strand.support.lazy import lazy
+from strand.support.checks import Array, check_finite_array, check_number, freeze_array
+from strand.support.lazy import lazy_property
 
 
 def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
@@ -45,17 +45,17 @@ class Curve:
     stop: float
 
     def __post_init__(self) -> None:
-        control = finite_array("control", self.control, ("N", 3))
+        control = check_finite_array("control", self.control, ("N", 3))
         if len(control) < 4:
             raise ValueError(f"control: expected at least four points, got {len(control)}")
-        object.__setattr__(self, "start", number("start", self.start))
-        object.__setattr__(self, "stop", number("stop", self.stop))
+        object.__setattr__(self, "start", check_number("start", self.start))
+        object.__setattr__(self, "stop", check_number("stop", self.stop))
         if not 0 <= self.start < self.stop <= len(control) - 3:
             raise ValueError(
                 f"start, stop: expected 0 <= start < stop <= {len(control) - 3}, "
                 f"got {self.start} and {self.stop}"
             )
-        object.__setattr__(self, "control", own(control))
+        object.__setattr__(self, "control", freeze_array(control))
 
     def __repr__(self) -> str:
         return f"Curve({self.length * 1e3:.1f} mm, {len(self.control)} control points)"
@@ -65,7 +65,7 @@ class Curve:
         """Return all of a spline."""
         return cls(control, 0.0, float(len(control) - 3))
 
-    @lazy
+    @lazy_property
     def _table(self) -> tuple[Array, Array]:
         """Parameters, and the arc length from the start to each; linear between them."""
         arc = _core.arc_lengths(self.control, self.start, self.stop)

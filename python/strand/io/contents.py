@@ -20,7 +20,7 @@ from strand.io.scenes import load_scene
 from strand.io.seen import Seen, seen_of
 from strand.io.view_files import SUFFIXES, read_view_file
 from strand.ropes.model import Model
-from strand.support.checks import Array, whole
+from strand.support.checks import Array, check_integer
 from strand.support.files import JSON_BYTES, FileFormatError
 from strand.views.box import Box, extraction_range
 from strand.views.view import View, cropped
@@ -109,7 +109,7 @@ def contents(
     ImportError
         If reading it needs a package that is not installed.
     """
-    max_bytes = whole("max_bytes", max_bytes, 1)
+    max_bytes = check_integer("max_bytes", max_bytes, 1)
     if is_recording(path):
         return recording_contents(path, topics, max_bytes)
     if topics is not None:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import Array, number, rigid_motion
-from strand.support.files import shown
+from strand.support.checks import Array, check_number, check_rigid_motion
+from strand.support.files import describe_value
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.pose import pose_from_angles, turntable_pose
 
@@ -90,15 +90,19 @@ def parse_length(value: str | float) -> float:
         If it is not a finite number with one of the units, or with none.
     """
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise TypeError(f"length: expected a number of metres or text such as '4.2mm', got {shown(value)}")
+        raise TypeError(
+            f"length: expected a number of metres or text such as '4.2mm', got {describe_value(value)}"
+        )
     match = LENGTH.fullmatch(value if isinstance(value, str) else repr(value))
     if match is None:
-        raise ValueError(f"length: expected metres, or a number with mm, cm or m, got {shown(value)}")
+        raise ValueError(
+            f"length: expected metres, or a number with mm, cm or m, got {describe_value(value)}"
+        )
     number, unit = match.groups()
     # by a decimal shift, as 4.2 * 0.001 differs from 0.0042 in the last digit
     length = float(Decimal(number).scaleb(POWER_OF_TEN[unit]))
     if not math.isfinite(length):
-        raise ValueError(f"length: expected a finite number, got {shown(value)}")
+        raise ValueError(f"length: expected a finite number, got {describe_value(value)}")
     return length
 
 
@@ -134,7 +138,7 @@ def parse_description(table: Mapping[str, Any]) -> Description:
 
 def _name(value: Any) -> str:
     if not isinstance(value, str):
-        raise TypeError(f"name: expected text, got {shown(value)}")
+        raise TypeError(f"name: expected text, got {describe_value(value)}")
     return value
 
 
@@ -162,7 +166,7 @@ def _bounds(table: Any) -> Bounds:
 def _radius(value: Any) -> float:
     radius = parse_length(value)
     if radius <= 0:
-        raise ValueError(f"radius: expected a positive length, got {shown(value)}")
+        raise ValueError(f"radius: expected a positive length, got {describe_value(value)}")
     return radius
 
 
@@ -171,7 +175,7 @@ def _view(name: str, table: Any, turntable: Any) -> RecordedView:
     _check_keys(name, table, accepted, required=("file",))
     for key in _FILES:
         if key in table and not (isinstance(table[key], str) and table[key] and "\0" not in table[key]):
-            raise TypeError(f"{name}.{key}: expected a file's name, got {shown(table[key])}")
+            raise TypeError(f"{name}.{key}: expected a file's name, got {describe_value(table[key])}")
     files = {key: table.get(key) for key in _FILES}
     if "turntable_deg" not in table:
         return RecordedView(pose=_pose(name, table), **files)
@@ -193,11 +197,11 @@ def _pose(name: str, table: Mapping[str, Any]) -> Array:
     """Pose of a table that has either `pose`, or `angles_deg` and `origin`."""
     given = {"pose", "angles_deg", "origin"} & set(table)
     if given == {"pose"}:
-        return rigid_motion(f"{name}.pose", _numbers(f"{name}.pose", table["pose"]))
+        return check_rigid_motion(f"{name}.pose", _numbers(f"{name}.pose", table["pose"]))
     if given == {"angles_deg", "origin"}:
         angles = _numbers(f"{name}.angles_deg", table["angles_deg"])
         if angles.shape != (3,):
-            raise ValueError(f"{name}.angles_deg: expected three angles, got {shown(angles)}")
+            raise ValueError(f"{name}.angles_deg: expected three angles, got {describe_value(angles)}")
         rx, ry, rz = np.radians(angles).tolist()
         return pose_from_angles(rx, ry, rz, _numbers(f"{name}.origin", table["origin"]))
     raise ValueError(
@@ -208,7 +212,7 @@ def _pose(name: str, table: Mapping[str, Any]) -> Array:
 
 def _check_keys(name: str, table: Any, accepted: Collection[str], required: Collection[str] = ()) -> None:
     if not isinstance(table, Mapping):
-        raise TypeError(f"{name}: expected a table, got {shown(table)}")
+        raise TypeError(f"{name}: expected a table, got {describe_value(table)}")
     unknown = sorted(set(table) - set(accepted))
     if unknown:
         raise ValueError(f"{name}: unknown key {', '.join(unknown)}; accepted are {', '.join(accepted)}")
@@ -219,9 +223,9 @@ def _check_keys(name: str, table: Any, accepted: Collection[str], required: Coll
 
 def _number(name: str, value: Any) -> float:
     try:
-        return number(name, value)
+        return check_number(name, value)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{name}: expected a finite number, got {shown(value)}") from error
+        raise TypeError(f"{name}: expected a finite number, got {describe_value(value)}") from error
 
 
 def _numbers(name: str, value: Any) -> Array:
@@ -231,5 +235,5 @@ def _numbers(name: str, value: Any) -> Array:
     except ValueError:  # rows of different lengths
         array = np.empty(0, dtype=object)
     if not isinstance(value, list) or array.dtype.kind not in "iuf":
-        raise TypeError(f"{name}: expected a list of numbers, got {shown(value)}")
+        raise TypeError(f"{name}: expected a list of numbers, got {describe_value(value)}")
     return array.astype(np.float64)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.io.budget import Budget
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
 
 PNG_COLOURS = {0: "grey", 2: "RGB", 3: "palette", 4: "grey and alpha", 6: "RGB and alpha"}
@@ -116,7 +116,7 @@ def _decoded(
     pixels: Callable[[Any], Any],
 ) -> NDArray[Any]:
     """Return what `pixels` makes of an opened image, whose size is asked before it is decoded."""
-    pillow = extra("PIL.Image")
+    pillow = import_extra("PIL.Image")
     # Pillow's limit on the pixels of an image holds; what it warns of from there on is refused
     most = pillow.MAX_IMAGE_PIXELS
     try:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import Array, pinhole
+from strand.support.checks import Array, check_intrinsics
 from strand.support.files import FileFormatError, read_bytes, read_json
 
 MOST_BYTES = 1 << 16
@@ -42,8 +42,8 @@ def read_intrinsics(path: str | os.PathLike[str]) -> Array:
     json = Path(path).suffix.lower() == ".json"
     try:
         if json:
-            return pinhole("intrinsics", _of_json(read_json(path, MOST_BYTES)))
-        return pinhole("intrinsics", _nine(read_bytes(path, MOST_BYTES).split()))
+            return check_intrinsics("intrinsics", _of_json(read_json(path, MOST_BYTES)))
+        return check_intrinsics("intrinsics", _nine(read_bytes(path, MOST_BYTES).split()))
     except (KeyError, OverflowError, TypeError, ValueError) as error:
         wanted = "fx, fy, cx and cy, or an intrinsic_matrix" if json else "a matrix"
         reason = f"expected the numbers of a pinhole camera: {wanted} of nine numbers ({error})"

@@ -14,8 +14,8 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
-from strand.support.checks import number, several, whole
-from strand.support.files import JSON_BYTES, FileFormatError, open_file, parse_json, read_json, shown
+from strand.support.checks import check_integer, check_number, check_sequence
+from strand.support.files import JSON_BYTES, FileFormatError, describe_value, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
 
 REQUIRED = (
@@ -48,7 +48,7 @@ def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
         If the file is truncated, is not a model, or is larger than `max_bytes`. `place` says which key, such
         as `chains[0]`, and `reason` what was wrong there.
     """
-    return _model(path, read_json(path, whole("max_bytes", max_bytes, 1)))
+    return _model(path, read_json(path, check_integer("max_bytes", max_bytes, 1)))
 
 
 def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model | None]]:
@@ -84,7 +84,7 @@ def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model 
                 raise FileFormatError(path, f"longer than the {JSON_BYTES} bytes that may be read", place)
             data = parse_json(path, line, place)
             try:
-                frame, stamp = whole("frame", data["frame"]), whole("stamp", data["stamp"])
+                frame, stamp = check_integer("frame", data["frame"]), check_integer("stamp", data["stamp"])
                 if "model" not in data:
                     str(data["error"])
             except (KeyError, TypeError, ValueError) as error:
@@ -97,7 +97,7 @@ def _model(path: str | os.PathLike[str], data: Any) -> Model:
         raise FileFormatError(path, f"not a {FORMAT}")
     if data.get("version") != VERSION:
         raise FileFormatError(
-            path, f"model version {shown(data.get('version'))}, this reads version {VERSION}"
+            path, f"model version {describe_value(data.get('version'))}, this reads version {VERSION}"
         )
     missing = [key for key in REQUIRED if key not in data]
     if missing:
@@ -117,7 +117,7 @@ def _model(path: str | os.PathLike[str], data: Any) -> Model:
     with _place(path, "pose_sd"):
         values["pose_sd"] = np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6)
     with _place(path, "timings"):
-        values["timings"] = {stage: number(stage, spent) for stage, spent in data["timings"].items()}
+        values["timings"] = {stage: check_number(stage, spent) for stage, spent in data["timings"].items()}
     with _place(path, "confidence"):
         values["confidence"] = _confidence(data["confidence"])
     with _place(path, "sensor"):
@@ -143,7 +143,7 @@ def _several(
     """Make values of the entries of a list."""
     made = []
     with _place(path, key):
-        listed = several(key, entries, "values")
+        listed = check_sequence(key, entries, "values")
     for i, entry in enumerate(listed):
         with _place(path, f"{key}[{i}]"):
             made.append(make(entry))

@@ -19,7 +19,7 @@ from strand.io.description import Description, parse_description
 from strand.io.images import read_color
 from strand.io.single import Camera, read_view
 from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
-from strand.support.checks import Array, finite_array, several, whole
+from strand.support.checks import Array, check_finite_array, check_integer, check_sequence
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
 from strand.views.box import Bounds, extraction_range
 from strand.views.view import View
@@ -170,8 +170,8 @@ def load_scene(
         If reading an image (or, on Python 3.10, TOML) needs a package that is not installed.
     """
     path = Path(path)
-    given = None if masks is None else [Path(one) for one in several("masks", masks, "paths")]
-    budget = Budget(whole("max_bytes", max_bytes, 1))
+    given = None if masks is None else [Path(one) for one in check_sequence("masks", masks, "paths")]
+    budget = Budget(check_integer("max_bytes", max_bytes, 1))
     camera = Camera(viewpoint, camera_frame, intrinsics, depth_scale)
     suffix = path.suffix.lower()
     if suffix in SUFFIXES and not path.is_dir():
@@ -242,11 +242,11 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     )
     bounds = None
     if "box" in arrays:
-        box = extraction_range(tuple(finite_array("box", arrays["box"], (2, 3))))
+        box = extraction_range(tuple(check_finite_array("box", arrays["box"], (2, 3))))
         bounds = box.low, box.high
     radius = _scalar("radius", arrays["radius"]) if "radius" in arrays else None
     truths = sorted((key for key in arrays if _TRUTH.fullmatch(key)), key=lambda key: int(key[6:]))
-    truth = tuple(finite_array(key, arrays[key], ("N", 3)) for key in truths)
+    truth = tuple(check_finite_array(key, arrays[key], ("N", 3)) for key in truths)
     if "name" in arrays:
         name = _text("name", arrays["name"])
     return Scene(name, views, bounds, radius, truth)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from strand.io.budget import Budget
 from strand.io.cloud import Cloud
 from strand.io.view_files import read_mask, read_view_file, require_one_each
-from strand.support.checks import Array, flag, pinhole, positive, small_array
+from strand.support.checks import Array, check_bool, check_intrinsics, check_positive, check_small_array
 from strand.support.files import FileFormatError
 from strand.views.view import View
 
@@ -43,17 +43,17 @@ class Camera:
     depth_scale: float | None = None
 
     def __post_init__(self) -> None:
-        flag("camera_frame", self.camera_frame)
+        check_bool("camera_frame", self.camera_frame)
         if self.viewpoint is not None:
-            small_array("viewpoint", self.viewpoint, (3,))
+            check_small_array("viewpoint", self.viewpoint, (3,))
             if self.camera_frame:
                 raise ValueError(
                     "viewpoint: points are in the world frame or in the camera frame, not in both"
                 )
         if self.intrinsics is not None:
-            pinhole("intrinsics", self.intrinsics)
+            check_intrinsics("intrinsics", self.intrinsics)
         if self.depth_scale is not None:
-            positive("depth_scale", self.depth_scale)
+            check_positive("depth_scale", self.depth_scale)
 
     def refuse(self, reason: str, *names: str) -> None:
         """Raise a ValueError with a reason if one of some fields is given; of any if none is named."""
@@ -107,7 +107,7 @@ def _viewpoint_of(path: Path, seen: Cloud, camera: Camera, masks: Sequence[Path]
     if camera.camera_frame:
         return None
     if camera.viewpoint is not None:
-        return small_array("viewpoint", camera.viewpoint, (3,))
+        return check_small_array("viewpoint", camera.viewpoint, (3,))
     if seen.viewpoint is None:
         raise ValueError(
             f"viewpoint: {path} does not say from where its points were seen: give viewpoint "

@@ -16,7 +16,7 @@ from strand.io.images import read_depth_png, read_depth_tiff, read_mask_png
 from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
 from strand.io.xyz import read_xyz
-from strand.support.checks import mask_array
+from strand.support.checks import check_mask
 from strand.support.files import FileFormatError
 
 _MASK = 4  # bytes of each pixel of a view's mask
@@ -53,7 +53,7 @@ def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.
     labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
     budget.take(path, _MASK * labels.size)
     try:
-        return mask_array("mask", labels, shape)
+        return check_mask("mask", labels, shape)
     except (TypeError, ValueError) as error:
         raise FileFormatError.of(path, error) from error
 

@@ -30,7 +30,7 @@ from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.wide_surfaces import no_ropes
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model, ModelWarning
-from strand.support.checks import flag, positive, to_millimetres
+from strand.support.checks import check_bool, check_positive, round_to_millimeters
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.view import View, checked_views, cropped
 
@@ -146,7 +146,7 @@ def reconstruct(
     """
     begun = time.monotonic()
     config = Config() if config is None else config
-    keep_stages = flag("keep_stages", keep_stages)
+    keep_stages = check_bool("keep_stages", keep_stages)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a callable or None, got {type(progress).__name__}")
     views, radii, method = _checked(views, radius, config, previous)
@@ -154,7 +154,7 @@ def reconstruct(
     prior = Prior.given(ropes, length, box)
     run = Run(progress)
     if deadline is not None:
-        run.deadline = begun + positive("deadline", deadline)
+        run.deadline = begun + check_positive("deadline", deadline)
     raw, found_radius, shown = list(views), None, None
     everything = views
     if box is not None:
@@ -310,7 +310,7 @@ def _left_out(found: FoundRopes) -> list[ModelWarning]:
     first = found.left_out[0]
     message = (
         f"left out what is no rope on the table, {len(found.left_out)} pieces as the views show them; "
-        f"the first at {to_millimetres(first.place)}: {first.reason}"
+        f"the first at {round_to_millimeters(first.place)}: {first.reason}"
     )
     return [ModelWarning("thing", message, first.place, view=first.view)]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.support.checks import Array, checked_radius
+from strand.support.checks import Array, check_radius
 from strand.views.box import Bounds
 from strand.views.view import View, checked_views
 
@@ -92,7 +92,7 @@ class Radii:
             If one is not finite and positive, or there is none.
         """
         each = np.atleast_1d(np.asarray(radius, dtype=object)).tolist()
-        values = np.unique([checked_radius(one) for one in each])
+        values = np.unique([check_radius(one) for one in each])
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")
         return cls(values, _GIVEN_SD * values, free=False)

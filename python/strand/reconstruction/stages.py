@@ -16,7 +16,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Alternative, Join, ModelWarning
 from strand.support.checks import Array
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 from strand.views.box import Box
 from strand.views.sensor import Sensor
 from strand.views.view import View
@@ -94,7 +94,7 @@ class Observed:
     prior: Prior
     middle: int | None = None
 
-    @lazy
+    @lazy_property
     def masked(self) -> list[bool]:
         """Which views have a mask; one of everything is none."""
         return [view.mask is not None and not view.mask.all() for view in self.whole]

@@ -35,7 +35,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
 from strand.support.checks import Array
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def normals(model: Model) -> Figure:
     sheet.points(points[spread(len(points), MAX_POINTS // 3)], GREY, size=1.0)
     reach = 0.03 * float(np.ptp(points, axis=0).max())
     some = spread(len(points), MAX_NORMALS)
-    collections = extra("matplotlib.collections")
+    collections = import_extra("matplotlib.collections")
     for axes, across, up, depth in sheet.panels:
         order = some[np.argsort(depth(points[some]), kind="stable")]
         feet, tips = sheet.plan.of(points[order]), sheet.plan.of(points[order] + reach * vectors[order])
@@ -216,7 +216,7 @@ def separation(model: Model) -> Figure:
     traced, cuts = model.stages["traced"], model.stages["cuts"]
     values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
     shown = sorted(sorted(range(len(traced)), key=lambda i: -len(traced[i]))[:MAX_NAMES])
-    lines, ticker = extra("matplotlib.lines"), extra("matplotlib.ticker")
+    lines, ticker = import_extra("matplotlib.lines"), import_extra("matplotlib.ticker")
     legend = [lines.Line2D([], [], marker="v", ls=":", color=INK, mfc="white", mew=1.2, ms=8, label="cut")]
     if model.chains:
         legend.append(lines.Line2D([], [], color=DIMENSION, ls="--", label="rope's diameter 2 r"))
@@ -287,7 +287,9 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     if len(unsure):
         legend.append(_doubt_entry())
     if truth:
-        legend.append(extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth"))
+        legend.append(
+            import_extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth")
+        )
     sheet = new_sheet(model, cloud, title, legend, bar=True)
     sheet.points(cloud, GREY)
     longest = max((chain.length for chain in model.chains), default=0.0)
@@ -394,7 +396,7 @@ def uncertainty(model: Model) -> Figure:
     upper, lower, between, gap = 1.5, 0.7, 0.12, 0.55
     pitch = upper + between + lower + gap
     figure, foot = new_figure(title, max(pitch * len(shown) - 0.25, 1.0), legend)
-    ticker = extra("matplotlib.ticker")
+    ticker = import_extra("matplotlib.ticker")
     deviations = {i: 1e3 * _deviations(model.chains[i]) for i in shown}
     highest = max((float(values.max()) for values in deviations.values()), default=1.0)
     farthest = max((1e3 * model.chains[i].length for i in shown), default=1.0)
@@ -440,7 +442,7 @@ def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
     points = np.vstack(clouds)
     view = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     # neighbouring views in neighbouring colours: the order of the views shows
-    colours = extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
+    colours = import_extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
     legend = [dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES])]
     if len(clouds) > len(legend):
         legend.append(dot(f"and {len(clouds) - len(legend)} more", "none"))
@@ -454,7 +456,7 @@ def _direction_colours(directions: ArrayLike) -> Array:
     right, up = np.asarray(directions, dtype=np.float64).T
     hue = np.arctan2(up, right) / (2 * np.pi) % 1.0
     parts = np.stack([hue, np.minimum(np.hypot(right, up), 1.0), np.full_like(hue, 0.8)], axis=1)
-    return np.asarray(extra("matplotlib.colors").hsv_to_rgb(parts))
+    return np.asarray(import_extra("matplotlib.colors").hsv_to_rgb(parts))
 
 
 def _coloured(paths: Iterable[Array]) -> list[tuple[Array, str]]:
@@ -473,7 +475,9 @@ def _doubted(model: Model) -> Array:
 
 def _doubt_entry() -> Any:
     marker, colour = _DOUBT
-    return extra("matplotlib.lines").Line2D([], [], ls="", marker=marker, mfc=colour, mec=INK, label="doubt")
+    return import_extra("matplotlib.lines").Line2D(
+        [], [], ls="", marker=marker, mfc=colour, mec=INK, label="doubt"
+    )
 
 
 def _rope_ends(model: Model) -> Array:
@@ -494,6 +498,6 @@ def _closed(points: Array, closed: bool) -> Array:
 
 def _write(figure: Figure, path: Path) -> None:
     data = BytesIO()
-    canvas = extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    canvas = import_extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     canvas.print_png(data)
     write_bytes(path, data.getvalue())

@@ -16,7 +16,7 @@ from strand.report.sheet import PALETTE, spread
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.support.checks import Array
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 # pixels around the ropes that an image shows beside them, as a part of their extent, and at least
 _MARGIN, _LEAST_MARGIN = 0.12, 12
@@ -136,7 +136,7 @@ def _grey(depth: Array, radius: float) -> NDArray[np.uint8]:
 
 def _embedded(shades: NDArray[np.uint8], max_bytes: int) -> str:
     """Return an image as a data URI of about so many bytes at most."""
-    image = extra("PIL.Image").fromarray(shades)
+    image = import_extra("PIL.Image").fromarray(shades)
     text = ""
     for width in _WIDTHS:
         scale = min(width / max(image.size), 1.0)

@@ -23,8 +23,8 @@ from strand.report.space import deviations, space
 from strand.report.tables import stage_counts
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
-from strand.support.checks import Array, finite_array
-from strand.support.extras import extra
+from strand.support.checks import Array, check_finite_array
+from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.pose import moved
 from strand.views.view import View, checked_views
@@ -84,9 +84,9 @@ def write_report(
     """
     views = checked_views(views)
     cameras = cameras_of(model, views)
-    lines = [finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
+    lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
     figure = space(model, points_by_view(model, views), cameras, lines)
-    script = gzip.compress(extra("plotly.offline").get_plotlyjs().encode(), mtime=0)
+    script = gzip.compress(import_extra("plotly.offline").get_plotlyjs().encode(), mtime=0)
     sections = [
         ("Chains over the depth images", _overlays(model, cameras)),
         ("Chains", _chains(model)),

@@ -15,8 +15,8 @@ from strand.report.page import points_by_view
 from strand.report.sheet import PALETTE
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
-from strand.support.checks import finite_array
-from strand.support.extras import extra
+from strand.support.checks import check_finite_array
+from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.view import View, checked_views
 
@@ -52,7 +52,7 @@ def write_recording(
     OSError
         If the file cannot be written.
     """
-    rerun = extra("rerun")
+    rerun = import_extra("rerun")
     recording = rerun.RecordingStream("strand")
     stream = recording.memory_recording()
     _log(rerun, recording, model, views, truth)
@@ -80,7 +80,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
     ImportError
         If rerun-sdk is not installed.
     """
-    rerun = extra("rerun")
+    rerun = import_extra("rerun")
     recording = rerun.RecordingStream("strand")
     try:
         recording.spawn()
@@ -94,7 +94,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
     views = checked_views(views)
     cameras = cameras_of(model, views)
-    lines = [finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
+    lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
 
     def log(name: str, *what: Any) -> None:
         recording.log(name, *what, static=True)

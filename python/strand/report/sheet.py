@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strand.support.checks import Array
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -160,7 +160,7 @@ class Sheet:
 
     def scale(self, low: float, high: float, colours: str, label: str) -> Callable[[Array], Array]:
         """Draw the colour bar; return what turns values into colours."""
-        matplotlib = extra("matplotlib")
+        matplotlib = import_extra("matplotlib")
         mapping = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(low, high), colours)
         bar = self.figure.colorbar(mapping, cax=self.bar)
         bar.set_label(label, fontsize=10)
@@ -189,7 +189,7 @@ def new_sheet(
     scale = min(room / across, MAX_HEIGHT / tall)  # inches per millimetre
     figure, foot = new_figure(title, scale * tall + (GAP if elevation else 0.0), legend)
     left = LEFT + (room - scale * across) / 2
-    locators = extra("matplotlib.ticker")
+    locators = import_extra("matplotlib.ticker")
 
     def panel(bottom: float, rows: float, column: int) -> Axes:
         axes = new_panel(figure, left, bottom, scale * across, scale * rows)
@@ -226,7 +226,9 @@ def new_figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure
         columns = len(names) if sum(widths) < WIDTH else max(int(WIDTH / max(widths)), 1)
         foot += LEGEND_ROW * ceil(len(names) / columns)
     height = TOP + panels + foot
-    figure: Figure = extra("matplotlib.figure").Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
+    figure: Figure = import_extra("matplotlib.figure").Figure(
+        figsize=(WIDTH, height), dpi=DPI, facecolor="white"
+    )
     figure.suptitle(title, fontsize=12, y=1 - 0.14 / height, va="top")
     if names:
         figure.legend(
@@ -255,14 +257,14 @@ def new_panel(figure: Figure, left: float, bottom: float, width: float, height: 
 
 def dot(label: str, colour: Any, edge: Any = None) -> Any:
     """Make a legend's entry for points."""
-    lines = extra("matplotlib.lines")
+    lines = import_extra("matplotlib.lines")
     edge = colour if edge is None else edge
     return lines.Line2D([], [], ls="", marker="o", ms=7, mfc=colour, mec=edge, mew=0.8, label=label)
 
 
 def stroke(label: str, colour: Any) -> Any:
     """Make a legend's entry for lines."""
-    return extra("matplotlib.lines").Line2D([], [], color=colour, lw=2.2, label=label)
+    return import_extra("matplotlib.lines").Line2D([], [], color=colour, lw=2.2, label=label)
 
 
 def line_names(names: Sequence[str]) -> list[Any]:

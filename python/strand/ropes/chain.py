@@ -30,18 +30,18 @@ from strand.ropes.notebook import chain_html
 from strand.ropes.shape import ShapeError, compare_shapes
 from strand.support.checks import (
     Array,
-    as_array,
-    checked_radius,
-    finite_array,
-    flag,
-    instances,
-    not_negative,
-    own,
-    share_or_nan,
-    small_array,
-    whole,
+    check_bool,
+    check_finite_array,
+    check_fraction_or_nan,
+    check_instances,
+    check_integer,
+    check_nonnegative,
+    check_radius,
+    check_small_array,
+    freeze_array,
+    to_array,
 )
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 
 # products of lengths stay finite
 _FARTHEST = 1e75
@@ -97,17 +97,17 @@ class Chain:
     doubts: tuple[Doubt, ...] = ()
 
     def __post_init__(self) -> None:
-        points = finite_array("points", self.points, ("N", 3))
+        points = check_finite_array("points", self.points, ("N", 3))
         if len(points) < 2:
             raise ValueError(f"points: expected at least two nodes, got {len(points)}")
         if np.abs(points).max() > _FARTHEST:
             raise ValueError(f"points: expected coordinates up to {_FARTHEST:g} m")
-        object.__setattr__(self, "points", own(points))
-        object.__setattr__(self, "radius", checked_radius(self.radius))
-        object.__setattr__(self, "closed", flag("closed", self.closed))
-        object.__setattr__(self, "radius_sd", not_negative("radius_sd", self.radius_sd))
-        object.__setattr__(self, "confidence", share_or_nan("confidence", self.confidence))
-        object.__setattr__(self, "doubts", instances("doubts", self.doubts, Doubt))
+        object.__setattr__(self, "points", freeze_array(points))
+        object.__setattr__(self, "radius", check_radius(self.radius))
+        object.__setattr__(self, "closed", check_bool("closed", self.closed))
+        object.__setattr__(self, "radius_sd", check_nonnegative("radius_sd", self.radius_sd))
+        object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
+        object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
         count = len(points)
@@ -119,7 +119,7 @@ class Chain:
             value = getattr(self, name)
             if value is None:
                 continue
-            array = as_array(name, value)
+            array = to_array(name, value)
             if array.dtype.kind not in ("f" if name == "covariance" else "iu"):
                 raise TypeError(f"{name}: expected numbers of its kind, got dtype {array.dtype}")
             if array.shape != shape:
@@ -128,7 +128,7 @@ class Chain:
                 raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
             if name != "covariance" and (array < 0).any():
                 raise ValueError(f"{name}: expected counts, got negative numbers")
-            object.__setattr__(self, name, own(array))
+            object.__setattr__(self, name, freeze_array(array))
         if (np.diff(self._knots) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
 
@@ -142,12 +142,12 @@ class Chain:
         """Return what a notebook shows: the chain in a small plot, and its numbers."""
         return chain_html(self)
 
-    @lazy
+    @lazy_property
     def _path(self) -> Array:
         """The nodes, with the first one again at the end of a closed chain."""
         return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
 
-    @lazy
+    @lazy_property
     def _knots(self) -> Array:
         """Arc length at every node of the path."""
         steps = np.linalg.norm(np.diff(self._path, axis=0), axis=1)
@@ -171,19 +171,19 @@ class Chain:
                 bare[start:stop] = (stop - start) * spacing >= self.radius
         return bare
 
-    @lazy
+    @lazy_property
     def arc_length(self) -> Array:
         """(M,) Arc length from the first node to each node, metres."""
         if self.curve is not None:
             return np.linspace(0.0, self.curve.length, len(self.points))
         return self._knots[: len(self.points)]
 
-    @lazy
+    @lazy_property
     def tangents(self) -> Array:
         """(M, 3) Unit tangents at the nodes, along the order of the nodes, by central differences."""
         return self._derivatives()[0]
 
-    @lazy
+    @lazy_property
     def curvature(self) -> Array:
         """(M,) Curvature at the nodes, 1/m: the length of `curvature_vector` there.
 
@@ -295,7 +295,9 @@ class Chain:
         ValueError
             If it is out of range, or a closed chain has fewer than three nodes.
         """
-        return tube_mesh(self.points, self.tangents, self.radius, self.closed, whole("sides", sides, 3, 1000))
+        return tube_mesh(
+            self.points, self.tangents, self.radius, self.closed, check_integer("sides", sides, 3, 1000)
+        )
 
     def at(self, s: ArrayLike) -> Array:
         """Position at arc length `s`.
@@ -374,7 +376,7 @@ class Chain:
         ValueError
             If there is not one value for each node, or `s` is not finite.
         """
-        given = as_array("values", values)
+        given = to_array("values", values)
         if given.dtype.kind not in "fiu":
             raise TypeError(f"values: expected real numbers, got dtype {given.dtype}")
         if not given.ndim or len(given) != len(self.points):
@@ -383,7 +385,7 @@ class Chain:
 
     def _held(self, s: ArrayLike) -> Array:
         """Arc lengths on the chain: of an open one held at its ends, of a closed one round it."""
-        given = as_array("s", s)
+        given = to_array("s", s)
         if given.dtype.kind not in "fiu":
             raise TypeError(f"s: expected arc lengths in metres, got dtype {given.dtype}")
         at = given.astype(np.float64)
@@ -400,7 +402,7 @@ class Chain:
             known, values = self._knots, np.concatenate([values, values[:1]])
         return between(s, known, values)
 
-    @lazy
+    @lazy_property
     def _directions(self) -> Array:
         """(M, 3) Unit tangents at the nodes, also where the nodes turn back on themselves."""
         lost = np.linalg.norm(self.tangents, axis=1) < 0.5
@@ -444,7 +446,7 @@ class Chain:
         rotation = np.stack([tangent, np.cross(side, tangent), side], axis=-1)
         return place.reshape(*at.shape, 3), rotation.reshape(*at.shape, 3, 3)
 
-    @lazy
+    @lazy_property
     def _across(self) -> Array:
         """(M, 3) The z axes of the frames at the nodes."""
         return node_frames(self.points, self._directions, least_turned(self._directions[0]))
@@ -549,7 +551,7 @@ class Chain:
         ValueError
             If it is out of range.
         """
-        count = whole("n", n, 3 if self.closed else 2, _MOST_NODES)
+        count = check_integer("n", n, 3 if self.closed else 2, _MOST_NODES)
         s = np.linspace(0.0, self.length, count, endpoint=not (self.closed and self.curve is None))
         nearest = np.rint(self._mixed(np.arange(len(self.points), dtype=np.float64), s)).astype(np.intp)
         if self.closed:
@@ -611,7 +613,7 @@ class Chain:
             If it has a wrong shape, equal neighbours or NaN, or only one of the two is closed.
         """
         if not isinstance(target, Chain):
-            nodes = finite_array("target", target, ("N", 3))
+            nodes = check_finite_array("target", target, ("N", 3))
             if len(nodes) < 2 or not np.diff(nodes, axis=0).any(axis=1).all():
                 raise ValueError("target: expected at least two nodes, no two equal in a row")
             target = Chain(nodes, self.radius, self.closed)
@@ -642,7 +644,7 @@ class Chain:
         ValueError
             If `p` is not of shape (3,) or not finite.
         """
-        point = small_array("p", p, (3,))
+        point = check_small_array("p", p, (3,))
         start, step = self._path[:-1], np.diff(self._path, axis=0)
         t = np.clip(((point - start) * step).sum(axis=1) / (step * step).sum(axis=1), 0.0, 1.0)
         distance = np.linalg.norm(start + t[:, None] * step - point, axis=1)
@@ -678,7 +680,7 @@ class Chain:
         """
         return self._tube.signed_distances(points)
 
-    @lazy
+    @lazy_property
     def _tube(self) -> TubeQueries:
         return tube_queries([self])
 

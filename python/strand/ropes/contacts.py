@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from strand.geometry.meeting import meeting
 from strand.ropes.clearance import nearest_on_segments
 from strand.ropes.crossings import Crossing, find_crossings, unit_direction
-from strand.support.checks import Array, not_negative
+from strand.support.checks import Array, check_nonnegative
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain
@@ -87,7 +87,7 @@ class _Steps:
 
 def find_contacts(chains: Sequence[Chain], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
     """Find where strands are near each other and do not cross, see `Model.contacts`."""
-    most = not_negative("distance", distance)
+    most = check_nonnegative("distance", distance)
     towards = unit_direction(direction)
     if not chains:
         return ()

@@ -13,7 +13,16 @@ from strand._core import crossed_segments
 from strand.ropes.clearance import least_distance
 from strand.ropes.doubt import Doubt
 from strand.ropes.order import probability_of_order
-from strand.support.checks import Array, not_negative, number, own, several, share_or_nan, small_array, whole
+from strand.support.checks import (
+    Array,
+    check_fraction_or_nan,
+    check_integer,
+    check_nonnegative,
+    check_number,
+    check_sequence,
+    check_small_array,
+    freeze_array,
+)
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain
@@ -77,21 +86,23 @@ class Crossing:
 
     def __post_init__(self) -> None:
         for name in ("over", "under"):
-            at = several(name, getattr(self, name), "a chain's number and an arc length")
+            at = check_sequence(name, getattr(self, name), "a chain's number and an arc length")
             if len(at) != 2:
                 raise ValueError(f"{name}: expected a chain's number and an arc length, got {len(at)} values")
-            object.__setattr__(self, name, (whole(f"{name}[0]", at[0]), number(f"{name}[1]", at[1])))
+            object.__setattr__(
+                self, name, (check_integer(f"{name}[0]", at[0]), check_number(f"{name}[1]", at[1]))
+            )
         for name in ("point_over", "point_under"):
-            object.__setattr__(self, name, own(small_array(name, getattr(self, name), (3,))))
+            object.__setattr__(self, name, freeze_array(check_small_array(name, getattr(self, name), (3,))))
         for name in ("height", "gap", "angle"):
-            object.__setattr__(self, name, number(name, getattr(self, name)))
+            object.__setattr__(self, name, check_number(name, getattr(self, name)))
         sd = self.height_sd
         unknown = sd is None or sd != sd
-        object.__setattr__(self, "height_sd", float("nan") if unknown else not_negative("height_sd", sd))
+        object.__setattr__(self, "height_sd", float("nan") if unknown else check_nonnegative("height_sd", sd))
         if self.sign not in (1, -1):
             raise ValueError(f"sign: expected 1 or -1, got {self.sign!r}")
         object.__setattr__(self, "sign", int(self.sign))
-        object.__setattr__(self, "probability", share_or_nan("probability", self.probability))
+        object.__setattr__(self, "probability", check_fraction_or_nan("probability", self.probability))
 
     def __str__(self) -> str:
         (upper, high), (lower, low) = self.over, self.under
@@ -172,7 +183,7 @@ def free_stretch(
     chain: Chain, number_of_chain: int, s: float, crossings: Sequence[Crossing]
 ) -> tuple[float, float]:
     """Return the stretch around a place in which nothing crosses, see `Model.segment_between_crossings`."""
-    place = number("s", s)
+    place = check_number("s", s)
     if not 0.0 <= place <= chain.length:
         raise ValueError(f"s: expected an arc length from 0 to {chain.length:g} m, got {place:g}")
     met = np.array([at for one in crossings for i, at in (one.over, one.under) if i == number_of_chain])
@@ -195,7 +206,7 @@ def unit_direction(direction: ArrayLike) -> Array:
     ValueError
         If it is not of shape (3,), not finite, or zero.
     """
-    given = small_array("direction", direction, (3,))
+    given = check_small_array("direction", direction, (3,))
     largest = float(np.abs(given).max())
     if largest == 0.0:
         raise ValueError("direction: expected a vector that is not zero, got [0, 0, 0]")

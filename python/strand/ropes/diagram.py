@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
-from strand.support.checks import Array, finite_array, flag, small_array
+from strand.support.checks import Array, check_bool, check_finite_array, check_small_array
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def knot_diagram(
         If `points` is no polyline, as in `strand.knot`; if it has more than 20,000 crossings; if
         `direction` is zero, or strands lie along each other from there.
     """
-    nodes = finite_array("points", points, ("N", 3))
-    codes = _core.knot_diagram(nodes, flag("closed", closed), unit_vector("direction", direction))
+    nodes = check_finite_array("points", points, ("N", 3))
+    codes = _core.knot_diagram(nodes, check_bool("closed", closed), unit_vector("direction", direction))
     return diagram_of(codes)
 
 
@@ -105,7 +105,7 @@ def unit_vector(name: str, value: ArrayLike) -> Array:
     ValueError
         If it is not of shape (3,), not finite, or zero.
     """
-    vector = small_array(name, value, (3,))
+    vector = check_small_array(name, value, (3,))
     largest = np.abs(vector).max()
     if largest == 0:
         raise ValueError(f"{name}: expected a vector that is not zero")

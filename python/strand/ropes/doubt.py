@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from strand.support.checks import Array, not_negative, one_of, own, small_array, text, to_millimetres
+from strand.support.checks import (
+    Array,
+    check_choice,
+    check_nonnegative,
+    check_small_array,
+    check_text,
+    freeze_array,
+    round_to_millimeters,
+)
 
 DOUBTS = (
     "join",
@@ -71,13 +79,13 @@ class Doubt:
     place: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", one_of("kind", self.kind, DOUBTS))
-        object.__setattr__(self, "amount", not_negative("amount", self.amount))
-        object.__setattr__(self, "about", text("about", self.about))
-        object.__setattr__(self, "reason", text("reason", self.reason))
+        object.__setattr__(self, "kind", check_choice("kind", self.kind, DOUBTS))
+        object.__setattr__(self, "amount", check_nonnegative("amount", self.amount))
+        object.__setattr__(self, "about", check_text("about", self.about))
+        object.__setattr__(self, "reason", check_text("reason", self.reason))
         if self.place is not None:
-            object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
+            object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
 
     def __str__(self) -> str:
-        where = "" if self.place is None else f" at {to_millimetres(self.place)}"
+        where = "" if self.place is None else f" at {round_to_millimeters(self.place)}"
         return f"unsure {self.about}{where}: {self.reason}"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.ropes.crossings import Crossing, unit_direction
 from strand.ropes.gripper import Gripper
-from strand.support.checks import Array, number, several
+from strand.support.checks import Array, check_number, check_sequence
 
 if TYPE_CHECKING:
     from strand.ropes.chain import Chain
@@ -201,7 +201,7 @@ def find_grasps(
 
 
 def _plane(table: tuple[ArrayLike, float]) -> Table:
-    given = several("table", table, "a normal and an offset")
+    given = check_sequence("table", table, "a normal and an offset")
     if len(given) != 2:
         raise ValueError(f"table: expected a normal and an offset, got {len(given)} values")
     try:
@@ -209,7 +209,7 @@ def _plane(table: tuple[ArrayLike, float]) -> Table:
     except ValueError as error:
         raise ValueError(f"table: {error}") from None
     length = float(np.linalg.norm(np.asarray(given[0], dtype=np.float64)))
-    return normal, number("table[1]", given[1]) / length
+    return normal, check_number("table[1]", given[1]) / length
 
 
 def _steps(chains: Sequence[Chain]) -> _Steps:

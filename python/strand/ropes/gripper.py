@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from strand.support.checks import not_negative, positive
+from strand.support.checks import check_nonnegative, check_positive
 
 
 @dataclass(frozen=True)
@@ -40,5 +40,5 @@ class Gripper:
 
     def __post_init__(self) -> None:
         for name in ("opening", "width", "thickness", "depth"):
-            object.__setattr__(self, name, positive(name, getattr(self, name)))
-        object.__setattr__(self, "clearance", not_negative("clearance", self.clearance))
+            object.__setattr__(self, name, check_positive(name, getattr(self, name)))
+        object.__setattr__(self, "clearance", check_nonnegative("clearance", self.clearance))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand.ropes.diagram import Diagram, diagram_of, unit_vector
-from strand.support.checks import Array, finite_array, flag
+from strand.support.checks import Array, check_bool, check_finite_array
 
 UNKNOWN = "unknown"
 """The name of a knot that is not in the table."""
@@ -126,7 +126,7 @@ def knot(
         meets itself where that decides the knot; if `closed` and the first node is there again at the end;
         if `crossings` are not arc lengths and probabilities, or more than are seen; if `direction` is zero.
     """
-    nodes, closed = finite_array("points", points, ("N", 3)), flag("closed", closed)
+    nodes, closed = check_finite_array("points", points, ("N", 3)), check_bool("closed", closed)
     path = np.vstack([nodes, nodes[:1]]) if closed and len(nodes) else nodes
     return tied(nodes, closed, _core.path_length(path), crossings, direction)
 
@@ -147,7 +147,7 @@ def tied(
     shares = tuple((name or UNKNOWN, chirality, share) for name, chirality, share in answers)
     name, chirality, probability = shares[0]
     if crossings is not None and np.size(crossings):
-        given = finite_array("crossings", crossings, ("K", 3))
+        given = check_finite_array("crossings", crossings, ("K", 3))
         path = np.vstack([nodes, nodes[:1]]) if closed else nodes
         if not (given[:, :2].min() >= 0 and given[:, :2].max() <= arc[-1] * (1 + 1e-9)):
             raise ValueError(f"crossings: expected arc lengths from 0 to {arc[-1]:g} m")

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from strand import _core
 from strand.ropes.chain import Chain
-from strand.support.checks import Array, finite_array, flag
+from strand.support.checks import Array, check_bool, check_finite_array
 
 
 def linking_number(a: Chain | ArrayLike, b: Chain | ArrayLike, closed: bool = True) -> float:
@@ -37,7 +37,7 @@ def linking_number(a: Chain | ArrayLike, b: Chain | ArrayLike, closed: bool = Tr
         If nodes are not (N, 3), not finite, too few (two; three of a closed rope), equal in a row, or too
         many.
     """
-    arrays_closed = flag("closed", closed)
+    arrays_closed = check_bool("closed", closed)
     (first, first_closed), (second, second_closed) = (
         _nodes(name, rope, arrays_closed) for name, rope in (("a", a), ("b", b))
     )
@@ -47,4 +47,4 @@ def linking_number(a: Chain | ArrayLike, b: Chain | ArrayLike, closed: bool = Tr
 def _nodes(name: str, rope: Chain | ArrayLike, closed: bool) -> tuple[Array, bool]:
     if isinstance(rope, Chain):
         return rope.points, rope.closed
-    return finite_array(name, rope, ("N", 3)), closed
+    return check_finite_array(name, rope, ("N", 3)), closed

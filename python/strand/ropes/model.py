@@ -28,20 +28,20 @@ from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import Nearest, RayHits, Sweeps
 from strand.support.checks import (
     Array,
-    finite_array,
-    float_array,
-    instances,
-    number,
-    one_of,
-    own,
-    several,
-    share_or_nan,
-    small_array,
-    text,
-    whole,
+    check_choice,
+    check_finite_array,
+    check_float_array,
+    check_fraction_or_nan,
+    check_instances,
+    check_integer,
+    check_number,
+    check_sequence,
+    check_small_array,
+    check_text,
+    freeze_array,
 )
-from strand.support.files import plain, write_bytes, write_json
-from strand.support.lazy import lazy
+from strand.support.files import convert_to_json, write_bytes, write_json
+from strand.support.lazy import lazy_property
 from strand.views.sensor import Sensor
 
 FORMAT, VERSION = "strand model", 2
@@ -87,12 +87,14 @@ class Join:
     alternative: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
-        numbers = several("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(whole("chains", chain) for chain in numbers))
-        object.__setattr__(self, "margin", number("margin", self.margin))
+        object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
+        numbers = check_sequence("chains", self.chains, "whole numbers")
+        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
+        object.__setattr__(self, "margin", check_number("margin", self.margin))
         if self.alternative is not None:
-            object.__setattr__(self, "alternative", own(small_array("alternative", self.alternative, (3,))))
+            object.__setattr__(
+                self, "alternative", freeze_array(check_small_array("alternative", self.alternative, (3,)))
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,16 +128,16 @@ class ModelWarning:
     view: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", one_of("kind", self.kind, WARNINGS))
-        object.__setattr__(self, "message", text("message", self.message))
+        object.__setattr__(self, "kind", check_choice("kind", self.kind, WARNINGS))
+        object.__setattr__(self, "message", check_text("message", self.message))
         if self.place is not None:
-            object.__setattr__(self, "place", own(small_array("place", self.place, (3,))))
+            object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
         if self.amount is not None:
-            object.__setattr__(self, "amount", number("amount", self.amount))
-        numbers = several("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(whole("chains", chain) for chain in numbers))
+            object.__setattr__(self, "amount", check_number("amount", self.amount))
+        numbers = check_sequence("chains", self.chains, "whole numbers")
+        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
         if self.view is not None:
-            object.__setattr__(self, "view", whole("view", self.view))
+            object.__setattr__(self, "view", check_integer("view", self.view))
 
     def __str__(self) -> str:
         return self.message
@@ -157,9 +159,11 @@ class Alternative:
     chains: tuple[Array, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cost", number("cost", self.cost))
-        each = several("chains", self.chains, "arrays")
-        nodes = tuple(own(finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each))
+        object.__setattr__(self, "cost", check_number("cost", self.cost))
+        each = check_sequence("chains", self.chains, "arrays")
+        nodes = tuple(
+            freeze_array(check_finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each)
+        )
         object.__setattr__(self, "chains", nodes)
 
 
@@ -221,17 +225,19 @@ class Model:
             ("doubts", Doubt),
             ("alternatives", Alternative),
         ):
-            object.__setattr__(self, name, instances(name, getattr(self, name), kind))
+            object.__setattr__(self, name, check_instances(name, getattr(self, name), kind))
         for name in ("timings", "stages"):
             if not isinstance(getattr(self, name), dict):
                 raise TypeError(f"{name}: expected a dict, got {type(getattr(self, name)).__name__}")
-        object.__setattr__(self, "poses", own(small_array("poses", self.poses, ("V", 4, 4))))
-        object.__setattr__(self, "pose_sd", own(float_array("pose_sd", self.pose_sd, ("V", 6))))
+        object.__setattr__(self, "poses", freeze_array(check_small_array("poses", self.poses, ("V", 4, 4))))
+        object.__setattr__(
+            self, "pose_sd", freeze_array(check_float_array("pose_sd", self.pose_sd, ("V", 6)))
+        )
         if self.method is not None:
-            object.__setattr__(self, "method", one_of("method", self.method, METHODS))
+            object.__setattr__(self, "method", check_choice("method", self.method, METHODS))
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a Sensor or None, got {type(self.sensor).__name__}")
-        object.__setattr__(self, "confidence", share_or_nan("confidence", self.confidence))
+        object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))
 
     def __repr__(self) -> str:
         sure = "unknown" if np.isnan(self.confidence) else f"{self.confidence:.2f}"
@@ -282,7 +288,7 @@ class Model:
         radius = self.chains[0].radius
         return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
 
-    @lazy
+    @lazy_property
     def _tubes(self) -> TubeQueries:
         """All chains' tubes in one hierarchy, built when it is first asked."""
         return tube_queries(self.chains)
@@ -507,7 +513,7 @@ class Model:
         """
         if not self.chains:
             raise ValueError(f"chain: expected the number of a chain, got {chain!r}: the model has no chains")
-        number_ = whole("chain", chain, 0, len(self.chains) - 1)
+        number_ = check_integer("chain", chain, 0, len(self.chains) - 1)
         return free_stretch(self.chains[number_], number_, s, self.crossings(direction))
 
     def grasps(
@@ -753,9 +759,9 @@ class Model:
 def content(model: Model) -> dict[str, Any]:
     """Return what a model's file says, in JSON's types."""
     # the arrays between the stages are large and stay out
-    said = plain(replace(model, stages={}))
+    said = convert_to_json(replace(model, stages={}))
     del said["stages"]
-    crossings = plain(listed_crossings(model.chains, (0, 0, 1), model.doubts))
+    crossings = convert_to_json(listed_crossings(model.chains, (0, 0, 1), model.doubts))
     return {
         "format": FORMAT,
         "version": VERSION,

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-def number(name: str, value: Any) -> float:
+def check_number(name: str, value: Any) -> float:
     """Return `value` as a finite float; arrays without a dimension count as numbers.
 
     Raises
@@ -38,7 +38,7 @@ def number(name: str, value: Any) -> float:
     return found
 
 
-def positive(name: str, value: Any, most: float = math.inf) -> float:
+def check_positive(name: str, value: Any, most: float = math.inf) -> float:
     """Return `value` as a float above zero, and not above `most`.
 
     Raises
@@ -49,7 +49,7 @@ def positive(name: str, value: Any, most: float = math.inf) -> float:
         If it is zero, negative, too large or not finite.
     """
     try:
-        found = number(name, value)
+        found = check_number(name, value)
     except ValueError:
         found = math.nan
     if not found > 0:
@@ -59,7 +59,7 @@ def positive(name: str, value: Any, most: float = math.inf) -> float:
     return found
 
 
-def not_negative(name: str, value: Any) -> float:
+def check_nonnegative(name: str, value: Any) -> float:
     """Return `value` as a float of zero or above.
 
     Raises
@@ -70,7 +70,7 @@ def not_negative(name: str, value: Any) -> float:
         If it is negative or not finite.
     """
     try:
-        found = number(name, value)
+        found = check_number(name, value)
     except ValueError:
         found = math.nan
     if not found >= 0:
@@ -78,7 +78,7 @@ def not_negative(name: str, value: Any) -> float:
     return found
 
 
-def whole(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
+def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
     """Return `value` as an int in a range.
 
     Raises
@@ -99,7 +99,7 @@ def whole(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
     return found
 
 
-def flag(name: str, value: Any) -> bool:
+def check_bool(name: str, value: Any) -> bool:
     """Return `value` as a bool.
 
     Raises
@@ -112,7 +112,7 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def text(name: str, value: Any) -> str:
+def check_text(name: str, value: Any) -> str:
     """Return `value` as a str.
 
     Raises
@@ -125,7 +125,7 @@ def text(name: str, value: Any) -> str:
     return str(value)
 
 
-def checked_path(name: str, value: Any) -> Path:
+def check_path(name: str, value: Any) -> Path:
     """Return `value` as a path.
 
     Raises
@@ -143,7 +143,7 @@ def checked_path(name: str, value: Any) -> Path:
     return Path(words)
 
 
-def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:
+def check_choice(name: str, value: Any, accepted: tuple[str, ...]) -> str:
     """Return `value` as one of some words.
 
     Raises
@@ -160,26 +160,26 @@ def one_of(name: str, value: Any, accepted: tuple[str, ...]) -> str:
     return value
 
 
-def share_or_nan(name: str, value: float) -> float:
+def check_fraction_or_nan(name: str, value: float) -> float:
     """Return a number from 0 to 1, or NaN where it is not known."""
     if isinstance(value, (float, np.floating)) and np.isnan(value):
         return float("nan")
-    share = number(name, value)
+    share = check_number(name, value)
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"{name}: expected a number from 0 to 1, or NaN, got {value}")
     return share
 
 
-def instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[Any, ...]:
+def check_instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[Any, ...]:
     """Return values, each of which must be of a type, as a tuple."""
-    held = several(name, values, kind.__name__)
+    held = check_sequence(name, values, kind.__name__)
     for i, one in enumerate(held):
         if not isinstance(one, kind):
             raise TypeError(f"{name}[{i}]: expected type {kind.__name__}, got {type(one).__name__}")
     return held
 
 
-def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
+def check_sequence(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
     """Return what a sequence holds.
 
     Raises
@@ -195,7 +195,7 @@ def several(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
         raise TypeError(f"{name}: expected a sequence of {what}, got {type(value).__name__}") from None
 
 
-def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return `value` as an array of any kind.
 
     Raises
@@ -215,7 +215,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
         raise ValueError(f"{name}: {error}") from None
 
 
-def own(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
+def freeze_array(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
     """Return an array as one that nobody can change: read-only, and a copy if someone else may hold it.
 
     Parameters
@@ -233,12 +233,12 @@ def own(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
     return kept
 
 
-def to_millimetres(place: Array) -> list[float]:
+def round_to_millimeters(place: Array) -> list[float]:
     """Return a place's coordinates, metres, as messages show them."""
     return [round(x, 3) for x in place.tolist()]
 
 
-def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return points, depths or other measured numbers as a C-ordered float64 array of a shape.
 
     Parameters
@@ -257,7 +257,7 @@ def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ValueError
         If the shape differs.
     """
-    array = as_array(name, value)
+    array = to_array(name, value)
     if array.dtype.kind != "f":
         hint = " (whole numbers do not say their unit: give metres)" if array.dtype.kind in "iu" else ""
         raise TypeError(f"{name}: expected floating point numbers, got dtype {array.dtype}{hint}")
@@ -271,7 +271,7 @@ def float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
         return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+def check_finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return `value` as `float_array` does, and refuse NaN and infinities.
 
     Raises
@@ -281,10 +281,10 @@ def finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> A
     ValueError
         If the shape differs or an element is not finite.
     """
-    return _finite(name, float_array(name, value, shape))
+    return _finite(name, check_float_array(name, value, shape))
 
 
-def small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+def check_small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return a vector or a matrix that may be written with whole numbers, such as an origin or a pose.
 
     Raises
@@ -294,12 +294,12 @@ def small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ValueError
         If the shape differs or an element is not finite.
     """
-    return _finite(name, float_array(name, whole_as_floats(name, value), shape))
+    return _finite(name, check_float_array(name, convert_integers(name, value), shape))
 
 
-def whole_as_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+def convert_integers(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return `value` as an array, of floats if it holds whole numbers."""
-    array = as_array(name, value)
+    array = to_array(name, value)
     return array.astype(np.float64) if array.dtype.kind in "iu" else array
 
 
@@ -309,7 +309,7 @@ def _finite(name: str, array: Array) -> Array:
     return array
 
 
-def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+def check_colors(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
     """Return colours as a float64 array of a shape, from 0 to 1.
 
     Raises
@@ -319,8 +319,8 @@ def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     ValueError
         If the shape differs, or a number is not from 0 to 1 (uint8: from 0 to 255).
     """
-    array = as_array(name, value)
-    colors = finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
+    array = to_array(name, value)
+    colors = check_finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
     if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
         raise ValueError(
             f"{name}: expected colours from 0 to 1, or uint8, got {colors.min()} to {colors.max()}"
@@ -328,7 +328,7 @@ def color_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Ar
     return colors
 
 
-def mask_array(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int32]:
+def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int32]:
     """Return a mask as an int32 array of an image's shape, its own: labels, 0 for no rope.
 
     Raises
@@ -338,7 +338,7 @@ def mask_array(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[n
     ValueError
         If the shape differs, or a label is negative or beyond int32.
     """
-    array = as_array(name, value)
+    array = to_array(name, value)
     if array.dtype.kind not in "biu":
         raise TypeError(
             f"{name}: expected bools, or whole numbers as labels (0: no rope), got dtype {array.dtype}"
@@ -353,7 +353,7 @@ def mask_array(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[n
     return np.array(array, dtype=np.int32, order="C")
 
 
-def rigid_motion(name: str, value: ArrayLike) -> Array:
+def check_rigid_motion(name: str, value: ArrayLike) -> Array:
     """Return `value` as a (4, 4) rigid motion.
 
     Raises
@@ -364,7 +364,7 @@ def rigid_motion(name: str, value: ArrayLike) -> Array:
         If the matrix is not a rotation and a translation: wrong shape or last row, not finite, a
         rotation that scales, shears or mirrors by more than 1e-6.
     """
-    pose = small_array(name, value, (4, 4))
+    pose = check_small_array(name, value, (4, 4))
     rotation = pose[:3, :3]
     if np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-9:
         raise ValueError(f"{name}: expected the last row (0, 0, 0, 1), got {pose[3]}")
@@ -375,7 +375,7 @@ def rigid_motion(name: str, value: ArrayLike) -> Array:
     return pose
 
 
-def pinhole(name: str, value: ArrayLike) -> Array:
+def check_intrinsics(name: str, value: ArrayLike) -> Array:
     """Return `value` as a (3, 3) pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
 
     Raises
@@ -385,7 +385,7 @@ def pinhole(name: str, value: ArrayLike) -> Array:
     ValueError
         If the matrix is of another form, or fx or fy is not positive.
     """
-    camera = small_array(name, value, (3, 3))
+    camera = check_small_array(name, value, (3, 3))
     fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
     if fx <= 0 or fy <= 0 or not np.array_equal(camera, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]):
         raise ValueError(
@@ -394,7 +394,7 @@ def pinhole(name: str, value: ArrayLike) -> Array:
     return camera
 
 
-def checked_radius(radius: float) -> float:
+def check_radius(radius: float) -> float:
     """Return a rope's radius, metres.
 
     Raises
@@ -410,7 +410,7 @@ def checked_radius(radius: float) -> float:
             "the command line and scene files take a length with its unit"
         )
     try:
-        found = number("radius", radius)
+        found = check_number("radius", radius)
     except TypeError:
         raise TypeError(f"radius: expected a number of metres, got {radius!r}") from None
     except ValueError:

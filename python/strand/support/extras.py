@@ -18,7 +18,7 @@ _EXTRAS = {
 }
 
 
-def extra(module: str) -> Any:
+def import_extra(module: str) -> Any:
     """Import a package that only some uses need.
 
     Parameters
@@ -44,6 +44,6 @@ def _distribution() -> str:
     """Return what strand is called where it was installed; "." if it runs as a checkout."""
     here = Path(__file__)
     for name in metadata.packages_distributions().get("strand", ()):
-        if Path(str(metadata.distribution(name).locate_file(f"strand/{here.name}"))) == here:
+        if Path(str(metadata.distribution(name).locate_file(f"strand/support/{here.name}"))) == here:
             return name
     return "."

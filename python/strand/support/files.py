@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from strand._core import StrandError
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 
 JSON_BYTES = 1 << 26  # a model of a rope takes 0.2 MB
 TOML_BYTES = 1 << 20  # descriptions and configurations are written by hand
@@ -69,7 +69,7 @@ class FileFormatError(StrandError, ValueError):
         return cls(file, str(error) or type(error).__name__)
 
 
-def shown(value: Any) -> str:
+def describe_value(value: Any) -> str:
     """Return what a message says of a value, however long or deep it is."""
     try:
         return reprlib.repr(value)
@@ -185,12 +185,12 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     OSError
         If the file cannot be written, or `path` is something other than a file.
     """
-    with replacing(path) as file:
+    with replace_file(path) as file:
         file.write(data)
 
 
 @contextlib.contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def replace_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file that is written whole or not at all.
 
     The bytes go to a temporary file in the same folder, which takes the file's place at the end: nobody
@@ -227,7 +227,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         raise
 
 
-def plain(value: Any) -> Any:
+def convert_to_json(value: Any) -> Any:
     """Return a value in JSON's types.
 
     Parameters
@@ -236,13 +236,13 @@ def plain(value: Any) -> Any:
         Frozen dataclasses become objects with a key for each field, arrays and tuples lists, NaN null.
     """
     if is_dataclass(value):
-        return {entry.name: plain(getattr(value, entry.name)) for entry in fields(value)}
+        return {entry.name: convert_to_json(getattr(value, entry.name)) for entry in fields(value)}
     if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
+        return convert_to_json(value.tolist())
     if isinstance(value, dict):
-        return {key: plain(entry) for key, entry in value.items()}
+        return {key: convert_to_json(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
+        return [convert_to_json(entry) for entry in value]
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
@@ -348,7 +348,7 @@ def read_toml(path: str | os.PathLike[str], max_bytes: int = TOML_BYTES) -> dict
     ImportError
         On Python 3.10, which has no TOML reader, if the package tomli is not installed.
     """
-    toml = extra("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    toml = import_extra("tomllib" if sys.version_info >= (3, 11) else "tomli")
     data = read_bytes(path, max_bytes)
     try:
         words = data.decode()

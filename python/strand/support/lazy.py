@@ -10,7 +10,7 @@ import numpy as np
 T = TypeVar("T")
 
 
-class lazy(Generic[T]):
+class lazy_property(Generic[T]):
     """A method as a property that is worked out when it is first asked for; an array is then read-only.
 
     Before Python 3.12 `functools.cached_property` holds a lock of its class meanwhile. A process that another
@@ -25,12 +25,12 @@ class lazy(Generic[T]):
         self._name = name
 
     @overload
-    def __get__(self, instance: None, owner: type) -> lazy[T]: ...
+    def __get__(self, instance: None, owner: type) -> lazy_property[T]: ...
 
     @overload
     def __get__(self, instance: object, owner: type) -> T: ...
 
-    def __get__(self, instance: object | None, owner: type) -> lazy[T] | T:
+    def __get__(self, instance: object | None, owner: type) -> lazy_property[T] | T:
         if instance is None:
             return self
         # two threads may both work it out: both get the same

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.support.checks import (
     Array,
-    finite_array,
-    not_negative,
-    number,
-    pinhole,
-    positive,
-    rigid_motion,
-    several,
-    whole,
+    check_finite_array,
+    check_integer,
+    check_intrinsics,
+    check_nonnegative,
+    check_number,
+    check_positive,
+    check_rigid_motion,
+    check_sequence,
 )
 from strand.synthetic.shapes import LONGEST
 
@@ -77,13 +77,16 @@ def render_depth(
         intrinsics are not a pinhole's, `pose` is not a rigid motion, `size` is not two positive
         numbers, or `table` is negative or not finite.
     """
-    tubes = [rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(several("chains", chains, "arrays"))]
+    tubes = [
+        rope_nodes(f"chains[{i}]", chain)
+        for i, chain in enumerate(check_sequence("chains", chains, "arrays"))
+    ]
     radii = _radii(radius, len(tubes))
-    camera = pinhole("intrinsics", intrinsics)
+    camera = check_intrinsics("intrinsics", intrinsics)
     fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
-    motion = rigid_motion("pose", pose)
+    motion = check_rigid_motion("pose", pose)
     width, height = image_size(size)
-    side = float(table) * TABLE if isinstance(table, bool) else not_negative("table", table)
+    side = float(table) * TABLE if isinstance(table, bool) else check_nonnegative("table", table)
 
     rotation, centre = motion[:3, :3], motion[:3, 3]
     # rays reach z = 1 in the camera frame, so that the parameter along one is the depth
@@ -206,7 +209,7 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     ValueError
         If an angle is not finite or `distance` is not positive.
     """
-    azimuth, elevation = number("azimuth", azimuth), number("elevation", elevation)
+    azimuth, elevation = check_number("azimuth", azimuth), check_number("elevation", elevation)
     outward = np.array(
         [
             math.cos(elevation) * math.cos(azimuth),
@@ -217,7 +220,7 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     pose = np.eye(4)
     pose[:3, :3] = np.stack([right, np.cross(right, outward), -outward], axis=1)
-    pose[:3, 3] = positive("distance", distance) * outward
+    pose[:3, 3] = check_positive("distance", distance) * outward
     return pose
 
 
@@ -261,11 +264,11 @@ def sense(
         If `depth` is not two-dimensional and finite, `noise` is negative or not finite, `flying` is
         not from 0 to 1, or `step` or `depth_scale` is not positive.
     """
-    exact = finite_array("depth", depth, ("H", "W"))
-    noise, flying = not_negative("noise", noise), not_negative("flying", flying)
+    exact = check_finite_array("depth", depth, ("H", "W"))
+    noise, flying = check_nonnegative("noise", noise), check_nonnegative("flying", flying)
     if flying > 1:
         raise ValueError(f"flying: expected a part from 0 to 1, got {flying}")
-    step, depth_scale = positive("step", step), positive("depth_scale", depth_scale)
+    step, depth_scale = check_positive("step", step), check_positive("depth_scale", depth_scale)
     if not isinstance(rng, np.random.Generator):
         raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
     returned = exact > 0
@@ -287,7 +290,7 @@ def sense(
 
 def rope_nodes(name: str, value: ArrayLike) -> Array:
     """Return a rope's nodes: (M, 3), at least two, no two in a row equal, turns under 90 degrees."""
-    nodes = finite_array(name, value, ("N", 3))
+    nodes = check_finite_array(name, value, ("N", 3))
     if len(nodes) < 2:
         raise ValueError(f"{name}: expected at least two nodes, got {len(nodes)}")
     steps = np.diff(nodes, axis=0)
@@ -301,9 +304,9 @@ def rope_nodes(name: str, value: ArrayLike) -> Array:
 
 def _radii(radius: float | Sequence[float], count: int) -> list[float]:
     if isinstance(radius, (Sequence, np.ndarray)) and np.ndim(radius) > 0:
-        radii = [positive(f"radius[{i}]", value, LONGEST) for i, value in enumerate(radius)]
+        radii = [check_positive(f"radius[{i}]", value, LONGEST) for i, value in enumerate(radius)]
     else:
-        radii = [positive("radius", radius, LONGEST)] * count
+        radii = [check_positive("radius", radius, LONGEST)] * count
     if len(radii) != count:
         raise ValueError(f"radius: expected one number or one for each of {count} chains, got {len(radii)}")
     return radii
@@ -315,4 +318,4 @@ def image_size(size: tuple[int, int]) -> tuple[int, int]:
         width, height = size
     except (TypeError, ValueError):
         raise ValueError("size: expected a pair (width, height) of pixels") from None
-    return whole("size[0]", width, 1), whole("size[1]", height, 1)
+    return check_integer("size[0]", width, 1), check_integer("size[1]", height, 1)

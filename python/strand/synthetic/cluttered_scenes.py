@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array, flag, whole
+from strand.support.checks import Array, check_bool, check_integer
 from strand.synthetic.camera import camera_pose, render_depth, sense
 from strand.synthetic.random_ropes import random_ropes
 from strand.synthetic.scenes import FOCAL_LENGTH, SyntheticScene, azimuths, misplaced, nearest
@@ -57,8 +57,8 @@ def cluttered(seed: int = 0, *, views: int | None = None, rope: bool = True) -> 
     ValueError
         If `seed` is negative or `views` is not positive.
     """
-    seed, rope = whole("seed", seed), flag("rope", rope)
-    count = (1, 3)[seed % 2] if views is None else whole("views", views, 1)
+    seed, rope = check_integer("seed", seed), check_bool("rope", rope)
+    count = (1, 3)[seed % 2] if views is None else check_integer("views", views, 1)
     rng = np.random.default_rng([seed, count])
     width, height = _SIZE
     focus = FOCAL_LENGTH * width

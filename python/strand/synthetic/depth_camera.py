@@ -14,7 +14,13 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, finite_array, not_negative, pinhole, positive
+from strand.support.checks import (
+    Array,
+    check_finite_array,
+    check_intrinsics,
+    check_nonnegative,
+    check_positive,
+)
 from strand.synthetic.fields import field, pixels, spread
 
 _BENT, _STEP = 1e-6, 3e-3  # change of the inverse depth's slope at a pixel, over it: not a plane; a step
@@ -94,21 +100,21 @@ class DepthCamera:
 
     def __post_init__(self) -> None:
         if self.baseline is not None:
-            positive("baseline", self.baseline)
+            check_positive("baseline", self.baseline)
         for name in ("sd", "uneven", "background", "amplitude", "step"):
-            not_negative(name, getattr(self, name))
+            check_nonnegative(name, getattr(self, name))
         for name in ("limit", "period"):
-            positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         for name in ("window", "lateral", "patch"):
             pixels(name, getattr(self, name))
         for name in ("missing", "missing_edge"):
-            if not_negative(name, getattr(self, name)) > 1:
+            if check_nonnegative(name, getattr(self, name)) > 1:
                 raise ValueError(f"{name}: expected a part from 0 to 1, got {getattr(self, name)}")
         for i, part in enumerate(self.grain):
             if len(part) != 2:
                 raise ValueError(f"grain[{i}]: expected a smoothness and a share, got {part!r}")
             pixels(f"grain[{i}][0]", part[0])
-            not_negative(f"grain[{i}][1]", part[1])
+            check_nonnegative(f"grain[{i}][1]", part[1])
         if not sum(share for _, share in self.grain) > 0:
             raise ValueError("grain: expected at least one field with a share above 0")
 
@@ -155,8 +161,10 @@ class DepthCamera:
         ValueError
             If `noise` is negative, or another one not positive.
         """
-        noise = not_negative("noise", noise)
-        to_disparity = positive("focal_length", focal_length) / positive("distance", distance) ** 2
+        noise = check_nonnegative("noise", noise)
+        to_disparity = (
+            check_positive("focal_length", focal_length) / check_positive("distance", distance) ** 2
+        )
         # disparity is f b / z
         return replace(self, sd=noise if self.baseline is None else noise * to_disparity * self.baseline)
 
@@ -189,11 +197,11 @@ class DepthCamera:
             If `depth` is not two-dimensional, finite and not negative, the intrinsics are not a pinhole's, or
             `depth_scale` is not positive.
         """
-        exact = finite_array("depth", depth, ("H", "W"))
+        exact = check_finite_array("depth", depth, ("H", "W"))
         if (exact < 0).any():
             raise ValueError(f"depth: expected depths >= 0, got {exact.min()}")
-        focal_length = float(pinhole("intrinsics", intrinsics)[0, 0])
-        depth_scale = positive("depth_scale", depth_scale)
+        focal_length = float(check_intrinsics("intrinsics", intrinsics)[0, 0])
+        depth_scale = check_positive("depth_scale", depth_scale)
         if not isinstance(rng, np.random.Generator):
             raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
         returned = exact > 0

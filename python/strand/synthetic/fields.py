@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array, not_negative
+from strand.support.checks import Array, check_nonnegative
 
 _LARGEST = 64.0  # pixels, the greatest smoothness and the widest window: more is a mistake, and slow
 
@@ -16,7 +16,7 @@ _CUT = 2.5  # standard deviations at which a Gaussian is cut off
 
 def pixels(name: str, value: float) -> float:
     """Return a length in an image, not negative and at most 64 pixels."""
-    length = not_negative(name, value)
+    length = check_nonnegative(name, value)
     if length > _LARGEST:
         raise ValueError(f"{name}: expected at most {_LARGEST:g} pixels, got {length:g}")
     return length

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from strand.support.checks import Array, positive, whole
+from strand.support.checks import Array, check_integer, check_positive
 from strand.synthetic.shapes import arc_lengths
 
 # all in radii: least and greatest length of a rope, steps of a plan, rise of a strand over another,
@@ -55,9 +55,12 @@ def random_ropes(
     ValueError
         If an argument is out of range, or no draw crosses as often as wanted.
     """
-    radius = positive("radius", radius, _THICKEST)
-    crossings, ropes = whole("crossings", crossings, 0, _CROSSINGS), whole("ropes", ropes, 1, _ROPES)
-    rng = np.random.default_rng(whole("seed", seed))
+    radius = check_positive("radius", radius, _THICKEST)
+    crossings, ropes = (
+        check_integer("crossings", crossings, 0, _CROSSINGS),
+        check_integer("ropes", ropes, 1, _ROPES),
+    )
+    rng = np.random.default_rng(check_integer("seed", seed))
     chains: list[Array] | None = None
     for _ in range(_DRAWS):
         drawn = _plans(ropes, crossings, rng)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import Array, one_of, whole
+from strand.support.checks import Array, check_choice, check_integer
 from strand.synthetic.camera import camera_pose
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
 from strand.synthetic.random_ropes import random_ropes
@@ -86,12 +86,12 @@ def rough(
     ValueError
         If there is no such kind or camera, `seed` is negative or `views` is not positive.
     """
-    kind = one_of("kind", kind, ROUGH)
-    seed = whole("seed", seed)
+    kind = check_choice("kind", kind, ROUGH)
+    seed = check_integer("seed", seed)
     rng = np.random.default_rng([ROUGH.index(kind), seed])
     used = imitated_camera(list(CAMERAS)[seed % len(CAMERAS)] if camera is None else camera)
     assert used is not None
-    count = (1, 3)[seed % 2] if views is None else whole("views", views, 1)
+    count = (1, 3)[seed % 2] if views is None else check_integer("views", views, 1)
     radius = float(np.exp(rng.uniform(math.log(0.0025), math.log(0.006))))
     pixels = {"thin": 2.5, "thick": (8.0, 20.0)[seed // 2 % 2]}.get(kind, float(rng.uniform(4.0, 6.0)))
     distance = FOCAL_LENGTH * _SIZE[0] * radius / pixels

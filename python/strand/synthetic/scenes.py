@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, not_negative, number, positive, several, whole
+from strand.support.checks import (
+    Array,
+    check_integer,
+    check_nonnegative,
+    check_number,
+    check_positive,
+    check_sequence,
+)
 from strand.support.files import write_bytes
 from strand.support.robust import robust_deviation
 from strand.synthetic.camera import TABLE, camera_pose, image_size, render_depth, rope_nodes, sense
@@ -219,21 +226,22 @@ def scene(
     """
     if name is not None and not isinstance(name, str):
         raise TypeError(f"name: expected text, got {type(name).__name__}")
-    radius = positive("radius", radius, LONGEST)
-    noise = None if noise is None else not_negative("noise", noise)
+    radius = check_positive("radius", radius, LONGEST)
+    noise = None if noise is None else check_nonnegative("noise", noise)
     turn_error, shift_error = (
-        not_negative("turn_error", turn_error),
-        not_negative("shift_error", shift_error),
+        check_nonnegative("turn_error", turn_error),
+        check_nonnegative("shift_error", shift_error),
     )
     imitated = imitated_camera(camera)
     if imitated is not None and flying is not None:
         raise ValueError("flying: expected none along with a camera, which mixes depths its own way")
     if mask is not None and not isinstance(mask, Segmentation):
         raise TypeError(f"mask: expected a Segmentation, got {type(mask).__name__}")
-    wall = None if wall is None else positive("wall", wall, LONGEST)
-    count, (width, height) = whole("views", views, 1, _VIEWS), image_size(size)
+    wall = None if wall is None else check_positive("wall", wall, LONGEST)
+    count, (width, height) = check_integer("views", views, 1, _VIEWS), image_size(size)
     placing, stage, sensor, segmenter = (
-        np.random.default_rng(child) for child in np.random.SeedSequence(whole("seed", seed, 0)).spawn(4)
+        np.random.default_rng(child)
+        for child in np.random.SeedSequence(check_integer("seed", seed, 0)).spawn(4)
     )
     if chains is None:
         name = "paper" if name is None else name
@@ -242,11 +250,11 @@ def scene(
         if length is not None:
             raise ValueError("length: expected none along with chains, which have their own")
         name = "chains" if name is None else name
-        given = several("chains", chains, "arrays")
+        given = check_sequence("chains", chains, "arrays")
         truth = tuple(rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(given))
         if not truth:
             raise ValueError("chains: expected at least one rope, got none")
-    obstacles = [_obstacle(f"bars[{i}]", bar) for i, bar in enumerate(several("bars", bars, "pairs"))]
+    obstacles = [_obstacle(f"bars[{i}]", bar) for i, bar in enumerate(check_sequence("bars", bars, "pairs"))]
 
     if elevation is None:
         elevation = _ELEVATION if wall is None else 0.0
@@ -254,8 +262,10 @@ def scene(
     focus, centre = FOCAL_LENGTH * width, (0.5 * (width - 1), 0.5 * (height - 1))
     intrinsics = np.array([[focus, 0.0, centre[0]], [0.0, focus, centre[1]], [0.0, 0.0, 1.0]])
     nodes = np.concatenate(truth)
-    least = nearest(nodes, radius, around, number("elevation", elevation), (width, height))
-    distance = max(_NEAREST * radius if distance is None else positive("distance", distance, LONGEST), least)
+    least = nearest(nodes, radius, around, check_number("elevation", elevation), (width, height))
+    distance = max(
+        _NEAREST * radius if distance is None else check_positive("distance", distance, LONGEST), least
+    )
     poses_true = np.stack([camera_pose(azimuth, distance, elevation) for azimuth in around])
     if imitated is not None and noise is not None:
         imitated = imitated.with_noise(noise, focus, distance)
@@ -315,7 +325,7 @@ def scene(
 def _obstacle(name: str, bar: tuple[ArrayLike, float]) -> tuple[Array, float]:
     if not isinstance(bar, (tuple, list)) or len(bar) != 2:
         raise ValueError(f"{name}: expected a pair of nodes and a radius")
-    return rope_nodes(name, bar[0]), positive(name, bar[1], LONGEST)
+    return rope_nodes(name, bar[0]), check_positive(name, bar[1], LONGEST)
 
 
 def imitated_camera(camera: str | DepthCamera | None) -> DepthCamera | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.support.checks import not_negative, whole
+from strand.support.checks import check_integer, check_nonnegative
 from strand.synthetic.fields import field, pixels, spread
 
 _RAGGED = 1.5  # pixels, smoothness of the edge's displacement
@@ -49,11 +49,11 @@ class Segmentation:
     patch: float = 1.5
 
     def __post_init__(self) -> None:
-        whole("grow", self.grow, -_MOST, _MOST)
+        check_integer("grow", self.grow, -_MOST, _MOST)
         for name in ("ragged", "patch"):
             pixels(name, getattr(self, name))
         for name in ("lost", "taken"):
-            if not_negative(name, getattr(self, name)) > 1:
+            if check_nonnegative(name, getattr(self, name)) > 1:
                 raise ValueError(f"{name}: expected a part from 0 to 1, got {getattr(self, name)}")
 
     def find(self, ropes: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.bool_]:

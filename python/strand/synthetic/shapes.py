@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from strand.support.checks import Array, positive
+from strand.support.checks import Array, check_positive
 
 # A loose overhand knot and the ways to it and from it; its mirror image.
 _OVERHAND = (
@@ -189,7 +189,7 @@ def lay(name: str, radius: float, length: float, plane: Array) -> Array:
     """
     if not isinstance(name, str) or name not in SHAPES:
         raise ValueError(f"name: expected one of {', '.join(SHAPES)}, got {name!r}")
-    radius, length = positive("radius", radius), positive("length", length, LONGEST)
+    radius, length = check_positive("radius", radius), check_positive("length", length, LONGEST)
     shortest = _SHORTEST[name] * radius
     if length < shortest * (1.0 - 1e-9):
         raise ValueError(

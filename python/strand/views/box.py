@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import Array, float_array, own, rigid_motion, whole_as_floats
+from strand.support.checks import Array, check_float_array, check_rigid_motion, convert_integers, freeze_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +37,10 @@ class Box:
 
     def __post_init__(self) -> None:
         low, high = _corners("", self.low, self.high)
-        object.__setattr__(self, "low", own(low))
-        object.__setattr__(self, "high", own(high))
+        object.__setattr__(self, "low", freeze_array(low))
+        object.__setattr__(self, "high", freeze_array(high))
         if self.pose is not None:
-            object.__setattr__(self, "pose", own(rigid_motion("pose", self.pose)))
+            object.__setattr__(self, "pose", freeze_array(check_rigid_motion("pose", self.pose)))
 
     def __str__(self) -> str:
         text = f"{metres(self.low)} to {metres(self.high)} m"
@@ -113,7 +113,7 @@ def extraction_range(value: Bounds) -> Box:
 
 def _corners(of: str, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     first, last = (
-        float_array(f"{of}{name}", whole_as_floats(f"{of}{name}", corner), (3,))
+        check_float_array(f"{of}{name}", convert_integers(f"{of}{name}", corner), (3,))
         for name, corner in (("low", low), ("high", high))
     )
     if not (first < last).all():

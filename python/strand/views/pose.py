@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.support.checks import Array, number, rigid_motion, small_array
+from strand.support.checks import Array, check_number, check_rigid_motion, check_small_array
 
 
 def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
@@ -34,7 +34,7 @@ def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
         If an angle is not finite.
     """
     angles = np.array(
-        [number(f"angles, {name}", angle) for name, angle in (("rx", rx), ("ry", ry), ("rz", rz))]
+        [check_number(f"angles, {name}", angle) for name, angle in (("rx", rx), ("ry", ry), ("rz", rz))]
     )
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles), np.sin(angles)
     about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
@@ -68,7 +68,7 @@ def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Arra
     """
     pose = np.eye(4)
     pose[:3, :3] = rotation_xyz(rx, ry, rz)
-    pose[:3, 3] = small_array("origin", origin, (3,))
+    pose[:3, 3] = check_small_array("origin", origin, (3,))
     return pose
 
 
@@ -106,13 +106,13 @@ def turntable_pose(
         If `camera` is not a rigid motion, `axis` has no length or one beyond 1e150, or a number is not
         finite.
     """
-    camera = rigid_motion("camera", camera)
-    centre, axis = small_array("centre", centre, (3,)), small_array("axis", axis, (3,))
+    camera = check_rigid_motion("camera", camera)
+    centre, axis = check_small_array("centre", centre, (3,)), check_small_array("axis", axis, (3,))
     if not 1e-150 < np.abs(axis).max() < 1e150:  # else its length is 0 or infinite
         raise ValueError(f"axis: expected a direction, got {axis}")
     length = float(np.linalg.norm(axis))
     turn = np.eye(4)
-    turn[:3, :3] = rotation_about(axis / length, -number("angle", angle))
+    turn[:3, :3] = rotation_about(axis / length, -check_number("angle", angle))
     turn[:3, 3] = centre - turn[:3, :3] @ centre
     return np.asarray(turn @ camera)
 

@@ -7,7 +7,7 @@ import difflib
 import math
 from dataclasses import dataclass
 
-from strand.support.checks import not_negative, number, positive
+from strand.support.checks import check_nonnegative, check_number, check_positive
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         for entry in dataclasses.fields(self):
-            check = number if entry.name == "bias" else not_negative
+            check = check_number if entry.name == "bias" else check_nonnegative
             value = check(f"Sensor.{entry.name}", getattr(self, entry.name))
             object.__setattr__(self, entry.name, value)
         if not (self.sd or self.slope or self.disparity):
@@ -121,7 +121,7 @@ class Sensor:
         ValueError
             If one is not finite and above 0.
         """
-        z, f = positive("depth", depth), positive("focal", focal)
+        z, f = check_positive("depth", depth), check_positive("focal", focal)
         # metres of depth for a pixel of disparity
         stretch = z * z / (f * self.baseline) if self.baseline else 0.0
         return DepthError(

@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 import strand._core as _core
 from strand.support.checks import (
     Array,
-    as_array,
-    color_array,
-    finite_array,
-    float_array,
-    mask_array,
-    own,
-    pinhole,
-    positive,
-    rigid_motion,
-    several,
-    small_array,
-    to_millimetres,
-    whole,
+    check_colors,
+    check_finite_array,
+    check_float_array,
+    check_integer,
+    check_intrinsics,
+    check_mask,
+    check_positive,
+    check_rigid_motion,
+    check_sequence,
+    check_small_array,
+    freeze_array,
+    round_to_millimeters,
+    to_array,
 )
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.pose import moved
@@ -95,21 +95,21 @@ class View:
         colors: ArrayLike | None = None,
     ) -> None:
         # what the caller does with its arrays later must not change the view
-        cloud = finite_array("points", points, ("N", 3))
+        cloud = check_finite_array("points", points, ("N", 3))
         returned: NDArray[np.bool_] = np.any(cloud, axis=1)
         everywhere = bool(returned.all())
         if not everywhere:
             cloud = cloud[returned]
-        self._points: Array | None = own(cloud, points)
+        self._points: Array | None = freeze_array(cloud, points)
         self._image: DepthImage | None = None
         self._pose = _own_pose(pose)
-        self._dropped = whole("dropped", dropped)
+        self._dropped = check_integer("dropped", dropped)
         self._colors: Array | None = None
         if colors is not None:
-            seen = color_array("colors", colors, (len(returned), 3))
+            seen = check_colors("colors", colors, (len(returned), 3))
             if not everywhere:
                 seen = seen[returned]
-            self._colors = own(seen, colors)
+            self._colors = freeze_array(seen, colors)
 
     @classmethod
     def from_depth(
@@ -162,19 +162,19 @@ class View:
             negative.
         """
         image = _in_metres(depth, depth_scale)
-        camera = pinhole("intrinsics", intrinsics)
+        camera = check_intrinsics("intrinsics", intrinsics)
         fx, fy, cx, cy = (float(camera[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
         height, width = image.shape
         aside = max(abs(cx), abs(width - 1.0 - cx), abs(cy), abs(height - 1.0 - cy), 1.0)
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
-        labels = None if mask is None else mask_array("mask", mask, (height, width))
+        labels = None if mask is None else check_mask("mask", mask, (height, width))
         taken = DepthImage(copied, (fx, fy), (cx, cy), labels)
         seen = None
         if colors is not None:
             depths = taken.rope_depth
-            seen = color_array("colors", colors, (height, width, 3))[depths > 0]
+            seen = check_colors("colors", colors, (height, width, 3))[depths > 0]
         return cls._of(None, taken, _own_pose(pose), dropped, seen)
 
     @classmethod
@@ -203,8 +203,8 @@ class View:
             If a shape is wrong, a number is not finite, or a colour is not from 0 to 1.
         """
         pose = np.eye(4)
-        pose[:3, 3] = small_array("viewpoint", viewpoint, (3,))
-        return cls(finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors)
+        pose[:3, 3] = check_small_array("viewpoint", viewpoint, (3,))
+        return cls(check_finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors)
 
     @classmethod
     def _of(
@@ -276,7 +276,7 @@ class View:
         return moved(self.points, self._pose)
 
     def __repr__(self) -> str:
-        where = to_millimetres(self.viewpoint)
+        where = round_to_millimeters(self.viewpoint)
         if isinstance(self.measured, DepthImage):
             height, width = self.measured.depth.shape
             masked = "" if self.measured.mask is None else ", masked"
@@ -310,7 +310,7 @@ class View:
         ValueError
             If it is no rigid motion.
         """
-        pose = rigid_motion("motion", motion) @ self._pose
+        pose = check_rigid_motion("motion", motion) @ self._pose
         return self._of(self._points, self._image, pose, self._dropped, self._colors)
 
     def crop(self, bounds: Bounds) -> View:
@@ -341,14 +341,14 @@ class View:
 
 
 def _own_pose(pose: ArrayLike | None) -> Array:
-    return own(np.eye(4) if pose is None else rigid_motion("pose", pose))
+    return freeze_array(np.eye(4) if pose is None else check_rigid_motion("pose", pose))
 
 
 def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
     """(H, W) Depths in metres."""
-    image = as_array("depth", depth)
+    image = to_array("depth", depth)
     if depth_scale is not None:
-        scale = positive("depth_scale", depth_scale)
+        scale = check_positive("depth_scale", depth_scale)
         if image.dtype.kind not in "fiu":
             raise TypeError(f"depth: expected numbers, got dtype {image.dtype}")
         given = image.astype(np.float64)
@@ -363,7 +363,7 @@ def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
             f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "
             "depth_scale= says how many metres a unit is, such as 0.001 for millimetres"
         )
-    return float_array("depth", image, ("H", "W"))
+    return check_float_array("depth", image, ("H", "W"))
 
 
 def cropped(views: Sequence[View], bounds: Box) -> list[View]:
@@ -423,7 +423,7 @@ def checked_views(views: Sequence[View]) -> tuple[View, ...]:
     """
     if isinstance(views, View):
         raise TypeError("views: expected a sequence of View, got a single View")
-    views = several("views", views, "View")
+    views = check_sequence("views", views, "View")
     for i, view in enumerate(views):
         if not isinstance(view, View):
             raise TypeError(f"views[{i}]: expected a View, got {type(view).__name__}")

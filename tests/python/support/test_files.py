@@ -17,7 +17,7 @@ from strand.support.files import (
     read_bytes,
     read_json,
     read_toml,
-    replacing,
+    replace_file,
     write_bytes,
     write_json,
 )
@@ -57,14 +57,14 @@ def test_write_bytes_leaves_the_old_file_if_it_fails(tmp_path, monkeypatch, step
 
 
 def write_half(path, error):
-    with replacing(path) as file:
+    with replace_file(path) as file:
         file.write(b"half")
         raise error
 
 
 def test_a_file_written_in_pieces_is_whole_or_not_there(tmp_path):
     path = tmp_path / "a.bin"
-    with replacing(path) as file:
+    with replace_file(path) as file:
         file.write(b"one")
         assert not path.exists()
         file.write(b"two")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 
 
 class Slow:
@@ -13,7 +13,7 @@ class Slow:
         self.asked = threading.Event()
         self.times = 0
 
-    @lazy
+    @lazy_property
     def value(self):
         """What is worked out."""
         self.asked.set()

@@ -19,7 +19,7 @@ from strand.io.recordings.limits import (
     bounded_zstd,
     most_at_once,
 )
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file, read_bytes
 
 _FORMATS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "SQLite file of a ROS 2 bag"}
@@ -172,12 +172,12 @@ class Bag:
     def _opened(self, stack: ExitStack) -> Any:
         path = GuardedPath(self.path)
         if self._ros1:
-            reader = stack.enter_context(extra("rosbags.rosbag1").Reader(path))
+            reader = stack.enter_context(import_extra("rosbags.rosbag1").Reader(path))
             reader.bio.indexed()
             bound_rosbag1(reader, self._max_bytes)
             return reader
         bound_mcap()
-        reader = stack.enter_context(extra("rosbags.rosbag2").Reader(path))
+        reader = stack.enter_context(import_extra("rosbags.rosbag2").Reader(path))
         for storage in getattr(reader.storage, "storages", [reader.storage]):
             if hasattr(storage, "bio"):
                 storage.bio.indexed()
@@ -188,7 +188,7 @@ class Bag:
                     raise FileFormatError(storage.path, reason)
             else:  # SQLite makes values of any size, by what a file says
                 most = min(self._max_bytes, (1 << 31) - 1)
-                storage.dbconn.limit(extra("apsw").SQLITE_LIMIT_LENGTH, most)
+                storage.dbconn.limit(import_extra("apsw").SQLITE_LIMIT_LENGTH, most)
         if reader.compression_mode == "message":
             # rosbags would decompress messages to any size
             reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
@@ -212,7 +212,7 @@ def _files(path: Path) -> tuple[Path, ...]:
 
 @cache
 def _types(ros1: bool) -> Any:
-    typesys = extra("rosbags.typesys")
+    typesys = import_extra("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.LATEST)
     # rosbags' own types of ROS 1 lack it
     definition = "geometry_msgs/TransformStamped[] transforms"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.support.checks import Array, pinhole
+from strand.support.checks import Array, check_intrinsics
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def pinhole_of(info: Any, *, rectified: bool, ignore_distortion: bool) -> Pinhol
     k, d, p = (np.asarray(_field(info, name), dtype=np.float64) for name in "kdp")
     size = (int(info.height), int(info.width)) if info.height and info.width else None
     if rectified and p.size == 12 and p.any():
-        return Pinhole(pinhole("CameraInfo.P", p.reshape(3, 4)[:, :3]), size)
+        return Pinhole(check_intrinsics("CameraInfo.P", p.reshape(3, 4)[:, :3]), size)
     if d.any() and not ignore_distortion:
         raise ValueError(
             f"CameraInfo.D: expected no distortion, got {d.round(4).tolist()[:8]}; rectify the images first, "
@@ -54,7 +54,7 @@ def pinhole_of(info: Any, *, rectified: bool, ignore_distortion: bool) -> Pinhol
         )
     if k.size != 9 or not k.any():
         raise ValueError("CameraInfo.K: expected a pinhole matrix, got zeros")
-    return Pinhole(pinhole("CameraInfo.K", k.reshape(3, 3)), size)
+    return Pinhole(check_intrinsics("CameraInfo.K", k.reshape(3, 3)), size)
 
 
 def _field(info: Any, name: str) -> Any:

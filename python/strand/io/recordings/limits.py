@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from strand.support.extras import extra
+from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file
 
 CHUNK_BYTES = 1 << 30  # recorders write chunks of one to a few megabytes
@@ -81,25 +81,25 @@ def bounded(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes:
 
 def bounded_zstd(data: bytes, most: int) -> bytes:
     """Return what bytes that zstd compressed hold, if that is no more than so many bytes."""
-    return bounded(extra("rosbags.rosbag2.storage_mcap").zstd.ZstdDecompressor, data, most)
+    return bounded(import_extra("rosbags.rosbag2.storage_mcap").zstd.ZstdDecompressor, data, most)
 
 
 def bound_mcap() -> None:
     """Make rosbags decompress a chunk of an MCAP file to no more than the size that it declares."""
-    storage = extra("rosbags.rosbag2.storage_mcap")
+    storage = import_extra("rosbags.rosbag2.storage_mcap")
 
     def sized(decompress: Callable[[bytes, int], bytes]) -> Callable[[bytes, int], bytes]:
         return lambda data, size: decompress(data, min(size, CHUNK_BYTES))
 
-    lz4 = extra("lz4.frame").LZ4FrameDecompressor
+    lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
     storage.DECOMPRESSORS["lz4"] = sized(lambda data, most: bounded(lz4, data, most))
     storage.DECOMPRESSORS["zstd"] = sized(bounded_zstd)
 
 
 def bound_rosbag1(reader: Any, max_bytes: int) -> None:
     """Make an open reader of a ROS 1 bag decompress each chunk to no more than so many bytes."""
-    known = extra("rosbags.rosbag1.reader").decompressors
-    lz4 = extra("lz4.frame").LZ4FrameDecompressor
+    known = import_extra("rosbags.rosbag1.reader").decompressors
+    lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
     bounds = {
         known["bz2"]: lambda data: bounded(bz2.BZ2Decompressor, data, max_bytes),
         known["lz4"]: lambda data: bounded(lz4, data, max_bytes),

@@ -20,17 +20,17 @@ from strand.io.recordings.transforms import TF_KINDS, Transforms, stamp_of
 from strand.io.recordings.views import view_of
 from strand.support.checks import (
     Array,
-    flag,
-    not_negative,
-    pinhole,
-    positive,
-    rigid_motion,
-    several,
-    text,
-    whole,
+    check_bool,
+    check_integer,
+    check_intrinsics,
+    check_nonnegative,
+    check_positive,
+    check_rigid_motion,
+    check_sequence,
+    check_text,
 )
 from strand.support.files import FileFormatError
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 from strand.views.view import View
 
 TOLERANCE = 0.02
@@ -151,17 +151,19 @@ class Recording:
         ignore_distortion: bool = False,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        self._tolerance = round(min(not_negative("tolerance", tolerance), _LONG) * _SECOND)
-        self._world = None if world is None else text("world", world)
+        self._tolerance = round(min(check_nonnegative("tolerance", tolerance), _LONG) * _SECOND)
+        self._world = None if world is None else check_text("world", world)
         if world is not None and poses is not None:
             raise ValueError("poses: expected none along with world, which takes them from TF")
         patterns = (
-            None if topics is None else [text("topics", one) for one in several("topics", topics, "text")]
+            None
+            if topics is None
+            else [check_text("topics", one) for one in check_sequence("topics", topics, "text")]
         )
-        camera = None if intrinsics is None else pinhole("intrinsics", intrinsics)
-        scale = None if depth_scale is None else positive("depth_scale", depth_scale)
-        ignore = flag("ignore_distortion", ignore_distortion)
-        self._max_bytes = whole("max_bytes", max_bytes, 1)
+        camera = None if intrinsics is None else check_intrinsics("intrinsics", intrinsics)
+        scale = None if depth_scale is None else check_positive("depth_scale", depth_scale)
+        ignore = check_bool("ignore_distortion", ignore_distortion)
+        self._max_bytes = check_integer("max_bytes", max_bytes, 1)
         self.path = Path(path)
         self._bag = Bag(self.path, self._max_bytes)
         try:
@@ -240,8 +242,8 @@ class Recording:
         strand.FileFormatError
             If the file itself is damaged.
         """
-        start, step = whole("start", start), whole("step", step, 1)
-        stop = None if stop is None else whole("stop", stop)
+        start, step = check_integer("start", start), check_integer("step", step, 1)
+        stop = None if stop is None else check_integer("stop", stop)
         if len(self.topics) == 1 and self._world is None:
             return self._each(start, stop, step)
         return self._planned(range(len(self))[start:stop:step])
@@ -316,7 +318,7 @@ class Recording:
         """When it was seen; when it was recorded, if the message does not say that."""
         return stamp_of(decoded.header) or message.time
 
-    @lazy
+    @lazy_property
     def _plan(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(F,) Time stamps of the frames, and (F, T) numbers of the messages that each consists of."""
         times: dict[str, list[int]] = {topic: [] for topic in self.topics}
@@ -346,7 +348,7 @@ class Recording:
         kept.setflags(write=False)
         return kept, parts
 
-    @lazy
+    @lazy_property
     def _transforms(self) -> Transforms:
         found = Transforms(self._tolerance, self._max_bytes)
         for message in self._bag.messages(self._bag.of_kind(*TF_KINDS)):
@@ -377,7 +379,7 @@ def _fixed(poses: Sequence[ArrayLike] | None, topics: Sequence[str], world: str 
                 f"world: {len(topics)} cameras need a TF frame (--world) or poses= to say where they are"
             )
         return [None] * len(topics)
-    given = several("poses", poses, "matrices")
+    given = check_sequence("poses", poses, "matrices")
     if len(given) != len(topics):
         raise ValueError(f"poses: expected one for each of {len(topics)} topics, got {len(given)}")
-    return [rigid_motion(f"poses[{i}]", pose) for i, pose in enumerate(given)]
+    return [check_rigid_motion(f"poses[{i}]", pose) for i, pose in enumerate(given)]

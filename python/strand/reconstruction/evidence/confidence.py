@@ -10,7 +10,7 @@ import numpy as np
 from strand.reconstruction.evidence.prior import Prior, contradiction
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
-from strand.support.checks import Array, to_millimetres
+from strand.support.checks import Array, round_to_millimeters
 
 SCALE = 2.5
 """A difference of costs, in the unit of `Config.linking`, that is worth a factor of e in the odds."""
@@ -98,7 +98,7 @@ def contradictions(
         contradicts("count", amount, f"found fewer ropes, {len(chains)}, than ropes = {prior.ropes}")
     all_lengths = sum(chain.length for chain in [*chains, *left_out])
     for chain in left_out:
-        where = to_millimetres(chain.points[0])
+        where = round_to_millimeters(chain.points[0])
         reason = (
             f"left out a chain {chain.length * 1e3:.0f} mm long at {where}, more than ropes = {prior.ropes}"
         )

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from strand.support.checks import positive
+from strand.support.checks import check_positive
 from strand.views.box import Box
 
 # a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
@@ -63,7 +63,7 @@ class Prior:
         if length is None:
             return cls(ropes, bounds=bounds)
         each = np.asarray(length, dtype=object)
-        lengths = [positive("length", value) for value in each.ravel()]
+        lengths = [check_positive("length", value) for value in each.ravel()]
         if each.ndim == 0:
             return cls(ropes, tuple(lengths), True, bounds)
         if each.ndim != 1 or not len(each):

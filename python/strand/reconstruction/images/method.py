@@ -27,7 +27,7 @@ from strand.reconstruction.images.table_plane import table_plane
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.warnings import about_answer
 from strand.ropes.model import Alternative
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 from strand.views.pose import moved
 from strand.views.sensor import Sensor
 
@@ -67,7 +67,7 @@ class Read:
     averaged: int = 1
     scatter: float | None = None
 
-    @lazy
+    @lazy_property
     def neighbours_alike(self) -> float:
         """How alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
         return neighbours_alike(self.taken)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.support.checks import Array
-from strand.support.lazy import lazy
+from strand.support.lazy import lazy_property
 from strand.views.box import Box
 from strand.views.pose import moved
 from strand.views.view import DepthImage, View
@@ -46,7 +46,7 @@ class RopeImage:
     centre: tuple[float, float]
     pose: Array
 
-    @lazy
+    @lazy_property
     def distance(self) -> float:
         """The median depth of the ropes' pixels, metres; NaN if none has depth."""
         depths = self.depth[self.mask]

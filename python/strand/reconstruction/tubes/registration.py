@@ -13,7 +13,7 @@ from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arcs import fit_arcs, trace
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROUGHLY, fitted, splines
-from strand.support.checks import Array, checked_radius, rigid_motion
+from strand.support.checks import Array, check_radius, check_rigid_motion
 from strand.views.box import Bounds, extraction_range
 from strand.views.view import View, checked_views
 
@@ -98,7 +98,7 @@ def register_views(
         If there is nothing like a tube of this radius in the points.
     """
     config = Config() if config is None else config
-    views, radius = checked_views(views), checked_radius(radius)
+    views, radius = checked_views(views), check_radius(radius)
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
     if bounds is not None:
@@ -109,6 +109,7 @@ def register_views(
     motions = registered_roughly(few, radii.values, config)
     fit, _ = fit_arcs(clouds, few, motions, radii, config, Run(None), uncertainty=True)
     poses = [
-        rigid_motion("pose", motion @ view.pose) for motion, view in zip(fit.motions, views, strict=True)
+        check_rigid_motion("pose", motion @ view.pose)
+        for motion, view in zip(fit.motions, views, strict=True)
     ]
     return np.array(poses), fit.pose_sd

@@ -16,7 +16,7 @@ from strand.reconstruction.tubes.joins import ByClass, runs_through
 from strand.reconstruction.tubes.tube_ends import extents, unseen_beyond
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import Join
-from strand.support.checks import Array, to_millimetres
+from strand.support.checks import Array, round_to_millimeters
 
 # how far beyond an end no camera may have seen, in radii
 _UNSEEN = 1.75
@@ -82,7 +82,7 @@ def _of_join(join: Join) -> Doubt:
     other = (
         "it may end there"
         if join.alternative is None
-        else f"it may go on at {to_millimetres(join.alternative)}"
+        else f"it may go on at {round_to_millimeters(join.alternative)}"
     )
     reason = f"{other} (margin {join.margin:.1f})"
     return Doubt("join", doubt_of_margin(join.margin), "how the rope runs", reason, join.place)

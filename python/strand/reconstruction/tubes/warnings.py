@@ -16,7 +16,7 @@ from strand.reconstruction.tubes.noise import Noise
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import ModelWarning
-from strand.support.checks import to_millimetres
+from strand.support.checks import round_to_millimeters
 from strand.views.box import Box
 
 # a radius that was given is in doubt if the fit is so many standard deviations from it
@@ -58,7 +58,9 @@ def about_answer(
         if doubt.amount > least:
             yield ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
     for number, trunk, place in branches(chains, visibility):
-        message = f"chain {number} ends on the side of chain {trunk} at {to_millimetres(place)}: a branch?"
+        message = (
+            f"chain {number} ends on the side of chain {trunk} at {round_to_millimeters(place)}: a branch?"
+        )
         reach = float(np.linalg.norm(chains[number].points[[0, -1]] - place, axis=1).min())
         yield ModelWarning("branch", message, place, reach, (number, trunk))
     if bounds is not None:
@@ -87,7 +89,7 @@ def _cut_ends(chains: Sequence[Chain], bounds: Box) -> Iterator[ModelWarning]:
             across = bounds.directions(outward)
             out = ((ahead < bounds.low) & (across < -0.5)) | ((ahead > bounds.high) & (across > 0.5))
             if not chain.closed and out.any():
-                where = to_millimetres(node)
+                where = round_to_millimeters(node)
                 message = f"chain {number} runs out of the extraction range at {where}: it may go on"
                 yield ModelWarning("cut end", message, node, chains=(number,))
 
