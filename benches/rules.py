@@ -22,6 +22,7 @@ from tables import head, row
 import strand
 from strand.config import Config, Reconnection
 from strand.geometry.polyline import path_length
+from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.outliers import without_outliers
 from strand.reconstruction.published.reconnection import reconnect
@@ -29,7 +30,7 @@ from strand.reconstruction.published.splitting import Split
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.chaining import chained
-from strand.reconstruction.tubes.clouds import Arcs, Chains, Clouds
+from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.reconstruction.tubes.join_costs import join_costs
 from strand.reconstruction.tubes.matching import matched
 from strand.reconstruction.tubes.pixels import Cameras

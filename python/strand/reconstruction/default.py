@@ -13,6 +13,7 @@ import numpy as np
 from strand._core import NotEnoughDataError
 from strand.config import Config
 from strand.reconstruction import systematic
+from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import confidence
 from strand.reconstruction.images.above_table import all_masked, without_untold
 from strand.reconstruction.images.comparison import Reading, explained
@@ -22,7 +23,6 @@ from strand.reconstruction.images.noisy_depth import read_scattered
 from strand.reconstruction.mistakes.diagnosis import suspected
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes import view_bias as of_tubes
-from strand.reconstruction.tubes.hypotheses import alike
 from strand.reconstruction.tubes.method import find_chains as find_tubes
 from strand.reconstruction.wide_surfaces import no_ropes
 from strand.ropes.model import ModelWarning
@@ -120,7 +120,7 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     scatter = depth_scatter(observed.whole, observed.views, _WIDE * radius) / radius
     if scatter > _SCATTERED:
         try:
-            what = read_scattered(observed, config, run, scatter * radius)
+            what = read_scattered(observed, config, run, scatter * radius, find_tubes)
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
         return answer(what, observed, config, run)
@@ -139,7 +139,7 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     if scatter > _WIDE:
         ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
         try:
-            what = read_scattered(observed, config, images_run, scatter * radius, ropes)
+            what = read_scattered(observed, config, images_run, scatter * radius, find_tubes, ropes)
         except NotEnoughDataError:
             if tubes is None:
                 raise
@@ -260,4 +260,4 @@ def _better(
 
 
 def _alike(some: list[Array], others: list[Array], radius: float) -> bool:
-    return alike([(nodes, False) for nodes in some], [(nodes, False) for nodes in others], radius)
+    return have_same_courses([(nodes, False) for nodes in some], [(nodes, False) for nodes in others], radius)

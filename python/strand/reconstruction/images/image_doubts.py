@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import ImageFit, RopeImages
 from strand.geometry.polyline import runs
+from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import SCALE
 from strand.reconstruction.images.comparison import Explanation
 from strand.reconstruction.images.rope_image import RopeImage
-from strand.reconstruction.tubes.hypotheses import Course, courses, same_courses
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -59,8 +59,8 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
     """
     kept: list[tuple[Explanation, list[Course]]] = []
     for one in explanations:
-        mine = courses([(nodes, False) for nodes in one.fit.nodes])
-        if not any(same_courses(mine, theirs, radius) for _, theirs in kept):
+        mine = sample_courses([(nodes, False) for nodes in one.fit.nodes])
+        if not any(are_same_courses(mine, theirs, radius) for _, theirs in kept):
             kept.append((one, mine))
     return [one for one, _ in kept]
 

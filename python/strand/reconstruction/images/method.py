@@ -8,6 +8,7 @@ import numpy as np
 
 from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
+from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.images.above_table import raised
 from strand.reconstruction.images.beyond_mask import ends_that_go_on
 from strand.reconstruction.images.comparison import Explanation, Table, explained, likely_readings, refitted
@@ -25,7 +26,6 @@ from strand.reconstruction.images.pixel_errors import (
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
 from strand.reconstruction.images.table_plane import table_plane
 from strand.reconstruction.stages import Found, Observed, Run
-from strand.reconstruction.tubes.warnings import about_answer
 from strand.ropes.model import Alternative
 from strand.support.lazy import lazy_property
 from strand.views.pose import moved
@@ -141,7 +141,7 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
     uncertain = doubts(rivals, fit, chains, views, radius, others)
     chains = sorted(chains, key=lambda chain: -chain.length)
-    run.warnings.extend(about_answer(chains, uncertain, None, observed.bounds, config.linking))
+    run.warnings.extend(warn_about_answer(chains, uncertain, None, observed.bounds, config.linking))
     return Found(
         chains,
         poses=poses,

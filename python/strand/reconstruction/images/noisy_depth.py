@@ -6,7 +6,7 @@ and what is read from any of them is compared by how well the depths of all pixe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,8 +33,7 @@ from strand.reconstruction.images.outlined import averaged, mean_noise, outlined
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
 from strand.reconstruction.images.table_plane import table_plane
-from strand.reconstruction.stages import Observed, Run
-from strand.reconstruction.tubes.method import find_chains as find_tubes
+from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
 from strand.views.view import View
 
@@ -56,6 +55,8 @@ _ROWS = 512
 # a gain that is less by this part of the best one costs one; with less than the other depth does not tell a
 # rope from the bare table: one radius of rope gains tens in noise of a radius
 _GAIN, _LEAST_GAIN = 0.002, 100.0
+FindTubes = Callable[[Observed, Config, Run], Found]
+
 _NO_ROPE = "views: no rope stands out from the table; is the radius right, in metres?"
 
 
@@ -97,7 +98,12 @@ class _Candidate:
 
 
 def read_scattered(
-    observed: Observed, config: Config, run: Run, scatter: float, others: Sequence[Array] = ()
+    observed: Observed,
+    config: Config,
+    run: Run,
+    scatter: float,
+    find_tubes: FindTubes,
+    others: Sequence[Array] = (),
 ) -> Read:
     """Read images of depths that scatter, and compare the readings by the depths of all pixels.
 
@@ -109,6 +115,8 @@ def read_scattered(
     run : Run
     scatter : float
         Standard deviation of single depths, metres.
+    find_tubes : callable
+        Finds chains as tubes in points.
     others : sequence of (M, 3) ndarray
         Ropes that were found otherwise, to be compared with what is read.
 
@@ -149,7 +157,7 @@ def read_scattered(
     with run.stage("arcs"):
         tubes: list[Array] = []
         if len(masked) > _TUBES and not run.late("tubes in averaged depths"):
-            tubes = _tubes(observed, masked[_TUBES], table, config, run)
+            tubes = _tubes(observed, masked[_TUBES], table, config, run, find_tubes)
     read = [reading for those in readings for reading in those]
     for ropes in (others, tubes):
         found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
@@ -186,7 +194,12 @@ def _without_bits(found: Sequence[_Candidate], radius: float) -> list[_Candidate
 
 
 def _tubes(
-    observed: Observed, taken: Sequence[RopeImage], table: tuple[Array, float], config: Config, run: Run
+    observed: Observed,
+    taken: Sequence[RopeImage],
+    table: tuple[Array, float],
+    config: Config,
+    run: Run,
+    find_tubes: FindTubes,
 ) -> list[Array]:
     """Return ropes found as tubes in means along them, none if there are none."""
     radius = float(observed.radii.values[0])

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand._core import ImageFit, RopeImages
+from strand.reconstruction.evidence.depth_errors import correlate_on_planes, find_depth_step
 from strand.reconstruction.images.rope_image import RopeImage
-from strand.reconstruction.tubes.backgrounds import plane_correlations
-from strand.reconstruction.tubes.noise import depth_step
 from strand.views.sensor import Sensor
 
 # depth is taken from discs of this part of the rope's radius
@@ -59,7 +58,7 @@ class Errors:
 def neighbours_alike(taken: Sequence[RopeImage]) -> float:
     """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
     surroundings = [(image.depth, image.distance) for image in taken if np.isfinite(image.distance)]
-    correlations, followed = plane_correlations(surroundings, 1)
+    correlations, followed = correlate_on_planes(surroundings, 1)
     return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
 
@@ -113,7 +112,7 @@ def sensor_of(
     return Sensor(
         sd=noise / share * radius,
         correlation=correlation or 0.0,
-        step=depth_step(first[first > 0]),
+        step=find_depth_step(first[first > 0]),
         bias=float(np.median(fit.biases)) * radius,
         lateral=errors.lateral,
     )

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.geometry.polyline import bridge, path_length, walk
+from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.tubes.bridges import LONG, least_bending, seen_through
-from strand.reconstruction.tubes.clouds import Chains, Pair
+from strand.reconstruction.tubes.clouds import Pair
 from strand.support.checks import Array
 
 

@@ -16,9 +16,6 @@ from strand.views.view import View
 Pair = tuple[int, int]
 """Two ends of arcs: end 2k is the first node of arc k, 2k + 1 its last."""
 
-Chains = list[tuple[Array, bool]]
-"""Nodes (K, 3) of each chain in order, metres, and whether it is closed: its last node is then its first."""
-
 # mean number of points in a voxel of two radii that is enough to trace arcs; ropes are fitted to all points
 _TRACEABLE = 20
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
+from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.orientation import started
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arcs import explaining
-from strand.reconstruction.tubes.clouds import Arcs, Chains, Clouds
+from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, compared
 from strand.reconstruction.tubes.joins import ByClass

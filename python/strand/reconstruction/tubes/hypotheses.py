@@ -10,11 +10,12 @@ import numpy as np
 
 from strand._core import NotEnoughDataError, TubeFit
 from strand.geometry.polyline import path_length, walk
+from strand.reconstruction.courses import Chains, have_same_courses
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arc_repair import aimed, part_at_contacts, without_duplicates
 from strand.reconstruction.tubes.chaining import chained, chained_to_length
-from strand.reconstruction.tubes.clouds import Chains, Pair
+from strand.reconstruction.tubes.clouds import Pair
 from strand.reconstruction.tubes.join_costs import JoinCosts, bridge_costs, join_costs
 from strand.reconstruction.tubes.matching import free_ends, joined_most, joined_to, matched
 from strand.reconstruction.tubes.scores import contradiction_cost, explanation_cost
@@ -31,10 +32,6 @@ _MOST, _EFFORT = 200, 40_000
 _BRIDGED, _PARTNERS = 1000, 4
 # joins whose matching costs up to this much more without them are tried without, and at most so many
 _DOUBT, _TRIES = 8.0, 4
-
-
-Course = tuple[Array, float, bool]
-"""(33, 3) places evenly along a chain, its length, metres, and whether it is closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +198,7 @@ def compared(
 
     def consider(one: Hypothesis | None) -> None:
         if one is not None and not any(
-            alike(one.chains, other.hypothesis.chains, radius) for other in scored
+            have_same_courses(one.chains, other.hypothesis.chains, radius) for other in scored
         ):
             fit = fitted(one.chains)
             contradiction = contradiction_cost(one.chains, evidence)
@@ -274,37 +271,3 @@ def without_prior(scored: Sequence[ScoredHypothesis]) -> float:
     """
     free = [one.cost - one.contradiction for one in scored]
     return free[0] - min(free)
-
-
-def alike(some: Chains, others: Chains, radius: float) -> bool:
-    """Tell whether two sets of chains run through the same places in the same order."""
-    return same_courses(courses(some), courses(others), radius)
-
-
-def courses(chains: Chains) -> list[Course]:
-    """Return what `same_courses` compares of chains."""
-    found = []
-    for nodes, closed in chains:
-        s = path_length(nodes)
-        at = np.linspace(0.0, s[-1], 33)
-        places = np.stack([np.interp(at, s, nodes[:, k]) for k in range(3)], axis=1)
-        found.append((places, float(s[-1]), closed))
-    return found
-
-
-def same_courses(some: Sequence[Course], others: Sequence[Course], radius: float) -> bool:
-    """Tell whether two sets of chains run through the same places in the same order, as `alike` does."""
-    if len(some) != len(others):
-        return False
-    left = list(others)
-    for places, length, closed in some:
-        for k, (theirs, their_length, their_closed) in enumerate(left):
-            if closed != their_closed or abs(length - their_length) >= 4.0 * radius:
-                continue
-            away = (((places - way) ** 2).sum(axis=1).max() for way in (theirs, theirs[::-1]))
-            if min(away) < (4.0 * radius) ** 2:
-                del left[k]
-                break
-        else:
-            return False
-    return True

@@ -8,7 +8,7 @@ import numpy as np
 
 from strand.config import Linking
 from strand.geometry.polyline import path_length
-from strand.reconstruction.tubes.clouds import Chains
+from strand.reconstruction.courses import Chains
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis
 from strand.reconstruction.tubes.matching import matched
 from strand.ropes.chain import Chain

@@ -8,6 +8,7 @@ import numpy as np
 
 from strand._core import NotEnoughDataError
 from strand.config import Config
+from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.color import ArcColors, colors_of
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import visibility_from
@@ -16,6 +17,7 @@ from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.arcs import fit_arcs, seen_arcs, with_unexplained
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.decision import chosen, decided, decided_again
+from strand.reconstruction.tubes.fit_warnings import warn_about_fit
 from strand.reconstruction.tubes.joins import all_joins, alternatives
 from strand.reconstruction.tubes.noise import expected_noise
 from strand.reconstruction.tubes.pixels import Cameras
@@ -24,7 +26,6 @@ from strand.reconstruction.tubes.second_look import to_decide_again
 from strand.reconstruction.tubes.tube_doubts import doubts
 from strand.reconstruction.tubes.tube_ends import with_hidden_ends
 from strand.reconstruction.tubes.tube_nodes import as_chains
-from strand.reconstruction.tubes.warnings import about_answer, about_fit
 from strand.reconstruction.tubes.whole_ropes import fit_ropes, rope_parts
 
 # what a deadline may leave out
@@ -124,8 +125,8 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     joins = all_joins(by_class, chains, config.linking)
     open_parts = [None if ring else part for part, ring in zip(parts, closed, strict=True)]
     uncertain = doubts(by_class, joins, open_parts, fit, visibility)
-    run.warnings.extend(about_fit(fit, noise, radii, observed.numbers, config))
-    run.warnings.extend(about_answer(chains, uncertain, visibility, observed.bounds, config.linking))
+    run.warnings.extend(warn_about_fit(fit, noise, radii, observed.numbers, config))
+    run.warnings.extend(warn_about_answer(chains, uncertain, visibility, observed.bounds, config.linking))
     starts = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     return Found(
         chains,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import TubeFit
-from strand.reconstruction.tubes.backgrounds import plane_correlations
+from strand.reconstruction.evidence.depth_errors import correlate_on_planes, find_depth_step
 from strand.reconstruction.tubes.pixels import Cameras, Grid
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
@@ -37,8 +37,6 @@ _FOLLOWED = 0.4
 _LEAST_UNLIKE = 1e-3
 # most of the errors' variance that a fit can have followed
 _MOST_TAKEN = 0.75
-# where this share of the depths or fewer differ, by more than rounding, these are steps
-_EQUAL, _ROUNDING = 0.8, 1e-9
 # candidates of the correlation length, pixels
 _LENGTHS = np.geomspace(0.2, 20.0, 200)
 # half the width of what of a rope counts, in radii: there rays meet it less flatly than `_LEAST_FACING`
@@ -193,7 +191,7 @@ def measured_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     grids = cameras.grids
     if not grids:
         return Noise(sd)
-    step = depth_step(next(iter(grids.values())).depth)
+    step = find_depth_step(next(iter(grids.values())).depth)
     seen = np.flatnonzero(np.isin(fit.view, list(grids)))
     raster = _Raster.of(list(grids.values()), error[seen], good[seen])
     (alike,), count, apart = raster.correlations(1, _OUTLIER * sd)
@@ -201,7 +199,7 @@ def measured_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     if count < _FEWEST or alike <= plain:
         return Noise(sd, step=step)
     share = min((alike - plain) / (_CERTAIN - _PLAIN), 1.0)
-    around, followed = plane_correlations(cameras.images(), _LAGS)
+    around, followed = correlate_on_planes(cameras.images(), _LAGS)
     if not followed:
         # farther apart, what the curves followed is missing
         around = raster.correlations(_NEAR_LAGS, _OUTLIER * sd)[0]
@@ -218,15 +216,6 @@ def measured_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
         (1.0 + share * (along - 1.0), 1.0 + share * (across - 1.0)),
         step,
     )
-
-
-def depth_step(depth: Array) -> float:
-    """Return the distance of the depths that a sensor tells apart, metres; 0 where most differ."""
-    each = np.unique(depth)
-    # depths made from points again differ by rounding
-    gaps = np.diff(each)
-    gaps = gaps[gaps > _ROUNDING * float(each[-1])]
-    return float(np.median(gaps)) if len(gaps) + 1 < _EQUAL * len(depth) else 0.0
 
 
 def pixel_radius(fit: TubeFit, cameras: Cameras) -> float:

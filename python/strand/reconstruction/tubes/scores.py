@@ -7,10 +7,10 @@ import numpy as np
 import strand._core as _core
 from strand._core import TubeFit
 from strand.geometry.polyline import path_length, runs
+from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.reconstruction.tubes.clouds import Chains
 from strand.reconstruction.tubes.second_look import is_phantom, unexplained
 from strand.reconstruction.tubes.tube_ends import extents
 

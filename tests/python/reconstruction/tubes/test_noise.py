@@ -9,7 +9,7 @@ from limits import Truth, calibration
 
 import strand
 from strand.config import Tubes
-from strand.reconstruction.tubes.noise import correlation_length, depth_step, shared_points
+from strand.reconstruction.tubes.noise import correlation_length, shared_points
 
 SD = 0.7e-3  # metres
 
@@ -110,10 +110,3 @@ def test_the_length_is_that_of_the_correlations(length, followed):
     found, alike = correlation_length(left.tolist(), followed)
     assert found == pytest.approx(length, rel=0.03)
     assert alike == pytest.approx(np.exp(-1.0 / (4.0 * length**2)), abs=0.02)
-
-
-def test_steps_of_depths_are_seen_where_there_are_some():
-    rng = np.random.default_rng(0)
-    depth = rng.uniform(0.3, 0.5, 3000)
-    assert depth_step(np.rint(depth / 1e-3) * 1e-3) == pytest.approx(1e-3)
-    assert depth_step(depth) == 0.0

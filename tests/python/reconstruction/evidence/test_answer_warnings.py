@@ -1,4 +1,4 @@
-"""What the default method warns of, as data."""
+"""Warnings about an answer."""
 
 from __future__ import annotations
 
@@ -8,20 +8,10 @@ from drawn import R, line, of_kind
 
 import strand
 from strand.config import Linking
+from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.confidence import doubt_of_margin
 from strand.reconstruction.evidence.visibility import visibility_from
-from strand.reconstruction.tubes.warnings import about_answer
 from strand.ropes.doubt import DOUBTS, Doubt
-
-
-@pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
-def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
-    assert of_kind(paper_model, "radius") == []
-    model = strand.reconstruct(paper.views, factor * paper.radius, paper.bounds)
-    (warning,) = of_kind(model, "radius")
-    # what the points want is at most what is missing
-    assert 0.0 < warning.amount / (paper.radius - factor * paper.radius) < 1.5
-    assert ("thicker" if factor < 1.0 else "thinner") in str(warning)
 
 
 def test_an_end_that_leaves_the_extraction_range_is_named():
@@ -39,31 +29,6 @@ def test_an_end_that_leaves_the_extraction_range_is_named():
     assert of_kind(whole, "cut end") == []
 
 
-def test_noise_that_the_residuals_contradict_is_named(paper):
-    config = strand.Config(tubes=strand.config.Tubes(noise=1e-5))
-    model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config, keep_stages=True)
-    (warning,) = of_kind(model, "noise")
-    assert warning.amount == pytest.approx(model.stages["fit"].sigma / 1e-5)
-    assert warning.amount > 30.0
-
-
-def test_what_the_data_leave_open_stays_as_reported_and_is_named():
-    scene = strand.synthetic.scene("straight", seed=2)
-    model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
-    along = np.diff(scene.truth[0][[0, -1]], axis=0)[0]
-    along /= np.linalg.norm(along)
-    for given, found, sd in zip(scene.poses, model.poses, model.pose_sd, strict=True):
-        moved = (found @ np.linalg.inv(given)) @ [*scene.truth[0].mean(axis=0), 1.0]
-        assert abs((moved[:3] - scene.truth[0].mean(axis=0)) @ along) < 2e-3
-        assert sd.max() < 1.01 * max(strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd)
-    poses = of_kind(model, "open pose")
-    assert poses
-    limits = np.repeat([strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd], 3)
-    for warning in poses:
-        assert warning.amount == pytest.approx((model.pose_sd[warning.view] / limits).max())
-        assert 0.8 < warning.amount < 1.01
-
-
 @pytest.mark.parametrize("kind", DOUBTS)
 def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_model):
     visibility = visibility_from(paper.views, paper_model.poses, paper.views)
@@ -71,7 +36,7 @@ def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_m
     least = doubt_of_margin(Linking().margin)
     great = Doubt(kind, 1.01 * least, "how the rope runs", "it may end there", place)
     small = Doubt(kind, 0.99 * least, "how the rope runs", "it may end there")
-    (warning,) = about_answer(
+    (warning,) = warn_about_answer(
         paper_model.chains, (great, small), visibility, strand.Box(*paper.bounds), Linking()
     )
     assert (warning.kind, warning.amount, str(warning)) == (kind, great.amount, str(great))

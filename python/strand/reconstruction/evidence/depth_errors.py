@@ -1,0 +1,89 @@
+"""Errors of depth images: how far they reach from pixel to pixel, and the step between depths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from strand.support.checks import Array
+from strand.support.robust import DEVIATION_OF_MEDIAN
+
+_SIDE = 40  # pixels: side of the windows that planes are fitted to
+_MAX_WINDOWS = 40  # windows of each image that planes are fitted to
+_MAX_USED = 8  # windows of each image that are used
+_MIN_WINDOWS = 2  # windows of all images together without which nothing is said
+_MAX_ERROR = 6.0  # standard deviations: a window with a larger residual shows no plane
+_NARROW_SHARE = 0.25  # quantile of the windows' standard deviations that a plane is expected to have
+_MAX_WIDTH = 1.5  # times that quantile: wider residuals are those of no plane
+_MAX_DISTINCT = 0.8  # share of the depths: where more of them differ, depth has no step
+_ROUNDING = 1e-9  # share of the depth: smaller differences come from rounding
+
+_AXIS = (np.arange(_SIDE) - 0.5 * (_SIDE - 1)) / _SIDE
+_TERMS = np.stack([np.ones((_SIDE, _SIDE)), *np.meshgrid(_AXIS, _AXIS)]).reshape(3, -1)
+
+
+def correlate_on_planes(images: Sequence[tuple[Array, float]], lags: int) -> tuple[list[float], float]:
+    """Correlate the depth errors of neighboring pixels that see planes.
+
+    On a plane, 1 / z is linear in the pixel's column and row. A plane is fitted to each of some windows, and
+    windows that show anything else are dropped.
+
+    Parameters
+    ----------
+    images : sequence of ((H, W) ndarray, float)
+        Depths, metres, 0 or NaN for none; and the depth of the ropes there. Windows near that depth are used
+        first.
+    lags : int
+
+    Returns
+    -------
+    correlations : list of float
+        For residuals of pixels 1, 2, ... apart in a row or a column; empty without enough planes.
+    followed : float
+        Fitted unknowns per pixel; 0 without enough planes.
+    """
+    found = [window for image, depth in images for window in _plane_residuals(image, depth)]
+    if len(found) < _MIN_WINDOWS:
+        return [], 0.0
+    errors = np.stack(found).reshape(-1, _SIDE, _SIDE)
+    power = (errors**2).mean()
+    correlations = []
+    for lag in range(1, lags + 1):
+        in_row = (errors[:, :, lag:] * errors[:, :, :-lag]).mean()
+        in_column = (errors[:, lag:] * errors[:, :-lag]).mean()
+        correlations.append(float(0.5 * (in_row + in_column) / power))
+    return correlations, len(_TERMS) / _SIDE**2
+
+
+def _plane_residuals(image: Array, depth: float) -> Array:
+    """Return (P, side * side) residuals of windows that show a plane, in standard deviations."""
+    height, width = image.shape
+    rows, columns = range(0, height - _SIDE + 1, _SIDE), range(0, width - _SIDE + 1, _SIDE)
+    corners = [(row, column) for row in rows for column in columns]
+    windows = np.empty((0, _SIDE**2))
+    if corners:
+        step = -(-len(corners) // _MAX_WINDOWS)
+        windows = np.stack([image[r : r + _SIDE, c : c + _SIDE] for r, c in corners[::step]])
+        windows = windows.reshape(len(windows), -1)
+        windows = windows[(np.isfinite(windows) & (windows > 0.0)).all(axis=1)]
+    if not len(windows):
+        return windows
+    windows = windows[np.argsort(np.abs(windows.mean(axis=1) - depth), kind="stable")]
+    nearness = 1.0 / windows
+    errors = nearness - (nearness @ np.linalg.pinv(_TERMS)) @ _TERMS
+    sd = DEVIATION_OF_MEDIAN * np.median(np.abs(errors), axis=1)
+    # metres: residuals of anything but a plane are wider than those of planes
+    wide = sd * windows.mean(axis=1) ** 2
+    plane = (np.abs(errors).max(axis=1) < _MAX_ERROR * sd) & (sd > 0.0)
+    plane &= wide < _MAX_WIDTH * np.quantile(wide, _NARROW_SHARE)
+    return np.asarray(errors[plane][:_MAX_USED] / sd[plane][:_MAX_USED, None])
+
+
+def find_depth_step(depth: Array) -> float:
+    """Return the distance between neighboring depths of a sensor, metres; 0 where most depths differ."""
+    each = np.unique(depth)
+    # depths that were computed from points differ by rounding
+    gaps = np.diff(each)
+    gaps = gaps[gaps > _ROUNDING * float(each[-1])]
+    return float(np.median(gaps)) if len(gaps) + 1 < _MAX_DISTINCT * len(depth) else 0.0
