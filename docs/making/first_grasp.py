@@ -72,7 +72,7 @@ def seen(points: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> tuple[
 
 def grasp(names: dict[str, Any]) -> Figure:
     """Draw the chain from above the table, with the gripper's fingers."""
-    pose, chain, opening = names["grasp"], names["chain"], names["opening"]
+    pose, chain, opening = names["best"].pose, names["chain"], names["best"].width
     x, y, _ = pose[:3, :3].T
     figure = Figure(figsize=(5.6, 4.8))
     axes = figure.subplots()
@@ -91,7 +91,7 @@ def grasp(names: dict[str, Any]) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
     axes.set_xlabel("mm from the grasp")
-    axes.set_title(f"{names['s'] * 1e3:.0f} mm from the start, radius {radius:.1f} mm", fontsize=10)
+    axes.set_title(f"{names['best'].s * 1e3:.0f} mm from the start, radius {radius:.1f} mm", fontsize=10)
     return figure
 
 

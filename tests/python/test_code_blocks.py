@@ -106,7 +106,8 @@ def first_grasp(names, out, folder):
     assert [chain.length for chain in names["model"].chains] == pytest.approx([0.729], abs=1e-3)
     assert names["model"].confidence == pytest.approx(0.99, abs=0.01)
     (truth,) = names["scene"].truth
-    place, (x, y, z) = names["grasp"][:3, 3], names["grasp"][:3, :3].T
+    pose, (normal, _) = names["best"].pose, names["found"].tables[0]
+    place, (x, y, z) = pose[:3, 3], pose[:3, :3].T
     distances = np.linalg.norm(truth - place, axis=1)
     node = distances.argmin()
     assert distances[node] < 0.003
@@ -114,9 +115,9 @@ def first_grasp(names, out, folder):
     assert abs(x @ along) / np.linalg.norm(along) > 0.99
     np.testing.assert_allclose(np.cross(x, y), z, atol=1e-12)
     # the fingers come down from above, and between them is this one stretch of rope
-    assert z @ names["normal"] < -0.9
-    along, across, _ = np.abs((truth - place) @ names["grasp"][:3, :3]).T
-    between = np.flatnonzero((along < 0.008) & (across < names["opening"] / 2))
+    assert z @ normal < -0.9
+    along, across, _ = np.abs((truth - place) @ pose[:3, :3]).T
+    between = np.flatnonzero((along < 0.008) & (across < names["best"].width / 2))
     assert node in between
     assert (np.diff(between) == 1).all()
     assert (folder / "grasp.html").exists()
