@@ -3,8 +3,8 @@
 python benches/answering.py [DIR] [--only TEXT] [--part perturbed|foreign|deadline] [--limit SECONDS]
     [--every N]
 
-Without DIR the scenes are those of benches/collection.py. Three tables: scenes with poses, intrinsics, radius
-or number of ropes that are wrong; scenes without a rope, with and without a radius; and the overrun of
+Without DIR the scenes are those of benches/lib/collection.py. Three tables: scenes with poses, intrinsics,
+radius or number of ropes that are wrong; scenes without a rope, with and without a radius; and the overrun of
 several deadlines. Each call runs on one thread in a process of its own, which is ended after the limit.
 Times are processor time, so that a busy machine does not count; deadlines are measured by the clock.
 """
@@ -19,11 +19,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-import collection
 import numpy as np
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene
 
 PARTS = ("perturbed", "foreign", "deadline")

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from measure import measured
-from tables import head, row
 
 import strand
+from lib.measure import measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene, cluttered
 
 SURE = 0.5

@@ -38,12 +38,12 @@ os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:THREADS])
 import numpy as np
 import open3d as o3d
 import small_gicp
-import tables
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import strand
+from lib import tables
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

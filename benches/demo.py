@@ -8,9 +8,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tables import head, row
-
 import strand
+from lib.tables import head, row
 from strand.report.tables import accuracy, chain_counts
 
 

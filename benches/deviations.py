@@ -21,14 +21,14 @@ from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
-from limits import Truth, calibration
-from measure import measured
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from sensors import seen_by
-from tables import head, row
 
 import strand
+from lib.measure import measured
+from lib.tables import head, row
+from limits import Truth, calibration
+from sensors import seen_by
 from strand import synthetic
 from strand.synthetic import SyntheticScene
 

@@ -30,10 +30,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from judging import SURE, judged
 from matplotlib.figure import Figure
-from tables import head, row
 
+from lib.judging import SURE, judged
+from lib.tables import head, row
 from strand.synthetic import CAMERAS, DepthCamera, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.scenes import FOCAL_LENGTH
 

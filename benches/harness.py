@@ -14,11 +14,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from collection import DATA
 from matplotlib.figure import Figure
-from tables import head, row
 
 import strand
+from lib.collection import DATA
+from lib.tables import head, row
 from strand.ropes.doubt import DOUBTS
 
 POINTS = DATA / "harness" / "wireHarness.txt"

@@ -20,9 +20,9 @@ from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
-from tables import head, row
 
 import strand
+from lib.tables import head, row
 
 Array = NDArray[np.float64]
 

@@ -23,9 +23,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from tables import head, row
 
 import strand
+from lib.tables import head, row
 
 Array = NDArray[np.float64]
 Layout = Callable[[np.random.Generator, int], tuple[Array, float]]

@@ -2,8 +2,8 @@
 
 python benches/limits.py [DIR] [--only TEXT]
 
-Without DIR the scenes are those of benches/collection.py. The bound is that of any unbiased estimate of the
-centreline from the pixels that see it, given the radius and the depths' noise, with control points as far
+Without DIR the scenes are those of benches/lib/collection.py. The bound is that of any unbiased estimate of
+the centreline from the pixels that see it, given the radius and the depths' noise, with control points as far
 apart as the reconstruction's and with poses that are unknown but for the prior of `Config.poses`. It knows
 which pixel sees which place of which rope; it has no smoothness prior, so the reconstruction may be better
 where pixels are few. Pixels seen under a cosine of incidence below 0.1 are left out.
@@ -22,15 +22,15 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import collection
 import numpy as np
-from measure import measured
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.measure import measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene, render_depth
 
 Array = NDArray[np.float64]

@@ -18,10 +18,9 @@ import sys
 import time
 from collections.abc import Iterator
 
-from collection import SHAPES
-from tables import head, row
-
 import strand
+from lib.collection import SHAPES
+from lib.tables import head, row
 from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.scenes import FOCAL_LENGTH
 

@@ -16,11 +16,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import collection
 import numpy as np
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.tables import head, row
 from strand.synthetic import SHAPES, scene
 
 STATUS = Path("/proc/self/status")

@@ -17,12 +17,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from collection import SHAPES
-from measure import measured
 from numpy.typing import NDArray
-from tables import head, row
 
 import strand
+from lib.collection import SHAPES
+from lib.measure import measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene, cluttered, scene
 
 Array = NDArray[np.float64]

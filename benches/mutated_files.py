@@ -2,7 +2,7 @@
 
     python benches/mutated_files.py --files 1000000 --seed 1 --findings target/findings
 
-Damaged files are made at random (`mutations.py`) in folders that are in memory. Allowed are a value,
+Damaged files are made at random (`lib/mutations.py`) in folders that are in memory. Allowed are a value,
 `strand.FileFormatError` that names the file, and, where one file names another, `OSError` for what cannot be
 opened. All else is a finding, and so are a warning (but Pillow's own: of what is damaged beside the pixels),
 more than two seconds of processor time, and more than 200 MB of memory for one file. The files are kept.
@@ -24,10 +24,10 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from mutations import Kind, kinds, numbered
-from whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
 
 import strand
+from lib.mutations import Kind, kinds, numbered
+from lib.whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
 from strand import config
 from strand.support.files import FileFormatError
 

@@ -20,16 +20,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import collection
 import numpy as np
-from fresh import KINDS, RELATIVE, draw
 from matplotlib.figure import Figure
-from measure import measured
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from tables import head, row
 
 import strand
+from fresh import KINDS, RELATIVE, draw
+from lib import collection
+from lib.measure import measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene
 
 Array = NDArray[np.float64]

@@ -24,7 +24,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from tables import head, row
+
+from lib.tables import head, row
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 

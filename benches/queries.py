@@ -30,9 +30,9 @@ os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:THREADS])
 import numpy as np  # noqa: E402
 import open3d as o3d  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
-from tables import head, row  # noqa: E402
 
 import strand  # noqa: E402
+from lib.tables import head, row  # noqa: E402
 
 Array = NDArray[np.float64]
 RADIUS = 0.0042

@@ -2,9 +2,9 @@
 
 python benches/radius.py [DIR] [--only TEXT]
 
-Without DIR the first table's scenes are those of benches/collection.py. Ropes of 2 to 10 mm radius are
+Without DIR the first table's scenes are those of benches/lib/collection.py. Ropes of 2 to 10 mm radius are
 simulated at 0.7 mm of depth noise, each with the seeds 0, 1 and 2. The real frames are those of
-benches/frames.py.
+benches/lib/frames.py.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import argparse
 import sys
 from collections import defaultdict
 
-import collection
-import frames
 import numpy as np
-from tables import head, row
 
 import strand
+from lib import collection, frames
+from lib.tables import head, row
 
 SIZES = (0.002, 0.003, 0.004, 0.006, 0.008, 0.010)  # metres
 SEEDS = 3

@@ -2,7 +2,7 @@
 
 python benches/real.py [--out DIR] [--frames 0500 0590] [--masks]
 
-The frames are those of benches/frames.py: one view, radius 3.8 mm as the silhouettes show, one rope. The
+The frames are those of benches/lib/frames.py: one view, radius 3.8 mm as the silhouettes show, one rope. The
 picture shows the order along the rope by colour, from the start in blue to the end in yellow, and what only
 bridges a gap in red.
 """
@@ -13,12 +13,12 @@ import argparse
 import sys
 from pathlib import Path
 
-import frames
 import numpy as np
 from matplotlib.figure import Figure
-from tables import head, row
 
 import strand
+from lib import frames
+from lib.tables import head, row
 
 RADIUS = 0.0038  # metres
 

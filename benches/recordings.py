@@ -16,9 +16,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from bag_files import FORMATS, film, write
-from tables import head, row
-
+from lib.bag_files import FORMATS, film, write
+from lib.tables import head, row
 from strand import Recording, synthetic
 
 NAMES = {"ros1": "ROS 1 bag", "sqlite3": "ROS 2 bag (SQLite)", "mcap": "MCAP"}

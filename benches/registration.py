@@ -15,7 +15,7 @@ nodes from the truth (root mean square), median over scenes.
 
 "reported" are the poses as read off the stage, with the joint method's curve when they are held there; "ICP"
 is `Config.published()`, "joint" the default. The last table has the same by depth noise, of the scenes of DIR
-or, without it, of those of benches/collection.py.
+or, without it, of those of benches/lib/collection.py.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import collection
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.tables import head, row
 from strand.config import Poses
 from strand.synthetic import SyntheticScene, camera_pose, render_depth, sense
 

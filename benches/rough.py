@@ -12,8 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from judging import all_judged, summary
-
+from lib.judging import all_judged, summary
 from strand.synthetic import ROUGH, rough
 
 

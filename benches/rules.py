@@ -2,10 +2,10 @@
 
 python benches/rules.py [DIR] [--only TEXT]
 
-Without DIR the scenes are those of benches/collection.py. The arcs are those that the default method traces
-and fits. The paper's rule groups their ends by four, nearest first, and joins the pairs whose directions
-agree best (section V-B); the matching joins all ends at once, at least cost; the decision compares several
-ways to part and join them by fitting each. What is joined is fitted to the points in the same way.
+Without DIR the scenes are those of benches/lib/collection.py. The arcs are those that the default method
+traces and fits. The paper's rule groups their ends by four, nearest first, and joins the pairs whose
+directions agree best (section V-B); the matching joins all ends at once, at least cost; the decision compares
+several ways to part and join them by fitting each. What is joined is fitted to the points in the same way.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-import collection
 import numpy as np
-from measure import measured
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.measure import measured
+from lib.tables import head, row
 from strand.config import Config, Reconnection
 from strand.geometry.polyline import path_length
 from strand.reconstruction.courses import Chains

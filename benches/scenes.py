@@ -3,8 +3,8 @@
 python benches/scenes.py [DIR] [--only TEXT] [--published] [--estimate-radius] [--ropes N] [--views I ...]
     [--runs N]
 
-Without DIR the scenes are those of benches/collection.py. Topology, Fréchet distance, RMS, length and
-crossings are as in benches/measure.py; the time is the median of the runs. Below the table are the RMS by
+Without DIR the scenes are those of benches/lib/collection.py. Topology, Fréchet distance, RMS, length and
+crossings are as in benches/lib/measure.py; the time is the median of the runs. Below the table are the RMS by
 depth noise, and a digest of all chains' nodes, bit for bit: on one machine the same digest before and after a
 change says that no answer has changed.
 """
@@ -20,12 +20,12 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 
-import collection
 import numpy as np
-from measure import Measure, measured
-from tables import head, row
 
 import strand
+from lib import collection
+from lib.measure import Measure, measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene
 
 

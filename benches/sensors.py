@@ -18,11 +18,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import collection
 import numpy as np
-from collection import SHAPES
-from judging import all_judged, summary
 
+from lib import collection
+from lib.collection import SHAPES
+from lib.judging import all_judged, summary
 from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.scenes import FOCAL_LENGTH
 

@@ -3,9 +3,9 @@
 python benches/severity.py [--scenes N] [--first SEED] [--only TEXT] [--out DIR]
 
 Scene k is drawn from the seed k: 0 to 3 crossings, one or two ropes, a radius of 2.5 to 7 mm, 3, 5 or 7 views
-of 320 x 240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/perturbations.py at each
+of 320 x 240 pixels, independent noise of 0.05 to 0.2 radii. Each kind of benches/lib/perturbations.py at each
 strength is applied to N of them. The radius is given, the number of ropes is not, unless it is what is wrong.
-Right is what benches/judging.py calls so: chains within 1.5 radii of the ropes, in the world frame.
+Right is what benches/lib/judging.py calls so: chains within 1.5 radii of the ropes, in the world frame.
 
 An answer that takes more than 8 s of processor time counts as none.
 
@@ -29,13 +29,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pictures
-from judging import SURE
-from measure import measured
-from perturbations import FOREIGN, KINDS, Given, Kind
-from tables import head, row
 
 import strand
+from lib import pictures
+from lib.judging import SURE
+from lib.measure import measured
+from lib.perturbations import FOREIGN, KINDS, Given, Kind
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene, random_ropes, scene
 
 PATIENCE = 8  # seconds of processor time after which there is no answer

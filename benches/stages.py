@@ -2,7 +2,7 @@
 
 python benches/stages.py [SCENE ...] [--runs N]
 
-A SCENE is the name of one in benches/collection.py or an .npz file. "views" is the un-projection of the
+A SCENE is the name of one in benches/lib/collection.py or an .npz file. "views" is the un-projection of the
 images, "rest" what belongs to no stage; the total, from the images to the model, is the median of all runs,
 then the quickest: on a busy machine it says more. Stages are medians.
 """
@@ -14,10 +14,9 @@ import statistics
 import sys
 import time
 
-import collection
-from tables import head, row
-
 import strand
+from lib import collection
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene
 
 SCENES = ("paper_0.7mm", "paper_fine")

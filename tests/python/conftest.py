@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-import collection
-import frames
 import numpy as np
 import pytest
-from drawn import R
-from measure import Measure, measured
 
 import strand
+from lib import collection, frames
+from lib.measure import Measure, measured
+from shared.ropes import R
 from strand.synthetic import SyntheticScene
 
 

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import rope_pixels
 from PIL import Image
 
 import strand
+from shared.ropes import find_rope_pixels
 from strand import cli
 from strand.cli import main
 
@@ -199,7 +199,7 @@ def test_masks_are_read_for_each_view(scene_npz, tmp_path, monkeypatch):
         return made
 
     monkeypatch.setattr(strand, "reconstruct", reconstruct)
-    masks, paths = rope_pixels(SCENE), [tmp_path / f"mask{i}.png" for i in range(3)]
+    masks, paths = find_rope_pixels(SCENE), [tmp_path / f"mask{i}.png" for i in range(3)]
     for path, mask in zip(paths, masks, strict=True):
         Image.fromarray(mask.astype(np.uint8) * 255).save(path)
     command = ["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json"), "--mask", *map(str, paths)]

@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 import pytest
-from bag_files import FORMATS, START, Messages, cameras, film, millimetres, write
 
 import strand
+from lib.bag_files import FORMATS, START, Messages, cameras, film, millimetres, write
 from strand.cli import main
 from strand.io.models import load_frames
 from strand.support.files import FileFormatError

@@ -6,18 +6,18 @@ import json
 
 import numpy as np
 import pytest
-from bag_files import STORES, Messages
-from drawn import circle
 from scipy.spatial.transform import Rotation
 
 import strand
+from lib.bag_files import STORES, Messages
+from shared.ropes import draw_circle
 from strand import msgs
 
 STORE = STORES[False]
 STAMP = 1_700_000_000_123_456_789
 NODES = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0.1, 0.1, 0.1], [0, 0.1, 0.1], [-0.1, 0.1, 0.1]])
 CHAIN = strand.Chain(NODES, 0.004)
-MODEL = strand.Model((CHAIN, circle(0.05, 40, True)), np.eye(4)[None], confidence=0.5)
+MODEL = strand.Model((CHAIN, draw_circle(0.05, 40, True)), np.eye(4)[None], confidence=0.5)
 
 
 def message(kind, values):

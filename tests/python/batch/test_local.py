@@ -16,11 +16,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bag_files import film, write
-from batch_recordings import SETTINGS, Deadly, FullDisk, left, never, read, scenes
 from PIL import Image
 
 import strand
+from lib.bag_files import film, write
+from shared.batch_recordings import (
+    SETTINGS,
+    Deadly,
+    FullDisk,
+    find_shards,
+    interrupt,
+    read_table,
+    save_scenes,
+)
 from strand._core import cores
 from strand.batch import Done, EngineError, Settings, find, load, local, run, shards
 from strand.batch.engines import TRIES
@@ -32,7 +40,7 @@ SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    return scenes(tmp_path_factory.mktemp("recordings"), COUNT)
+    return save_scenes(tmp_path_factory.mktemp("recordings"), COUNT)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +48,7 @@ def expected(recordings, tmp_path_factory):
     """The table of a run that nothing disturbed, by two workers."""
     out = tmp_path_factory.mktemp("expected")
     assert run(recordings, out, SETTINGS, root=recordings, workers=2) == Done(COUNT, 0, COUNT, 0)
-    return read(out)
+    return read_table(out)
 
 
 def again(recordings, out):
@@ -53,7 +61,7 @@ def test_each_recording_has_its_rows_and_a_second_run_makes_none(recordings, exp
     done = run(recordings, tmp_path / "out", SETTINGS, root=recordings, workers=1, progress=seen.append)
     assert done == Done(COUNT, 0, COUNT, 0)
     assert [one.made for one in seen] == list(range(1, COUNT + 1))
-    assert read(tmp_path / "out").equals(expected)
+    assert read_table(tmp_path / "out").equals(expected)
     before = {name: (tmp_path / "out" / name).stat().st_mtime_ns for name in names(tmp_path / "out")}
     seen.clear()
     assert run(recordings, tmp_path / "out", SETTINGS, root=recordings, progress=seen.append) == Done(
@@ -260,7 +268,7 @@ DRIVER = """
 import os
 import sys
 import time
-from batch_recordings import SETTINGS
+from shared.batch_recordings import SETTINGS
 from strand.batch import run
 
 
@@ -312,10 +320,10 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
     finally:
         os.kill(forked, signal.SIGKILL)
         driver.communicate()
-    before = left(out)
+    before = find_shards(out)
     assert 3 <= len(before) < COUNT
     assert again(recordings, out) == Done(COUNT - len(before), len(before), COUNT - len(before), 0)
-    assert read(out).equals(expected)
+    assert read_table(out).equals(expected)
     assert len(names(out)) == COUNT
 
 
@@ -331,7 +339,7 @@ def test_a_worker_that_is_killed_is_replaced_and_its_unit_made(recordings, expec
     done = run(recordings, tmp_path, SETTINGS, root=recordings, workers=2, progress=kill)
     assert len(killed) == 3
     assert done == Done(COUNT, 0, COUNT, 0)
-    assert read(tmp_path).equals(expected)
+    assert read_table(tmp_path).equals(expected)
     assert not multiprocessing.active_children()
 
 
@@ -359,7 +367,7 @@ def killed_at_start(monkeypatch):
 def test_workers_that_are_killed_while_they_start_are_replaced(recordings, killed_at_start):
     units = list(find([recordings], SETTINGS, recordings))[:3]
     pids = killed_at_start(TRIES)
-    answers = list(local.each(never, iter(units), workers=2, threads=1))
+    answers = list(local.each(interrupt, iter(units), workers=2, threads=1))
     assert len(pids) == TRIES
     # none of these deaths is a unit's
     assert sorted(unit.recording for unit, written in answers if written) == [one.recording for one in units]
@@ -368,14 +376,14 @@ def test_workers_that_are_killed_while_they_start_are_replaced(recordings, kille
 def test_processes_that_are_always_killed_are_not_started_for_ever(recordings, killed_at_start):
     pids = killed_at_start(99)
     with pytest.raises(EngineError, match=r"processes do not start \(exit code -9\)$"):
-        next(local.each(never, find([recordings], SETTINGS, recordings), workers=2, threads=1))
+        next(local.each(interrupt, find([recordings], SETTINGS, recordings), workers=2, threads=1))
     assert TRIES * 2 <= len(pids) < TRIES * 2 + 2
     assert not multiprocessing.active_children()
 
 
 def test_where_no_process_can_be_started_is_said_before_one_is(recordings, monkeypatch):
     def begin():
-        next(local.each(never, find([recordings], SETTINGS, recordings), workers=1, threads=1))
+        next(local.each(interrupt, find([recordings], SETTINGS, recordings), workers=1, threads=1))
 
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
     with pytest.raises(EngineError, match=r"of a multiprocessing.Pool .* may start none"):
@@ -434,13 +442,13 @@ def test_a_disk_that_fills_up_stops_the_run_and_leaves_whole_shards(recordings, 
         with pytest.raises(OSError, match="No space left") as raised:
             list(local.each(full, find([recordings], SETTINGS, recordings), 2, 1))
     assert raised.value.errno == errno.ENOSPC
-    before = left(out)
+    before = find_shards(out)
     assert 0 < len(before) < COUNT
     assert not list(out.glob("*/.strand-*.tmp"))
     if own:
         subprocess.run(["mount", "-o", "remount,size=16m", str(out)], check=True)
     assert again(recordings, out) == Done(COUNT - len(before), len(before), COUNT - len(before), 0)
-    assert read(out).equals(expected)
+    assert read_table(out).equals(expected)
 
 
 def test_what_is_half_written_is_no_shard_and_goes_when_it_is_old(recordings, tmp_path):
@@ -456,7 +464,7 @@ def test_what_is_half_written_is_no_shard_and_goes_when_it_is_old(recordings, tm
 
 def test_workers_are_deaf_to_interrupts(recordings):
     units = list(find([recordings], SETTINGS, recordings))[:2]
-    assert len(list(local.each(never, iter(units), 1, 1))) == 2
+    assert len(list(local.each(interrupt, iter(units), 1, 1))) == 2
 
 
 def test_workers_never_need_more_cores_than_there_are(recordings, tmp_path):

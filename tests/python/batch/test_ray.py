@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 import ray
-from batch_recordings import SETTINGS, Deadly, FullDisk, left, read, scenes
 from ray import exceptions as errors
 from ray._raylet import Config
 from ray.cluster_utils import Cluster
 
+from shared.batch_recordings import SETTINGS, Deadly, FullDisk, find_shards, read_table, save_scenes
 from strand.batch import Done, EngineError, find, load, run
 from strand.batch import ray as engine
 from strand.batch.engines import TRIES
@@ -32,7 +32,7 @@ ELSEWHERE = "127.0.0.2"
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    return scenes(tmp_path_factory.mktemp("recordings"), COUNT)
+    return save_scenes(tmp_path_factory.mktemp("recordings"), COUNT)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def expected(recordings, tmp_path_factory):
     """The table of the local engine."""
     out = tmp_path_factory.mktemp("expected")
     run(recordings, out, SETTINGS, root=recordings, workers=1)
-    return read(out)
+    return read_table(out)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_rows_are_those_of_the_local_engine_bit_for_bit(recordings, expected, cl
     seen = []
     assert by_ray(recordings, tmp_path, cluster, progress=seen.append) == Done(COUNT, 0, COUNT, 0)
     assert [one.made for one in seen] == list(range(1, COUNT + 1))
-    assert read(tmp_path).equals(expected)
+    assert read_table(tmp_path).equals(expected)
     assert by_ray(recordings, tmp_path, cluster) == Done(0, COUNT, 0, 0)
     # what was made by one engine is not made again by the other
     assert run(recordings, tmp_path, SETTINGS, root=recordings) == Done(0, COUNT, 0, 0)
@@ -126,7 +126,7 @@ from contextlib import suppress
 from pathlib import Path
 import ray
 from ray._raylet import AuthenticationMode, get_authentication_mode
-from batch_recordings import SETTINGS
+from shared.batch_recordings import SETTINGS
 from strand.batch import run
 from test_ray import reached
 
@@ -151,7 +151,7 @@ if __name__ == "__main__":
 
 
 def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_path):
-    recordings = scenes(tmp_path / "in", 2)
+    recordings = save_scenes(tmp_path / "in", 2)
     run(recordings, tmp_path / "expected", SETTINGS, root=recordings, workers=1)
     # not below tmp_path: names of sockets are short
     with tempfile.TemporaryDirectory() as folder:
@@ -164,7 +164,7 @@ def test_ray_that_is_started_here_is_open_to_nobody_says_and_leaves_nothing(tmp_
         assert (done.returncode, done.stdout, done.stderr) == (0, "2\n2\n", "")
         assert list(Path(folder, "ray").glob("session_2*")) == []
         assert not Path(folder, ".ray").exists()
-    assert read(tmp_path / "out").equals(read(tmp_path / "expected"))
+    assert read_table(tmp_path / "out").equals(read_table(tmp_path / "expected"))
 
 
 def test_room_is_counted_machine_by_machine():
@@ -276,15 +276,15 @@ def test_a_full_disk_stops_the_run_and_leaves_whole_shards(recordings, expected,
     full = FullDisk(Work(SETTINGS, str(tmp_path)), 4)
     with pytest.raises(OSError, match="No space left"):
         list(engine.each(full, find([recordings], SETTINGS, recordings), 1, 1, cluster))
-    count = len(left(tmp_path))
+    count = len(find_shards(tmp_path))
     assert 0 < count < COUNT
     assert by_ray(recordings, tmp_path, cluster).skipped >= count
-    assert read(tmp_path).equals(expected)
+    assert read_table(tmp_path).equals(expected)
 
 
 DRIVER = """
 import sys
-from batch_recordings import SETTINGS
+from shared.batch_recordings import SETTINGS
 from strand.batch import run
 
 run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], engine="ray", address=sys.argv[3])
@@ -303,12 +303,12 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
         time.sleep(0.002)
     os.kill(driver.pid, signal.SIGKILL)
     driver.communicate()
-    count = len(left(tmp_path))
+    count = len(find_shards(tmp_path))
     assert 2 <= count < COUNT
     done = by_ray(recordings, tmp_path, cluster)
     assert done.made + done.skipped == COUNT
     assert done.skipped >= count
-    assert read(tmp_path).equals(expected)
+    assert read_table(tmp_path).equals(expected)
     assert len(names(Path(tmp_path))) == COUNT
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from bag_files import film, write
-from batch_recordings import SETTINGS, scenes
-from browser import chromium
 
 import strand
+from lib.bag_files import film, write
+from shared.batch_recordings import SETTINGS, save_scenes
+from shared.browser import start_chromium
 from strand.batch import Settings, Unit, load, load_models, reading, run, summary, work, write_summary
 from strand.batch.shards import names
 from strand.batch.summary import Summary, summarised
@@ -30,7 +30,7 @@ def batch(tmp_path_factory):
     folder, out = tmp_path_factory.mktemp("in"), tmp_path_factory.mktemp("out")
     film_of = tmp_path_factory.mktemp("film") / "film"
     write(film_of, "mcap", film(SCENE, 3)).rename(folder / "film.mcap")
-    scenes(folder, 1)
+    save_scenes(folder, 1)
     (folder / "broken.npz").write_bytes(b"nonsense")
     run(folder, out, Settings(**KNOWN, world="world", stretch=2), root=folder)
     return folder, out
@@ -100,7 +100,7 @@ def test_an_empty_folder_is_an_empty_table(tmp_path):
 
 
 def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
-    run(scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS)
+    run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS)
     with pytest.raises(ValueError, match="columns: expected some of recording, frame"):
         load(tmp_path / "out", ["length"])
     (name,) = names(tmp_path / "out")
@@ -113,7 +113,7 @@ def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
 
 
 def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
-    run(scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
+    run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
     (name,) = names(tmp_path / "out")
     shard, before = tmp_path / "out" / name, load(tmp_path / "out")
     whole, refused = shard.read_bytes(), 0
@@ -229,7 +229,7 @@ def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path
     errors = {f"FileFormatError: {name}": (3, f"{name}: FileFormatError: {name}")}
     found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(1.5, name, 2)], 1.5)
     (tmp_path / "page.html").write_text(summary._page(found, f"Ropes in {name}"))
-    with chromium(tmp_path / "browser") as page:
+    with start_chromium(tmp_path / "browser") as page:
         size = {"width": 800, "height": 600, "deviceScaleFactor": 1, "mobile": False}
         page.ask("Emulation.setDeviceMetricsOverride", **size)
         page.ask("Page.navigate", url=(tmp_path / "page.html").as_uri())

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pytest
-from bag_files import START, Messages, film, write
-from batch_recordings import SETTINGS, scenes
 from PIL import Image
 
 import strand
+from lib.bag_files import START, Messages, film, write
+from shared.batch_recordings import SETTINGS, save_scenes
 from strand.batch import Settings, find, load, load_models, rows_of, schema, write_summary
 from strand.batch.shards import Work, Written
 from strand.batch.table import UNLIKE
@@ -190,7 +190,7 @@ def test_what_is_not_installed_is_no_broken_recording(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("start", ["fork", "forkserver", "spawn"])
 def test_rows_are_the_same_however_processes_start(tmp_path, start):
-    units = list(find([scenes(tmp_path, 2)], SETTINGS, tmp_path))
+    units = list(find([save_scenes(tmp_path, 2)], SETTINGS, tmp_path))
     here = [rows_of(unit, SETTINGS).drop_columns([UNLIKE]) for unit in units]
     with multiprocessing.get_context(start).Pool(1) as pool:
         there = pool.starmap(rows_of, [(unit, SETTINGS) for unit in units])

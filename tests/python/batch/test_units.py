@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_files import film, write
 from PIL import Image
-from scene_files import save_npz, scene_of
 
 import strand
+from lib.bag_files import film, write
+from shared.scene_files import save_npz, write_scene
 from strand.batch import Settings, find, units
 from strand.batch.frames import frames
 from strand.batch.work import rows_of
@@ -24,7 +24,7 @@ SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 def folder(tmp_path):
     """One recording of each kind, and what is none."""
     (tmp_path / "b" / "scene").mkdir(parents=True)
-    scene_of(tmp_path / "b" / "scene", "0.png")
+    write_scene(tmp_path / "b" / "scene", "0.png")
     (tmp_path / "b" / "depth").mkdir()
     for k in (0, 1, 2):
         Image.fromarray(SCENE.depth[k]).save(tmp_path / "b" / "depth" / f"{k}.png")

@@ -8,8 +8,8 @@ import time
 
 import numpy as np
 import pytest
-from batch_recordings import scenes
 
+from shared.batch_recordings import save_scenes
 from strand.batch import Done, EngineError, Settings, load, local
 from strand.cli import batch, main
 
@@ -17,7 +17,7 @@ from strand.cli import batch, main
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    scenes(tmp_path / "in", 3)
+    save_scenes(tmp_path / "in", 3)
     (tmp_path / "in" / "broken.npz").write_bytes(b"nonsense")
     return tmp_path
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_files import FORMATS, Messages, cameras, film, write
 from PIL import Image
-from scene_files import POINTS, ply
 
 import strand
+from lib.bag_files import FORMATS, Messages, cameras, film, write
+from shared.scene_files import POINTS, make_ply
 from strand.cli import main
 
 SCENE = strand.synthetic.scene("arc", views=3)
@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
     SCENE.save("arc.npz")
-    Path("cloud.ply").write_bytes(ply("binary_little_endian"))
+    Path("cloud.ply").write_bytes(make_ply("binary_little_endian"))
     Image.fromarray(SMALL.depth[0]).save("depth.png")
     Path("empty.npz").touch()
     write(Path("rope"), "ros1", film(SMALL, 3, True))

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from drawn import R, circle, from_path, smooth_chain
 
 import strand
+from shared.ropes import R, draw_circle, make_smooth_chain, measure_path_distance
 from strand import Chain, Model
 
 CHAINS = {
     "paper": Chain(strand.synthetic.shape("paper"), R),
-    "smooth": smooth_chain(),
-    "ring": circle(0.05, 60, True),
+    "smooth": make_smooth_chain(),
+    "ring": draw_circle(0.05, 60, True),
     "right angles": Chain(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1.0]]) * 0.05, R),
     "two nodes": Chain(np.array([[0, 0, 0], [0, 0, 0.1]]), R),
 }
@@ -46,7 +46,7 @@ def around(start, stop, radius, count=2000):
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     share = np.where(ball, rng.integers(0, 2, count), rng.random(count))
     points = start[which] + share[:, None] * line + radius * outward
-    return points[from_path(points, start, stop) > radius - 1e-9]
+    return points[measure_path_distance(points, start, stop) > radius - 1e-9]
 
 
 @pytest.mark.parametrize("error", ERRORS)
@@ -58,8 +58,8 @@ def test_capsules_are_within_the_error_of_the_tube_and_the_tube_of_them(name, er
     from_capsules = around(capsules.start, capsules.stop, chain.radius)
     from_tube = around(*axis, chain.radius)
     assert min(len(from_capsules), len(from_tube)) > 500
-    beyond = np.abs(from_path(from_capsules, *axis) - chain.radius)
-    missed = np.abs(from_path(from_tube, capsules.start, capsules.stop) - chain.radius)
+    beyond = np.abs(measure_path_distance(from_capsules, *axis) - chain.radius)
+    missed = np.abs(measure_path_distance(from_tube, capsules.start, capsules.stop) - chain.radius)
     assert max(beyond.max(), missed.max()) <= error
     if name in ("paper", "smooth"):
         # no more capsules than the error asks for
@@ -77,11 +77,11 @@ def test_spheres_are_within_the_error_of_the_tube(name, error):
     outward = rng.normal(size=(3000, 3))
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     points = rng.choice(spheres.center, 3000) + chain.radius * outward
-    points = points[from_path(points, spheres.center, spheres.center) > chain.radius - 1e-9]
-    assert from_path(points, *axis).max() <= chain.radius + error
-    assert from_path(points, *axis).min() >= chain.radius - error
+    points = points[measure_path_distance(points, spheres.center, spheres.center) > chain.radius - 1e-9]
+    assert measure_path_distance(points, *axis).max() <= chain.radius + error
+    assert measure_path_distance(points, *axis).min() >= chain.radius - error
     # and so the other way round: points of the tube are no farther from a sphere, or in one
-    missed = from_path(around(*axis, chain.radius), spheres.center, spheres.center) - chain.radius
+    missed = measure_path_distance(around(*axis, chain.radius), spheres.center, spheres.center) - chain.radius
     assert missed.max() <= error
     if error < R:
         assert missed.max() > 0.4 * error
@@ -106,7 +106,7 @@ def test_frames_place_a_capsule_as_trimesh_makes_it():
     for k in range(0, len(capsules), 7):
         mesh = trimesh.creation.capsule(height=capsules.lengths[k], radius=capsules.radius[k])
         mesh.apply_transform(capsules.poses[k])
-        off = from_path(mesh.vertices, capsules.start[[k]], capsules.stop[[k]])
+        off = measure_path_distance(mesh.vertices, capsules.start[[k]], capsules.stop[[k]])
         np.testing.assert_allclose(off, R, rtol=1e-6)
 
 

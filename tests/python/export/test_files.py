@@ -10,10 +10,10 @@ import jsonschema
 import numpy as np
 import open3d as o3d
 import pytest
-import whole_files
-from drawn import R, circle
 
 import strand
+from lib import whole_files
+from shared.ropes import R, draw_circle
 from strand import load_scene
 from strand.export.files import COLUMNS
 
@@ -24,7 +24,7 @@ OPEN = strand.Chain(
     points_seen=np.arange(11),
     views_seen=np.ones(11, int),
 )
-MODEL = strand.Model((OPEN, circle(0.05, 40, True)), np.eye(4)[None])
+MODEL = strand.Model((OPEN, draw_circle(0.05, 40, True)), np.eye(4)[None])
 
 
 def test_a_table_has_a_row_for_each_node(tmp_path, paper_model):

@@ -7,15 +7,15 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 import pytest
-from drawn import R, circle
 
 import strand
+from shared.ropes import R, draw_circle
 from strand import Chain, Model
 
 HERE = int(mujoco.__version__.partition(".")[0])
 DENSITY = 700.0
 ROPE = Chain(strand.synthetic.shape("paper"), R)
-RING = Chain(np.array([0.3, 0.0, R]) + circle(0.05, 60, True).points, R, True)
+RING = Chain(np.array([0.3, 0.0, R]) + draw_circle(0.05, 60, True).points, R, True)
 SHORT = Chain(np.array([[0.2, 0.0, R], [0.2, 0.01, R]]), R)
 MODEL = Model((ROPE, RING, SHORT), np.eye(4)[None])
 

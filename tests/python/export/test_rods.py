@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from drawn import R, circle
 
 import strand
+from shared.ropes import R, draw_circle
 from strand import Chain, Model
 
 ROPE = Chain(strand.synthetic.shape("paper"), R)
-RING = circle(0.05, 60, True)
+RING = draw_circle(0.05, 60, True)
 MODEL = Model((ROPE, RING), np.eye(4)[None])
 
 

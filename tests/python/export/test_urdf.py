@@ -7,15 +7,15 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 import pytest
-from drawn import R, circle
 
 import strand
+from shared.ropes import R, draw_circle
 from strand import Chain, Model
 
 ROPE = Chain(strand.synthetic.shape("paper"), R)
 # straight down: the turn of its cylinder is half a circle
 DOWN = Chain(np.array([[0.3, 0.1, 0.2], [0.3, 0.1, 0.1]]), 0.006)
-MODEL = Model((ROPE, circle(0.05, 60, True), DOWN), np.eye(4)[None])
+MODEL = Model((ROPE, draw_circle(0.05, 60, True), DOWN), np.eye(4)[None])
 
 
 @pytest.mark.parametrize("error", [5e-4, 2e-3])

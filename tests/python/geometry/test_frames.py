@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import circle
 
 import strand
+from shared.ropes import draw_circle
 from strand import Chain
 from strand.geometry.curve import Curve
 
@@ -28,7 +28,9 @@ def smooth(seed=0):
     return Chain(curve.at(curve.nodes(0.004))[0], 0.004, curve=curve)
 
 
-@pytest.mark.parametrize("chain", [helix(), smooth(), circle(0.05, 100, True), circle(0.05, 100, False)])
+@pytest.mark.parametrize(
+    "chain", [helix(), smooth(), draw_circle(0.05, 100, True), draw_circle(0.05, 100, False)]
+)
 def test_frames_are_rotations_along_the_chain_without_twist(chain):
     s = np.linspace(0.0, chain.length * (1 - 1e-9), 20_001)
     places, frames = chain.frames(s)
@@ -50,7 +52,7 @@ def test_frames_at_single_places_and_outside_of_the_chain():
     assert (place.shape, frame.shape) == ((3,), (3, 3))
     np.testing.assert_array_equal(chain.frames([[0.1, 99.0]])[1][0, 0], frame)
     np.testing.assert_array_equal(chain.frames(99.0)[1], chain.frames(chain.length)[1])
-    ring = circle(0.05, 100, True)
+    ring = draw_circle(0.05, 100, True)
     np.testing.assert_allclose(ring.frames(ring.length + 0.01)[1], ring.frames(0.01)[1], atol=1e-9)
     upright = Chain([[0.0, 0, 0], [0.0, 0, 1.0]], 0.01)
     np.testing.assert_allclose(upright.frames(0.5)[1][:, 2], [1, 0, 0])
@@ -119,7 +121,7 @@ def test_bends_over_a_window_are_those_of_a_helix_up_to_its_ends(hand):
     assert chain.min_bend_radius()[0] == pytest.approx((a * a + b * b) / a, rel=3e-3)
     assert chain.torsion(0.1).shape == ()
     assert chain.torsion([[0.1, 99.0]]).shape == (1, 2)
-    ring = unsure(circle(0.05, 400, True))
+    ring = unsure(draw_circle(0.05, 400, True))
     np.testing.assert_allclose(ring.curvature, 20.0, rtol=1e-3)
     np.testing.assert_allclose(ring.curvature_vector(0.0), ring.curvature_vector(ring.length), atol=1e-6)
 
@@ -166,7 +168,7 @@ def test_even_nodes_along_the_same_rope(paper_model):
     np.testing.assert_allclose(whole.points, chain.points, atol=1e-12)
     np.testing.assert_array_equal(whole.points_seen, chain.points_seen)
     for closed, least in ((False, 2), (True, 3)):
-        line = circle(0.05, 100, closed)
+        line = draw_circle(0.05, 100, closed)
         assert line.resample(1000).length == pytest.approx(line.length, rel=1e-3)
         assert len(line.resample(least).points) == least
         steps = np.linalg.norm(np.diff(line.resample(40).points, axis=0), axis=1)
@@ -178,7 +180,7 @@ def test_even_nodes_along_the_same_rope(paper_model):
 
 
 def test_values_between_nodes():
-    ring = circle(0.05, 100, True)
+    ring = draw_circle(0.05, 100, True)
     values = np.arange(100.0)
     middle = 0.5 * (ring.arc_length[3] + ring.arc_length[4])
     assert ring.interpolated(values, middle) == pytest.approx(3.5)

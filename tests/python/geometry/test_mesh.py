@@ -8,9 +8,9 @@ import numpy as np
 import open3d as o3d
 import pytest
 import trimesh
-from drawn import circle
 
 import strand
+from shared.ropes import draw_circle
 from strand import Chain
 
 RADIUS = 0.004
@@ -35,7 +35,7 @@ CHAINS = {
     "straight": straight(),
     "two nodes": Chain(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), RADIUS),
     "helix": helix(),
-    "ring": circle(0.05, 60, True),
+    "ring": draw_circle(0.05, 60, True),
     "knotted ring": helix(closed=True),
 }
 

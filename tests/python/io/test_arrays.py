@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_files import DEPTH, POINTS, K, ply, save_npz, scene_of
 
+from shared.scene_files import DEPTH, POINTS, K, make_ply, save_npz, write_scene
 from strand import FileFormatError, View, load_scene
 from strand.io.arrays import read_npy
 from strand.io.budget import Budget
@@ -21,14 +21,14 @@ from strand.io.budget import Budget
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_npy_points(tmp_path, kind, order):
     np.save(tmp_path / "a.npy", np.asarray(POINTS, dtype=kind, order=order))
-    view = load_scene(scene_of(tmp_path, "a.npy")).views[0]
+    view = load_scene(write_scene(tmp_path, "a.npy")).views[0]
     np.testing.assert_array_equal(view.points, POINTS.astype(kind))
 
 
 def test_npy_depth(tmp_path):
     want = View.from_depth(DEPTH * 0.001, K).points
     np.save(tmp_path / "a.npy", DEPTH)
-    np.testing.assert_array_equal(load_scene(scene_of(tmp_path, "a.npy")).views[0].points, want)
+    np.testing.assert_array_equal(load_scene(write_scene(tmp_path, "a.npy")).views[0].points, want)
     metres = DEPTH * 0.001
     metres[0, 0], metres[1, 1] = np.nan, np.inf
     np.save(tmp_path / "a.npy", metres)
@@ -41,9 +41,9 @@ def test_cloud_drops_and_counts_what_is_not_finite(tmp_path):
     points = POINTS.copy()
     points[3, 1], points[7] = np.nan, np.inf
     np.save(tmp_path / "a.npy", points)
-    (tmp_path / "a.ply").write_bytes(ply("binary_little_endian", points))
+    (tmp_path / "a.ply").write_bytes(make_ply("binary_little_endian", points))
     for file in ("a.npy", "a.ply"):
-        view = load_scene(scene_of(tmp_path, file)).views[0]
+        view = load_scene(write_scene(tmp_path, file)).views[0]
         np.testing.assert_array_equal(view.points, np.delete(POINTS, [3, 7], axis=0))
         assert view.dropped == 2
 
@@ -61,19 +61,19 @@ def test_cloud_drops_and_counts_what_is_not_finite(tmp_path):
 def test_npy_of_another_kind(tmp_path, array):
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(FileFormatError, match=r"a\.npy: expected a depth image"):
-        load_scene(scene_of(tmp_path, "a.npy"))
+        load_scene(write_scene(tmp_path, "a.npy"))
 
 
 def test_npy_with_a_negative_depth(tmp_path):
     np.save(tmp_path / "a.npy", np.full((6, 8), -1.0))
     with pytest.raises(FileFormatError, match=r"a\.npy: depth: expected depths >= 0"):
-        load_scene(scene_of(tmp_path, "a.npy"))
+        load_scene(write_scene(tmp_path, "a.npy"))
 
 
 def test_npy_truncated_anywhere(tmp_path):
     np.save(tmp_path / "whole.npy", POINTS[:4])
     data = (tmp_path / "whole.npy").read_bytes()
-    folder = scene_of(tmp_path, "a.npy")
+    folder = write_scene(tmp_path, "a.npy")
     for length in range(1, len(data)):
         (tmp_path / "a.npy").write_bytes(data[:length])
         with pytest.raises(FileFormatError, match=r"a\.npy: truncated"):
@@ -87,7 +87,7 @@ def test_npy_with_pickled_objects_is_not_opened(tmp_path):
 
     np.save(tmp_path / "a.npy", np.array([[Harm()] * 3]), allow_pickle=True)
     with pytest.raises(FileFormatError, match=r"a\.npy"):
-        load_scene(scene_of(tmp_path, "a.npy"))
+        load_scene(write_scene(tmp_path, "a.npy"))
     assert not (tmp_path / "harm").exists()
 
 

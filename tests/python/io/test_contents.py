@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_files import DEPTH, LABELS, POINTS, ply, save_npz, save_png, scene_of
 
 import strand
+from shared.scene_files import DEPTH, LABELS, POINTS, make_ply, save_npz, save_png, write_scene
 from strand.io.contents import contents
 from strand.support.files import FileFormatError
 
@@ -37,7 +37,7 @@ def test_an_archive(tmp_path):
 
 def test_a_folder(tmp_path):
     save_png(tmp_path / "a.png")
-    scene = held(scene_of(tmp_path, "a.png"))
+    scene = held(write_scene(tmp_path, "a.png"))
     assert (scene.name, scene.bounds, scene.points_in_bounds, scene.radius) == (
         tmp_path.name,
         None,
@@ -45,10 +45,10 @@ def test_a_folder(tmp_path):
         None,
     )
     assert (scene.true_ropes, scene.views[0].intrinsics) == (0, (10.0, 11.0, 3.5, 2.5))
-    (tmp_path / "b.ply").write_bytes(ply())
-    assert held(scene_of(tmp_path, "b.ply")).views[0].points == len(POINTS)
+    (tmp_path / "b.ply").write_bytes(make_ply())
+    assert held(write_scene(tmp_path, "b.ply")).views[0].points == len(POINTS)
     with pytest.raises(FileFormatError, match="outside"):
-        held(scene_of(tmp_path, "../b.ply"))
+        held(write_scene(tmp_path, "../b.ply"))
 
 
 def test_a_folder_without_a_description_says_what_it_has(tmp_path):
@@ -65,7 +65,7 @@ def test_a_folder_without_a_description_says_what_it_has(tmp_path):
 def test_points_without_a_camera(tmp_path):
     points = POINTS.copy()
     points[0], points[1, 2] = 0.0, np.nan
-    (tmp_path / "a.ply").write_bytes(ply("binary_little_endian", points))
+    (tmp_path / "a.ply").write_bytes(make_ply("binary_little_endian", points))
     found = held(tmp_path / "a.ply")
     assert (found.viewpoint, found.whole) == (None, False)
     assert (found.view.points, found.view.no_return, found.view.not_finite) == (38, 1, 1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_files import CAMERA, DEPTH, IDENTITY, POINTS, K, ply, save_png, scene_of
 
+from shared.scene_files import CAMERA, DEPTH, IDENTITY, POINTS, K, make_ply, save_png, write_scene
 from strand import FileFormatError, View, load_scene, pose_from_angles, turntable_pose
 from strand.io.description import parse_length
 
@@ -47,7 +47,7 @@ def test_parse_length_refuses_other_things(value):
 
 def test_description_in_full(tmp_path):
     save_png(tmp_path / "a.png")
-    (tmp_path / "b.ply").write_bytes(ply())
+    (tmp_path / "b.ply").write_bytes(make_ply())
     np.save(tmp_path / "c.npy", POINTS)
     (tmp_path / "scene.toml").write_text(
         'name = "knot"\nradius = "4.2mm"\n'
@@ -75,15 +75,15 @@ def test_description_in_full(tmp_path):
 
 def test_description_with_what_is_needed_only(tmp_path):
     np.save(tmp_path / "a.npy", POINTS)
-    scene = load_scene(scene_of(tmp_path, "a.npy", head=""))
+    scene = load_scene(write_scene(tmp_path, "a.npy", head=""))
     assert (scene.name, scene.bounds, scene.radius) == (tmp_path.name, None, None)
-    scene = load_scene(scene_of(tmp_path, "a.npy", head="radius = 0.005"))
+    scene = load_scene(write_scene(tmp_path, "a.npy", head="radius = 0.005"))
     assert scene.radius == 0.005
 
 
 def test_turntable_may_give_its_pose_as_a_matrix(tmp_path):
     np.save(tmp_path / "a.npy", POINTS)
-    scene = load_scene(scene_of(tmp_path, "a.npy", f"[turntable]\n{IDENTITY}", "turntable_deg = 90"))
+    scene = load_scene(write_scene(tmp_path, "a.npy", f"[turntable]\n{IDENTITY}", "turntable_deg = 90"))
     np.testing.assert_allclose(scene.views[0].pose, turntable_pose(np.eye(4), np.pi / 2))
 
 
@@ -127,7 +127,7 @@ def test_turntable_may_give_its_pose_as_a_matrix(tmp_path):
 def test_description_with_wrong_content(tmp_path, head, view, message):
     np.save(tmp_path / "a.npy", POINTS)
     with pytest.raises(FileFormatError, match=rf"(?s)scene\.toml: .*{message}"):
-        load_scene(scene_of(tmp_path, "a.npy", head, view))
+        load_scene(write_scene(tmp_path, "a.npy", head, view))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import zlib
 import numpy as np
 import pytest
 from PIL import Image
-from scene_files import CAMERA, DEPTH, IDENTITY, save_png, scene_of
 
+from shared.scene_files import CAMERA, DEPTH, IDENTITY, save_png, write_scene
 from strand import FileFormatError, load_scene
 from strand.io.budget import Budget
 from strand.io.images import read_color, read_depth_png
@@ -30,7 +30,7 @@ def png(bits, colour, rows):
 def test_png_keeps_all_16_bits(tmp_path):
     depth = np.array([[0, 1], [256, 65535]], dtype=np.uint16)
     save_png(tmp_path / "a.png", depth)
-    view = load_scene(scene_of(tmp_path, "a.png")).views[0]
+    view = load_scene(write_scene(tmp_path, "a.png")).views[0]
     np.testing.assert_allclose(view.points[:, 2], [0.001, 0.256, 65.535], rtol=1e-15)
     assert view.dropped == 0
 
@@ -49,13 +49,13 @@ def test_png_keeps_all_16_bits(tmp_path):
 def test_png_of_another_kind(tmp_path, mode, kind):
     Image.new("L", (8, 6)).convert(mode).save(tmp_path / "a.png")
     with pytest.raises(FileFormatError, match=rf"a\.png: expected a 16-bit single-channel .* got {kind}"):
-        load_scene(scene_of(tmp_path, "a.png"))
+        load_scene(write_scene(tmp_path, "a.png"))
 
 
 def test_png_with_16_bit_colours(tmp_path):
     (tmp_path / "a.png").write_bytes(png(16, 2, [bytes(12), bytes(12)]))
     with pytest.raises(FileFormatError, match="got 16-bit RGB"):
-        load_scene(scene_of(tmp_path, "a.png"))
+        load_scene(write_scene(tmp_path, "a.png"))
     (tmp_path / "a.png").write_bytes(png(16, 0, [b"\x01\x02\x03\x04", bytes(4)]))
     np.testing.assert_allclose(load_scene(tmp_path).views[0].points[:, 2], [0.258, 0.772])
 
@@ -63,7 +63,7 @@ def test_png_with_16_bit_colours(tmp_path):
 def test_png_truncated_anywhere(tmp_path):
     save_png(tmp_path / "whole.png")
     data = (tmp_path / "whole.png").read_bytes()
-    folder = scene_of(tmp_path, "a.png")
+    folder = write_scene(tmp_path, "a.png")
     for length in range(1, len(data) - 4):  # the last four bytes are the end mark's checksum
         (tmp_path / "a.png").write_bytes(data[:length])
         with pytest.raises(FileFormatError, match=r"a\.png: truncated"):
@@ -74,7 +74,7 @@ def test_png_that_is_another_file(tmp_path):
     Image.new("RGB", (8, 6)).save(tmp_path / "a.jpg")
     shutil.move(tmp_path / "a.jpg", tmp_path / "a.png")
     with pytest.raises(FileFormatError, match=r"a\.png: truncated, or not a PNG"):
-        load_scene(scene_of(tmp_path, "a.png"))
+        load_scene(write_scene(tmp_path, "a.png"))
 
 
 def large_png(width, height):
@@ -117,4 +117,4 @@ def test_formats_that_are_not_needed_are_not_opened(tmp_path, kind):
     save_png(tmp_path / "a.png")
     Image.new("RGB", (8, 6)).save(tmp_path / "c", kind)
     with pytest.raises(FileFormatError, match=r"c: truncated, or not a colour image \(PNG, JPEG, BMP, PPM\)"):
-        load_scene(scene_of(tmp_path, "a.png", CAMERA, IDENTITY + 'color = "c"\n'))
+        load_scene(write_scene(tmp_path, "a.png", CAMERA, IDENTITY + 'color = "c"\n'))

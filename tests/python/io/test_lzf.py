@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whole_files import compressed
 
+from lib.whole_files import compressed
 from strand.io.lzf import decompress
 
 

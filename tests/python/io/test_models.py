@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 import pytest
-from drawn import circle
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import strand
+from shared.ropes import draw_circle
 from strand import Chain, Model, ModelWarning
 
 
@@ -45,7 +45,7 @@ def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
     path = tmp_path / "model.json"
-    model = Model((circle(0.05, 10, True),), np.eye(4)[None])
+    model = Model((draw_circle(0.05, 10, True),), np.eye(4)[None])
     model.save(path)
     before = path.read_bytes()
     with pytest.raises(ValueError, match="JSON"):
@@ -70,7 +70,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
 )
 def test_a_model_of_another_version_or_kind_is_refused_with_the_reason(tmp_path, change, message):
     path = tmp_path / "other.json"
-    Model((circle(0.05, 10, True),), np.eye(4)[None]).save(path)
+    Model((draw_circle(0.05, 10, True),), np.eye(4)[None]).save(path)
     content = json.loads(path.read_text())
     assert strand.load(path).chains
     path.write_text(json.dumps(content | change))
@@ -99,7 +99,7 @@ def test_a_file_that_is_no_model_is_refused_by_name(tmp_path, content):
 
 def test_a_truncated_model_is_refused(tmp_path):
     path = tmp_path / "model.json"
-    Model((circle(0.05, 50, True),), np.eye(4)[None]).save(path)
+    Model((draw_circle(0.05, 50, True),), np.eye(4)[None]).save(path)
     text = path.read_text()
     json.loads(text)
     path.write_text(text[: len(text) // 2])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 
+from lib.mutations import kinds, numbered
 from mutated_files import ALLOWED, folder_of, outcome, read
-from mutations import kinds, numbered
 
 
 def test_whole_files_are_read(tmp_path):

@@ -7,9 +7,9 @@ import struct
 import numpy as np
 import open3d as o3d
 import pytest
-from scene_files import grid_cloud
-from whole_files import pcd
 
+from lib.whole_files import pcd
+from shared.scene_files import make_grid_cloud
 from strand import FileFormatError
 from strand.io.budget import Budget
 from strand.io.pcd import read_pcd
@@ -31,7 +31,7 @@ def written(path, data):
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "compressed"])
 def test_organised_clouds_that_pcl_wrote(data, encoding):
     cloud = read(data / "clouds" / f"pcl_{encoding}.pcd")
-    points, colors = grid_cloud()
+    points, colors = make_grid_cloud()
     np.testing.assert_allclose(cloud.points, points, rtol=1e-6)
     np.testing.assert_array_equal(cloud.colors, colors)
     np.testing.assert_allclose(cloud.viewpoint, [0.1, -0.2, 0.25])

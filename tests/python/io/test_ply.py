@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import open3d as o3d
 import pytest
-from scene_files import POINTS, grid_cloud, ply, scene_of
 
+from shared.scene_files import POINTS, make_grid_cloud, make_ply, write_scene
 from strand import FileFormatError, load_scene
 from strand.io.budget import Budget
 from strand.io.ply import read_ply
@@ -15,14 +15,14 @@ from strand.io.ply import read_ply
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
 def test_clouds_that_pcl_wrote(data, encoding):
     cloud = read_ply(data / "clouds" / f"pcl_{encoding}.ply", Budget(10**6))
-    points, colors = grid_cloud()
+    points, colors = make_grid_cloud()
     np.testing.assert_allclose(cloud.points, points, rtol=1e-5)
     np.testing.assert_array_equal(cloud.colors, colors)
 
 
 def test_rows_that_are_wider_than_the_header_says(tmp_path):
     """PCL 1.13 does so where colours are whole numbers: three in the header, one in the rows."""
-    data = ply("binary_little_endian")
+    data = make_ply("binary_little_endian")
     for tail in (b"", b"\n", b"  \r\n"):
         (tmp_path / "a.ply").write_bytes(data + tail)
         assert len(read_ply(tmp_path / "a.ply", Budget(10**6)).points) == 40
@@ -46,18 +46,18 @@ def test_clouds_with_normals_and_colours_that_open3d_wrote(tmp_path, ascii):
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("kind", ["double", "float"])
 def test_ply(tmp_path, encoding, kind):
-    (tmp_path / "a.ply").write_bytes(ply(encoding, kind=kind))
-    view = load_scene(scene_of(tmp_path, "a.ply")).views[0]
+    (tmp_path / "a.ply").write_bytes(make_ply(encoding, kind=kind))
+    view = load_scene(write_scene(tmp_path, "a.ply")).views[0]
     want = POINTS if kind == "double" else POINTS.astype(np.float32)
     np.testing.assert_array_equal(view.points, want)
 
 
 def test_ply_with_windows_line_ends_and_faces(tmp_path):
     faces = "element face 1\nproperty list uchar int vertex_indices\n"
-    (tmp_path / "a.ply").write_bytes(ply(more=faces, tail=b"3 0 1 2\n"))
-    folder = scene_of(tmp_path, "a.ply")
+    (tmp_path / "a.ply").write_bytes(make_ply(more=faces, tail=b"3 0 1 2\n"))
+    folder = write_scene(tmp_path, "a.ply")
     np.testing.assert_array_equal(load_scene(folder).views[0].points, POINTS)
-    (tmp_path / "a.ply").write_bytes(ply().replace(b"\n", b"\r\n"))
+    (tmp_path / "a.ply").write_bytes(make_ply().replace(b"\n", b"\r\n"))
     np.testing.assert_array_equal(load_scene(folder).views[0].points, POINTS)
 
 
@@ -65,16 +65,16 @@ def test_ply_with_colours(tmp_path):
     row = np.zeros(3, dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3)])
     row["xyz"] = POINTS[:3]
     colours = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
-    header = ply("binary_little_endian", POINTS[:3], "float", more=colours).split(b"end_header\n")[0]
+    header = make_ply("binary_little_endian", POINTS[:3], "float", more=colours).split(b"end_header\n")[0]
     (tmp_path / "a.ply").write_bytes(header + b"end_header\n" + row.tobytes())
-    points = load_scene(scene_of(tmp_path, "a.ply")).views[0].points
+    points = load_scene(write_scene(tmp_path, "a.ply")).views[0].points
     np.testing.assert_array_equal(points, POINTS[:3].astype(np.float32))
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 def test_ply_truncated(tmp_path, encoding):
-    data = ply(encoding, POINTS[:5])
-    folder = scene_of(tmp_path, "a.ply")
+    data = make_ply(encoding, POINTS[:5])
+    folder = write_scene(tmp_path, "a.ply")
     # an ASCII file that lost the end of its last number cannot be told from a whole one
     end = len(data.rstrip().rsplit(b" ", 1)[0]) if encoding == "ascii" else len(data)
     for length in range(1, end):
@@ -84,26 +84,26 @@ def test_ply_truncated(tmp_path, encoding):
 
 
 def test_ply_with_no_points(tmp_path):
-    (tmp_path / "a.ply").write_bytes(ply(points=POINTS[:0]))
-    assert load_scene(scene_of(tmp_path, "a.ply")).views[0].points.shape == (0, 3)
+    (tmp_path / "a.ply").write_bytes(make_ply(points=POINTS[:0]))
+    assert load_scene(write_scene(tmp_path, "a.ply")).views[0].points.shape == (0, 3)
 
 
 @pytest.mark.parametrize(
     "data",
     [
         b"solid a\n",
-        ply().replace(b"ply\n", b"plx\n", 1),
-        ply().replace(b"property double z\n", b""),
-        ply().replace(b" z\n", b" w\n"),
-        ply(kind="int"),
-        ply().replace(b".", b"a", 9),
-        ply().replace(b"element vertex", b"element face"),
+        make_ply().replace(b"ply\n", b"plx\n", 1),
+        make_ply().replace(b"property double z\n", b""),
+        make_ply().replace(b" z\n", b" w\n"),
+        make_ply(kind="int"),
+        make_ply().replace(b".", b"a", 9),
+        make_ply().replace(b"element vertex", b"element face"),
     ],
 )
 def test_ply_with_wrong_content(tmp_path, data):
     (tmp_path / "a.ply").write_bytes(data)
     with pytest.raises(FileFormatError, match=r"a\.ply"):
-        load_scene(scene_of(tmp_path, "a.ply"))
+        load_scene(write_scene(tmp_path, "a.ply"))
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
@@ -126,7 +126,7 @@ def test_elements_before_the_vertices_and_columns_between(tmp_path, encoding):
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
 def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
-    data = ply(encoding).replace(b"vertex 40", b"vertex 999999999999999999")
+    data = make_ply(encoding).replace(b"vertex 40", b"vertex 999999999999999999")
     (tmp_path / "a.ply").write_bytes(data)
     with pytest.raises(
         FileFormatError, match=r"a\.ply: truncated, fewer than 999999999999999999 whole vertices"
@@ -137,22 +137,30 @@ def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
 @pytest.mark.parametrize(
     ("data", "place", "reason"),
     [
-        (ply(more="property list uchar int faces\n"), "header", "no lists"),
+        (make_ply(more="property list uchar int faces\n"), "header", "no lists"),
         (
-            ply().replace(b"element vertex", b"element face 1\nproperty list int int a\nelement vertex"),
+            make_ply().replace(b"element vertex", b"element face 1\nproperty list int int a\nelement vertex"),
             "header",
             "no lists",
         ),
-        (ply(more="property float x\n"), "header", "two vertex properties"),
-        (ply().replace(b"ascii 1.0", b"ascii 2.0"), "line 2", "not understood"),
-        (ply().replace(b"vertex 40", b"vertex -1"), "line 4", "not understood"),
-        (ply().replace(b"vertex 40", b"vertex 9" + b"9" * 5000), "line 4", "not understood"),
-        (ply(more="property half a\n"), "line 8", "not understood"),
-        (ply().replace(b"format ascii 1.0\n", b""), "header", "expected a format"),
-        (ply().replace(b"end_header\n", b"end_header\n1 2 3 4\n"), "vertex 0", "expected 3 numbers, got 4"),
-        (ply().replace(b"end_header\n", b"end_header\n1 2 a\n"), "vertex 0", "expected numbers, got '1 2 a'"),
+        (make_ply(more="property float x\n"), "header", "two vertex properties"),
+        (make_ply().replace(b"ascii 1.0", b"ascii 2.0"), "line 2", "not understood"),
+        (make_ply().replace(b"vertex 40", b"vertex -1"), "line 4", "not understood"),
+        (make_ply().replace(b"vertex 40", b"vertex 9" + b"9" * 5000), "line 4", "not understood"),
+        (make_ply(more="property half a\n"), "line 8", "not understood"),
+        (make_ply().replace(b"format ascii 1.0\n", b""), "header", "expected a format"),
         (
-            ply().replace(b"end_header\n", b"end_header\n" + b"1" * 200_000),
+            make_ply().replace(b"end_header\n", b"end_header\n1 2 3 4\n"),
+            "vertex 0",
+            "expected 3 numbers, got 4",
+        ),
+        (
+            make_ply().replace(b"end_header\n", b"end_header\n1 2 a\n"),
+            "vertex 0",
+            "expected numbers, got '1 2 a'",
+        ),
+        (
+            make_ply().replace(b"end_header\n", b"end_header\n" + b"1" * 200_000),
             None,
             "a line of more than 65536 bytes",
         ),
@@ -168,8 +176,8 @@ def test_what_is_wrong_is_said_with_its_place(tmp_path, data, place, reason):
 def test_numbers_that_a_float_does_not_hold_are_dropped(tmp_path):
     points = POINTS.copy()
     points[2, 1] = 1e300
-    header, body = ply("ascii", points, "double").split(b"end_header\n")
+    header, body = make_ply("ascii", points, "double").split(b"end_header\n")
     (tmp_path / "a.ply").write_bytes(header.replace(b"double", b"float") + b"end_header\n" + body)
     with np.errstate(over="raise"):
-        view = load_scene(scene_of(tmp_path, "a.ply")).views[0]
+        view = load_scene(write_scene(tmp_path, "a.ply")).views[0]
     assert (len(view.points), view.dropped) == (39, 1)

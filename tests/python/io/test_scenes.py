@@ -7,9 +7,20 @@ import sys
 import numpy as np
 import pytest
 from PIL import Image
-from scene_files import CAMERA, DEPTH, IDENTITY, LABELS, POINTS, K, ply, save_npz, save_png, scene_of
 
 import strand
+from shared.scene_files import (
+    CAMERA,
+    DEPTH,
+    IDENTITY,
+    LABELS,
+    POINTS,
+    K,
+    make_ply,
+    save_npz,
+    save_png,
+    write_scene,
+)
 from strand import FileFormatError, View, load_scene
 
 
@@ -105,7 +116,7 @@ def test_other_kind_of_file(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["png", "npy", "ply"])
 def test_views_file_missing_or_empty(tmp_path, suffix):
-    folder = scene_of(tmp_path, f"a.{suffix}")
+    folder = write_scene(tmp_path, f"a.{suffix}")
     with pytest.raises(FileNotFoundError) as caught:
         load_scene(folder)
     assert caught.value.filename == str(tmp_path / f"a.{suffix}")
@@ -117,7 +128,7 @@ def test_views_file_missing_or_empty(tmp_path, suffix):
 def test_views_file_of_another_kind(tmp_path):
     (tmp_path / "a.obj").write_bytes(b"v 1 2 3")
     with pytest.raises(FileFormatError, match=r"a\.obj: expected a \.png, .* or \.txt file"):
-        load_scene(scene_of(tmp_path, "a.obj"))
+        load_scene(write_scene(tmp_path, "a.obj"))
 
 
 @pytest.mark.parametrize("suffix", ["png", "npy"])
@@ -125,10 +136,10 @@ def test_depth_image_needs_a_camera_and_its_scale(tmp_path, suffix):
     save_png(tmp_path / "a.png")
     np.save(tmp_path / "a.npy", DEPTH)
     with pytest.raises(FileFormatError, match=rf"a\.{suffix}: a 16-bit depth image needs depth_scale"):
-        load_scene(scene_of(tmp_path, f"a.{suffix}", head=CAMERA.replace("depth_scale = 0.001", "")))
+        load_scene(write_scene(tmp_path, f"a.{suffix}", head=CAMERA.replace("depth_scale = 0.001", "")))
     np.save(tmp_path / "a.npy", DEPTH * 0.001)
     with pytest.raises(FileFormatError, match=r"a\.npy: a depth image needs a \[camera\] table"):
-        load_scene(scene_of(tmp_path, "a.npy", head=""))
+        load_scene(write_scene(tmp_path, "a.npy", head=""))
 
 
 def test_scene_files_hold_colour_images(tmp_path):
@@ -178,11 +189,11 @@ def test_scene_files_hold_colour_images(tmp_path):
 def test_missing_package_is_named(tmp_path, monkeypatch, package, file):
     save_png(tmp_path / "a.png")
     np.save(tmp_path / "a.npy", POINTS)
-    (tmp_path / "a.ply").write_bytes(ply())
+    (tmp_path / "a.ply").write_bytes(make_ply())
     for name in [name for name in sys.modules if name.split(".")[0] == package]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
-    folder = scene_of(tmp_path, file)
+    folder = write_scene(tmp_path, file)
     name = {"PIL": "pillow"}.get(package, package)
     with pytest.raises(
         ImportError, match=rf'{name} is needed here: pip install "[\w.-]+\[cli\]" installs it'
@@ -239,7 +250,7 @@ def test_mask_files_take_the_place_of_the_scenes_own(tmp_path, monkeypatch, kind
     else:
         save_png(tmp_path / "scene" / "a.png")
         save_png(tmp_path / "scene" / "own.png", np.ones_like(LABELS))
-        path = scene_of(tmp_path / "scene", "a.png", pose=IDENTITY + 'mask = "own.png"\n')
+        path = write_scene(tmp_path / "scene", "a.png", pose=IDENTITY + 'mask = "own.png"\n')
         path = path / "scene.toml" if kind == "toml" else path
         given = names[1:2]
     # like other paths, from where one is and not from where the scene is
@@ -274,14 +285,14 @@ def test_a_mask_file_of_another_shape_is_named_once(tmp_path, kind, mask, messag
         save_npz(path)
     else:
         save_png(tmp_path / "a.png")
-        path, given = scene_of(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.png"\n'), None
+        path, given = write_scene(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.png"\n'), None
     with pytest.raises(FileFormatError, match=rf"^\S*m\.png: {message}"):
         load_scene(path, given)
 
 
 def test_mask_files_missing_damaged_or_of_points(tmp_path):
     save_png(tmp_path / "a.png")
-    folder = scene_of(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.npy"\n')
+    folder = write_scene(tmp_path, "a.png", pose=IDENTITY + 'mask = "m.npy"\n')
     with pytest.raises(FileNotFoundError) as caught:
         load_scene(folder)
     assert caught.value.filename == str(tmp_path / "m.npy")
@@ -295,9 +306,9 @@ def test_mask_files_missing_damaged_or_of_points(tmp_path):
     np.save(tmp_path / "m.npy", LABELS * 0.5)
     with pytest.raises(FileFormatError, match=r"^\S*m\.npy: mask: expected bools, or whole numbers"):
         load_scene(folder)
-    (tmp_path / "a.ply").write_bytes(ply())
+    (tmp_path / "a.ply").write_bytes(make_ply())
     with pytest.raises(FileFormatError, match=r"a\.ply: mask: only depth images have masks"):
-        load_scene(scene_of(tmp_path, "a.ply", pose=IDENTITY + 'mask = "m.npy"\n'))
+        load_scene(write_scene(tmp_path, "a.ply", pose=IDENTITY + 'mask = "m.npy"\n'))
 
 
 def test_a_description_names_no_files_outside_of_its_folder(tmp_path):
@@ -308,7 +319,7 @@ def test_a_description_names_no_files_outside_of_its_folder(tmp_path):
     (folder / "own.npy").symlink_to(folder / "b.npy")
     np.save(folder / "b.npy", POINTS)
     for name in ("../secret.npy", str(tmp_path / "secret.npy"), "link.npy", "../scene/../secret.npy"):
-        scene_of(folder, name)
+        write_scene(folder, name)
         with pytest.raises(
             FileFormatError, match=r"scene\.toml: view 0\.file: .* is outside of the scene's folder"
         ) as caught:
@@ -316,7 +327,7 @@ def test_a_description_names_no_files_outside_of_its_folder(tmp_path):
         assert (caught.value.file, caught.value.place) == (str(folder / "scene.toml"), "view 0.file")
         assert len(load_scene(folder, outside=True).views[0].points) == len(POINTS)
     for name in ("own.npy", "../scene/b.npy", "./b.npy"):
-        assert len(load_scene(scene_of(folder, name)).views[0].points) == len(POINTS)
+        assert len(load_scene(write_scene(folder, name)).views[0].points) == len(POINTS)
     (tmp_path / "link").symlink_to(folder)
     assert load_scene(tmp_path / "link").files == (
         tmp_path / "link" / "scene.toml",
@@ -366,6 +377,6 @@ def test_npz_that_used_to_end_otherwise(tmp_path, changes, place):
 def test_descriptions_that_used_to_end_otherwise(tmp_path, text):
     np.save(tmp_path / "a.npy", POINTS)
     with pytest.raises(FileFormatError, match=r"scene\.toml: "):
-        load_scene(scene_of(tmp_path, "a.npy", text, "turntable_deg = 30" if "turn" in text else IDENTITY))
+        load_scene(write_scene(tmp_path, "a.npy", text, "turntable_deg = 30" if "turn" in text else IDENTITY))
     with pytest.raises(FileFormatError, match=r"view 0\.file: expected a file's name"):
-        load_scene(scene_of(tmp_path, r"a\u0000.npy"))
+        load_scene(write_scene(tmp_path, r"a\u0000.npy"))

@@ -7,10 +7,21 @@ import shutil
 import numpy as np
 import pytest
 from PIL import Image
-from scene_files import DEPTH, LABELS, POINTS, K, grid_cloud, grid_depth, ply, save_npz, save_png, scene_of
-from whole_files import pcd
 
 import strand
+from lib.whole_files import pcd
+from shared.scene_files import (
+    DEPTH,
+    LABELS,
+    POINTS,
+    K,
+    make_grid_cloud,
+    make_grid_depth,
+    make_ply,
+    save_npz,
+    save_png,
+    write_scene,
+)
 from strand import FileFormatError, View, load_scene
 
 CAMERA = [0.1, -0.2, 0.25]
@@ -26,7 +37,7 @@ def clouds(tmp_path):
     for suffix in ("xyz", "txt"):
         (tmp_path / f"a.{suffix}").write_text(text)
     (tmp_path / "a.csv").write_text("x,y,z\n" + text.replace(" ", ","))
-    (tmp_path / "a.ply").write_bytes(ply())
+    (tmp_path / "a.ply").write_bytes(make_ply())
     (tmp_path / "a.pcd").write_bytes(pcd("binary", POINTS))
     np.save(tmp_path / "a.npy", POINTS)
     return tmp_path
@@ -56,7 +67,7 @@ def test_points_of_which_nobody_says_where_they_were_seen_from(clouds, suffix):
 
 
 def test_a_viewpoint_that_the_file_says(data):
-    points, colors = grid_cloud()
+    points, colors = make_grid_cloud()
     seen = np.isfinite(points).all(axis=1)
     path = data / "clouds" / "pcl_compressed.pcd"
     (view,) = load_scene(path).views
@@ -89,9 +100,12 @@ def test_colours_of_ply_files_reach_the_view_in_scenes_too(tmp_path, kind):
     table = np.zeros(len(POINTS), row)
     table["xyz"], table["rgb"] = POINTS, numbers
     properties = "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
-    head = ply("binary_little_endian", more=properties).split(b"end_header\n")[0]
+    head = make_ply("binary_little_endian", more=properties).split(b"end_header\n")[0]
     (tmp_path / "a.ply").write_bytes(head + b"end_header\n" + table.tobytes())
-    for scene in (load_scene(tmp_path / "a.ply", viewpoint=CAMERA), load_scene(scene_of(tmp_path, "a.ply"))):
+    for scene in (
+        load_scene(tmp_path / "a.ply", viewpoint=CAMERA),
+        load_scene(write_scene(tmp_path, "a.ply")),
+    ):
         np.testing.assert_allclose(scene.views[0].colors, COLORS / 255, atol=1e-7)
     table["rgb"][7, 1] = 300 if kind == "ushort" else 1
     if kind == "ushort":
@@ -118,7 +132,7 @@ def test_depth_images_that_opencv_wrote(data, name):
     scale = None if "float" in name else 1e-4
     (view,) = load_scene(data / "clouds" / name, intrinsics=GRID, depth_scale=scale).views
     assert view.image.depth.shape == (10, 12)
-    np.testing.assert_allclose(view.image.depth, grid_depth(), atol=5.1e-5)
+    np.testing.assert_allclose(view.image.depth, make_grid_depth(), atol=5.1e-5)
     np.testing.assert_array_equal(view.pose, np.eye(4))
 
 
@@ -182,7 +196,7 @@ def test_what_such_a_file_does_not_have_is_refused(clouds):
 def test_scenes_say_these_things_themselves(tmp_path):
     save_npz(tmp_path / "a.npz")
     save_png(tmp_path / "a.png")
-    scene_of(tmp_path, "a.png")
+    write_scene(tmp_path, "a.png")
     for path in (tmp_path / "a.npz", tmp_path, tmp_path / "scene.toml"):
         for given in (
             {"viewpoint": CAMERA},

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
-from scene_files import DEPTH, scene_of
 
+from shared.scene_files import DEPTH, write_scene
 from strand import FileFormatError, load_scene
 from strand.io.budget import Budget
 from strand.io.images import read_depth_tiff
@@ -40,10 +40,10 @@ def test_images_that_tifffile_wrote(tmp_path, ways, depth):
 
 def test_they_are_views_of_scenes(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", DEPTH)
-    (view,) = load_scene(scene_of(tmp_path, "a.tif")).views
+    (view,) = load_scene(write_scene(tmp_path, "a.tif")).views
     np.testing.assert_allclose(view.image.depth, DEPTH * 0.001)
     tifffile.imwrite(tmp_path / "a.tif", np.where(METRES > 0.5, METRES, np.nan).astype(np.float32))
-    (view,) = load_scene(scene_of(tmp_path, "a.tif")).views
+    (view,) = load_scene(write_scene(tmp_path, "a.tif")).views
     np.testing.assert_array_equal(view.image.depth, np.where(METRES > 0.5, METRES, 0))
     assert view.dropped == np.count_nonzero(METRES <= 0.5)
 

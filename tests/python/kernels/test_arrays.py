@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_calls import ARGUMENTS, ARRAYS, CALLS, CLOUDS, assert_same, axis_normals, call, lattice, numbers
 
 import strand
+from shared.kernel_calls import (
+    ARGUMENTS,
+    ARRAYS,
+    CALLS,
+    CLOUDS,
+    assert_same,
+    call_kernel,
+    list_arrays,
+    make_axis_normals,
+    make_lattice,
+)
 from strand import (
     centerline,
     count_neighbors,
@@ -67,7 +77,7 @@ LAYOUTS = {
 @pytest.mark.parametrize("kernel", CALLS)
 def test_every_layout_gives_the_same_answer(kernel, layout):
     arrays = {name: LAYOUTS[layout](array) for name, array in ARRAYS[kernel].items()}
-    assert_same(call(kernel, **arrays), call(kernel))
+    assert_same(call_kernel(kernel, **arrays), call_kernel(kernel))
 
 
 @pytest.mark.parametrize("kernel", CALLS)
@@ -76,7 +86,7 @@ def test_arrays_that_nobody_can_write_to_give_the_same_answer(kernel):
         name: constant_copy(array) if array.shape[1:] == (3,) else array
         for name, array in ARRAYS[kernel].items()
     }
-    assert_same(call(kernel, **arrays), call(kernel))
+    assert_same(call_kernel(kernel, **arrays), call_kernel(kernel))
 
 
 # of a constant array; kernels look at its memory, at the right place
@@ -135,7 +145,7 @@ def test_nobody_can_write_to_a_constant_array(count):
 @pytest.mark.parametrize("kernel", CALLS)
 def test_arguments_are_left_alone_and_results_are_the_callers_own(kernel):
     before = {name: array.copy() for name, array in ARRAYS[kernel].items()}
-    results = numbers(call(kernel))
+    results = list_arrays(call_kernel(kernel))
     assert results
     for result in results:
         assert result.flags.c_contiguous
@@ -145,7 +155,7 @@ def test_arguments_are_left_alone_and_results_are_the_callers_own(kernel):
 
 
 def test_shapes_and_dtypes_of_the_answers():
-    points, normals = lattice(), axis_normals()
+    points, normals = make_lattice(), make_axis_normals()
     mask = radius_outlier_mask(points, 0.5, 5)
     counts = count_neighbors(points, 0.5)
     assert (mask.shape, mask.dtype) == ((120,), np.bool_)
@@ -180,7 +190,7 @@ def test_shapes_and_dtypes_of_the_answers():
 @pytest.mark.parametrize(("kernel", "name"), ARGUMENTS)
 def test_other_elements_than_numbers_are_a_type_error(kernel, name, wrong):
     with pytest.raises(TypeError, match=rf"^{name}: expected (floating point )?numbers, got dtype"):
-        call(kernel, **{name: wrong(ARRAYS[kernel][name])})
+        call_kernel(kernel, **{name: wrong(ARRAYS[kernel][name])})
 
 
 @pytest.mark.parametrize(
@@ -194,7 +204,7 @@ def test_other_elements_than_numbers_are_a_type_error(kernel, name, wrong):
 @pytest.mark.parametrize(("kernel", "name"), CLOUDS)
 def test_clouds_of_whole_numbers_are_refused_with_the_reason(kernel, name, wrong):
     with pytest.raises(TypeError, match=rf"^{name}: .*whole numbers have no unit, convert them to metres"):
-        call(kernel, **{name: wrong(ARRAYS[kernel][name])})
+        call_kernel(kernel, **{name: wrong(ARRAYS[kernel][name])})
 
 
 @pytest.mark.parametrize("dtype", [np.int64, np.uint8, list])
@@ -207,8 +217,11 @@ def test_vectors_and_poses_may_be_whole_numbers(dtype):
         ("estimate_normals k", {"viewpoint": viewpoint}),
         ("icp points", {"start": start}),
     ]:
-        assert_same(call(kernel, **{name: whole(a) for name, a in changes.items()}), call(kernel, **changes))
-    points = lattice()
+        assert_same(
+            call_kernel(kernel, **{name: whole(a) for name, a in changes.items()}),
+            call_kernel(kernel, **changes),
+        )
+    points = make_lattice()
     arcs = strand.trace_tubes(points, whole(viewpoint), 1)
     assert_same(
         [a for arc in arcs for a in arc],
@@ -222,9 +235,9 @@ def test_wrong_shapes_are_a_value_error(kernel, name):
     for wrong in (array[..., :2], array[..., None], array[None], array.ravel(), np.float64(1.0), np.zeros(0)):
         if np.shape(wrong) != (3,):  # one viewpoint for all, which the raveled array is too
             with pytest.raises(ValueError, match=f"^{name}: expected "):
-                call(kernel, **{name: wrong})
+                call_kernel(kernel, **{name: wrong})
     with pytest.raises(ValueError, match=f"^{name}: "):
-        call(kernel, **{name: [[1.0, 2.0, 3.0], [1.0]]})
+        call_kernel(kernel, **{name: [[1.0, 2.0, 3.0], [1.0]]})
 
 
 @pytest.mark.parametrize(
@@ -237,7 +250,7 @@ def test_arrays_that_belong_together_are_of_one_length(kernel, name, rows):
         with pytest.raises(
             ValueError, match=rf"^{name}: expected one row for each of the 1[25]0 points, got {rows}"
         ):
-            call(kernel, **{name: np.zeros((rows, 3))}, nonfinite=nonfinite)
+            call_kernel(kernel, **{name: np.zeros((rows, 3))}, nonfinite=nonfinite)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e100, -1e300])
@@ -248,14 +261,14 @@ def test_coordinates_that_are_not_finite_are_refused_by_name_and_row(kernel, nam
     with pytest.raises(
         ValueError, match=rf"^{name}: expected finite coordinates below 1e100, but row 17 is "
     ):
-        call(kernel, **{name: array})
+        call_kernel(kernel, **{name: array})
 
 
 def test_a_viewpoint_or_a_start_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match=r"^viewpoint: expected finite"):
-        estimate_normals(lattice(), 8, viewpoint=[0.0, np.nan, 0.0])
+        estimate_normals(make_lattice(), 8, viewpoint=[0.0, np.nan, 0.0])
     with pytest.raises(ValueError, match=r"^start: expected a rigid motion, but it holds NaN"):
-        icp(lattice(), lattice(), 1.0, start=np.where(np.eye(4), 1.0, np.nan))
+        icp(make_lattice(), make_lattice(), 1.0, start=np.where(np.eye(4), 1.0, np.nan))
 
 
 @pytest.mark.parametrize("kernel", CALLS)
@@ -272,11 +285,11 @@ def test_dropping_equals_calling_with_the_finite_rows(kernel):
     for name, array in spoilt.items():
         group = "target" if name.startswith("target") else "source"
         finite[name] = array[kept[group]] if array.shape[1:] == (3,) else array
-    result, expected = call(kernel, **spoilt, nonfinite="drop"), call(kernel, **finite)
+    result, expected = call_kernel(kernel, **spoilt, nonfinite="drop"), call_kernel(kernel, **finite)
     rows = np.flatnonzero(kept["source"])
     assert len(rows) < 120
     if kernel in ("radius_outlier_mask", "count_neighbors", "estimate_normals k", "estimate_normals radius"):
-        for got, want in zip(numbers(result), numbers(expected), strict=True):
+        for got, want in zip(list_arrays(result), list_arrays(expected), strict=True):
             scattered = np.zeros((120, *want.shape[1:]), want.dtype)
             scattered[rows] = want
             np.testing.assert_array_equal(got, scattered)
@@ -286,11 +299,11 @@ def test_dropping_equals_calling_with_the_finite_rows(kernel):
         assert_same(result, [rows[chain] for chain in expected])
     else:
         assert_same(result, expected)
-    assert_same(call(kernel, nonfinite="drop"), call(kernel))
+    assert_same(call_kernel(kernel, nonfinite="drop"), call_kernel(kernel))
 
 
 def test_a_start_among_the_dropped_points_is_refused():
-    points = lattice()
+    points = make_lattice()
     points[7, 2] = np.nan
     with pytest.raises(ValueError, match=r"^start: expected the index of a finite point, got 7"):
         trace_chains(points, 0.25, 0.5, start=7, nonfinite="drop")
@@ -300,4 +313,4 @@ def test_a_start_among_the_dropped_points_is_refused():
 @pytest.mark.parametrize("kernel", CALLS)
 def test_nothing_but_raise_and_drop_is_accepted(kernel):
     with pytest.raises(ValueError, match=r'^nonfinite: expected "raise" or "drop", got "ignore"'):
-        call(kernel, nonfinite="ignore")
+        call_kernel(kernel, nonfinite="ignore")

@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from drawn import R
 
 import strand
+from shared.ropes import R
 from strand._core import EndObservation, rope_extents
 from strand.geometry.curve import Curve
 

@@ -7,9 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from kernel_calls import assert_same, lattice
 
 import strand
+from shared.kernel_calls import assert_same, make_lattice
 from strand import (
     icp,
 )
@@ -58,7 +58,7 @@ def test_it_says_why_the_iterations_ended(stop, arguments):
 
 def test_defaults_are_what_signatures_say():
     """Arguments that are left out and the numbers of the signature give one answer."""
-    source, target = lattice(), lattice(150, seed=3)
+    source, target = make_lattice(), make_lattice(150, seed=3)
     defaults = inspect.signature(icp).parameters
     said = {name: defaults[name].default for name in ("max_iterations", "tolerance")}
     assert said == {"max_iterations": 30, "tolerance": 1e-6}

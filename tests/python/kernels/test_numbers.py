@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernel_calls import assert_same, axis_normals, lattice, numbers
 
 import strand
+from shared.kernel_calls import assert_same, list_arrays, make_axis_normals, make_lattice
 from strand import (
     NotEnoughDataError,
     StrandError,
@@ -26,7 +26,7 @@ from strand import (
 
 @pytest.mark.parametrize("bad", [0.0, -0.5, np.nan, np.inf, -np.inf, 1e100])
 def test_lengths_are_positive(bad):
-    points, normals = lattice(), axis_normals()
+    points, normals = make_lattice(), make_axis_normals()
     expected = "expected a positive number below 1e100, got "
     for function in (
         lambda: radius_outlier_mask(points, bad, 3),
@@ -46,7 +46,7 @@ def test_lengths_are_positive(bad):
 
 @pytest.mark.parametrize("bad", ["0.5", None, [0.5], 1j, object()])
 def test_lengths_are_numbers(bad):
-    points, normals = lattice(), axis_normals()
+    points, normals = make_lattice(), make_axis_normals()
     for name, function in [
         ("radius", lambda: radius_outlier_mask(points, bad, 3)),
         ("radius", lambda: count_neighbors(points, bad)),
@@ -62,11 +62,11 @@ def test_lengths_are_numbers(bad):
 
 
 COUNTS = [
-    ("min_neighbors", lambda n: radius_outlier_mask(lattice(), 0.5, n)),
-    ("min_neighbors", lambda n: centerline(lattice(), axis_normals(), 0.25, n)),
-    ("k", lambda n: estimate_normals(lattice(), n)),
-    ("max_iterations", lambda n: icp(lattice(), lattice(), 0.5, max_iterations=n)),
-    ("start", lambda n: trace_chains(lattice(), 0.25, 0.5, start=n)),
+    ("min_neighbors", lambda n: radius_outlier_mask(make_lattice(), 0.5, n)),
+    ("min_neighbors", lambda n: centerline(make_lattice(), make_axis_normals(), 0.25, n)),
+    ("k", lambda n: estimate_normals(make_lattice(), n)),
+    ("max_iterations", lambda n: icp(make_lattice(), make_lattice(), 0.5, max_iterations=n)),
+    ("start", lambda n: trace_chains(make_lattice(), 0.25, 0.5, start=n)),
     ("threads", lambda n: strand.set_num_threads(n)),
 ]
 
@@ -82,7 +82,7 @@ def test_counts_are_whole_numbers_and_not_negative(name, function):
 
 
 def test_numpy_scalars_are_numbers_too():
-    points = lattice()
+    points = make_lattice()
     assert_same(
         radius_outlier_mask(points, np.float32(0.5), np.uint8(5)), radius_outlier_mask(points, 0.5, 5)
     )
@@ -94,14 +94,14 @@ def test_numpy_scalars_are_numbers_too():
 def test_neighbours_of_normals_are_given_one_way():
     for arguments in ({}, {"k": 5, "radius": 0.5}):
         with pytest.raises(TypeError, match=r"^expected exactly one of k and radius"):
-            estimate_normals(lattice(), **arguments)
+            estimate_normals(make_lattice(), **arguments)
     for k in (0, 1, 2):
         with pytest.raises(ValueError, match=f"^k: expected at least 3 neighbours, got {k}"):
-            estimate_normals(lattice(), k)
+            estimate_normals(make_lattice(), k)
 
 
 def test_ranges_of_tracing_and_registration():
-    points = lattice()
+    points = make_lattice()
     for near, far in ((0.5, 0.5), (0.5, 0.25)):
         with pytest.raises(ValueError, match=r"^far: expected more than near = 0.5, got 0"):
             trace_chains(points, near, far)
@@ -124,7 +124,7 @@ def test_ranges_of_tracing_and_registration():
 )
 def test_a_start_that_is_no_rigid_motion_is_refused(start):
     with pytest.raises(ValueError, match=r"^start: expected a rigid motion, but its "):
-        icp(lattice(), lattice(), 1.0, start=start)
+        icp(make_lattice(), make_lattice(), 1.0, start=start)
 
 
 def test_errors_have_a_common_base():
@@ -145,7 +145,7 @@ def test_empty_clouds():
     assert trace_chains(none, 1.0, 2.0) == []
     with pytest.raises(ValueError, match=r"^start: "):
         trace_chains(none, 1.0, 2.0, start=0)
-    for source, target, name in ((none, lattice(), "source"), (lattice(), none, "target")):
+    for source, target, name in ((none, make_lattice(), "source"), (make_lattice(), none, "target")):
         with pytest.raises(NotEnoughDataError, match=f"^{name}: expected at least one point"):
             icp(source, target, 1.0)
 
@@ -157,20 +157,20 @@ def test_a_cloud_that_dropping_empties():
     assert len(centerline(nothing, nothing, 1.0, 0, nonfinite="drop")[0]) == 0
     assert trace_chains(nothing, 1.0, 2.0, nonfinite="drop") == []
     with pytest.raises(NotEnoughDataError, match=r"^source: "):
-        icp(nothing, lattice(), 1.0, nonfinite="drop")
+        icp(nothing, make_lattice(), 1.0, nonfinite="drop")
 
 
 def test_fewer_points_than_neighbours_asked_for():
     with pytest.raises(
         NotEnoughDataError, match=r"^points: 4 points, fewer than the k = 5 neighbours asked for"
     ):
-        estimate_normals(lattice(4), 5)
+        estimate_normals(make_lattice(4), 5)
     # finite ones count
-    points = lattice(6)
+    points = make_lattice(6)
     points[:2] = np.nan
     with pytest.raises(NotEnoughDataError, match=r"^points: 4 points"):
         estimate_normals(points, 5, nonfinite="drop")
-    assert estimate_normals(lattice(5), 5).shape == (5, 3)
+    assert estimate_normals(make_lattice(5), 5).shape == (5, 3)
 
 
 def test_all_points_equal():
@@ -218,7 +218,7 @@ COORDINATE = st.one_of(
 def finite_or_refused(function):
     """Whether a call gives finite numbers, or an error that names an argument; a panic is neither."""
     try:
-        return all(np.isfinite(array).all() for array in numbers(function()))
+        return all(np.isfinite(array).all() for array in list_arrays(function()))
     except (ValueError, NotEnoughDataError) as error:
         return re.match(
             r"(points|radius|near|far|source|target|viewpoint|max_correspondence_distance): ", str(error)
@@ -233,7 +233,7 @@ def finite_or_refused(function):
 )
 def test_any_numbers_get_a_finite_answer_or_a_reason(rows, radius, nonfinite):
     points = np.array(rows, dtype=np.float64).reshape(-1, 3)
-    normals = axis_normals(len(points))
+    normals = make_axis_normals(len(points))
     for function in (
         lambda: count_neighbors(points, radius, nonfinite=nonfinite),
         lambda: estimate_normals(points, 3, viewpoint=points, variation=True, nonfinite=nonfinite),
@@ -252,7 +252,7 @@ def test_any_numbers_get_a_finite_answer_or_a_reason(rows, radius, nonfinite):
 
 
 def test_what_only_the_package_calls_refuses_mad_numbers_too():
-    nodes = lattice(40)
+    nodes = make_lattice(40)
     for arguments, name in (((0.1, -3.0), "span"), ((np.nan, 1.0), "radius"), ((0.1, np.inf), "span")):
         with pytest.raises(ValueError, match=f"^{name}: "):
             _core.straighten(nodes, *arguments)

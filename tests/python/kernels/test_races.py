@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_calls import ARRAYS, call
 
 import strand
+from shared.kernel_calls import ARRAYS, call_kernel
 
 RACE = """
 import sys, threading, time
@@ -128,7 +128,7 @@ def test_no_kernel_breaks_when_another_thread_writes_its_arrays():
 @pytest.mark.parametrize("kernel", ARRAYS)
 def test_what_is_written_after_a_call_changes_no_answer(kernel):
     arrays = {name: np.array(array) for name, array in ARRAYS[kernel].items()}
-    answer = call(kernel, **arrays)
+    answer = call_kernel(kernel, **arrays)
     found = answer if isinstance(answer, (tuple, list)) else [answer]
     before = [np.copy(part) for part in found if isinstance(part, np.ndarray)]
     for array in arrays.values():

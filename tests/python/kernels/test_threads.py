@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from kernel_calls import ARRAYS, CALLS, CLOUDS, assert_same, call, lattice, numbers
 
 import strand
+from shared.kernel_calls import ARRAYS, CALLS, CLOUDS, assert_same, call_kernel, list_arrays, make_lattice
 from strand import (
     count_neighbors,
 )
@@ -41,10 +41,10 @@ def test_answers_do_not_depend_on_the_number_of_threads(kernel, threads):
         for name, array in ARRAYS[kernel].items()
     }
     threads(1)
-    expected = call(kernel, **big)
+    expected = call_kernel(kernel, **big)
     for count in (2, 3, 7):
         threads(count)
-        assert_same(call(kernel, **big), expected)
+        assert_same(call_kernel(kernel, **big), expected)
 
 
 def test_changing_the_number_of_threads_often_does_not_pile_up_threads(threads):
@@ -54,11 +54,11 @@ def test_changing_the_number_of_threads_often_does_not_pile_up_threads(threads):
 
     for count in (1, 2):
         threads(count)
-        count_neighbors(lattice(), 0.5)
+        count_neighbors(make_lattice(), 0.5)
     before = running()
     for count in (1, 2) * 20 + (*range(3, 120, 13), 2):
         threads(count)
-        count_neighbors(lattice(), 0.5)
+        count_neighbors(make_lattice(), 0.5)
     # threads whose pool is no longer wanted end by themselves
     until = time.monotonic() + 10.0
     while running() > before and time.monotonic() < until:
@@ -123,9 +123,9 @@ print(len(strand.count_neighbors([[0.0, 0.0, 0.0]], 1.0)))
 
 
 def test_several_python_threads_may_call_at_once():
-    expected = {kernel: call(kernel) for kernel in CALLS}
+    expected = {kernel: call_kernel(kernel) for kernel in CALLS}
     with ThreadPoolExecutor(8) as executor:
-        calls = [(kernel, executor.submit(call, kernel)) for _ in range(25) for kernel in CALLS]
+        calls = [(kernel, executor.submit(call_kernel, kernel)) for _ in range(25) for kernel in CALLS]
         for kernel, future in calls:
             assert_same(future.result(timeout=60), expected[kernel])
 
@@ -161,17 +161,17 @@ def test_python_goes_on_while_a_kernel_works():
 
 
 def forked_answers(queue):
-    queue.put([numbers(call(kernel)) for kernel in CALLS])
+    queue.put([list_arrays(call_kernel(kernel)) for kernel in CALLS])
 
 
 @pytest.mark.parametrize("busy", [False, True])
 def test_a_forked_process_can_call_after_its_parent_did(busy):
-    expected = [numbers(call(kernel)) for kernel in CALLS]
+    expected = [list_arrays(call_kernel(kernel)) for kernel in CALLS]
     stop = threading.Event()
 
     def keep_working():
         while not stop.is_set():
-            count_neighbors(lattice(2000), 0.5)
+            count_neighbors(make_lattice(2000), 0.5)
 
     # a kernel at work at the moment of the fork
     working = threading.Thread(target=keep_working)

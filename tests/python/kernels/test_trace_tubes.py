@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, tube_seen
 
 import strand
+from shared.ropes import R, sample_tube
 from strand.reconstruction.outliers import without_outliers
 
 
@@ -14,7 +14,7 @@ def test_an_arc_follows_the_axis_of_a_bend_without_cutting_the_corner():
     angle = np.linspace(0, 1.5 * np.pi, 200)
     axis = 4 * R * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     camera = np.array([0.0, 0.0, 0.5])
-    points = tube_seen(axis, camera, 1e-4)
+    points = sample_tube(axis, camera, 1e-4)
     ((nodes, support),) = strand.trace_tubes(points, camera, R)
     inner = nodes[4:-4]
     off = np.abs(np.linalg.norm(inner[:, :2], axis=1) - 4 * R)
@@ -29,7 +29,7 @@ def test_two_strands_in_contact_stay_two():
     y = R
     axes = [np.array([[-0.1, side * y, 0.0], [0.1, side * y, 0.0]]) for side in (-1.0, 1.0)]
     camera = np.array([0.0, 0.0, 0.5])
-    points = np.concatenate([tube_seen(axis, camera, 1e-4, seed) for seed, axis in enumerate(axes)])
+    points = np.concatenate([sample_tube(axis, camera, 1e-4, seed) for seed, axis in enumerate(axes)])
     arcs = sorted((nodes for nodes, _ in strand.trace_tubes(points, camera, R)), key=lambda n: n[0, 1])
     assert len(arcs) == 2
     for nodes, side in zip(arcs, (-1.0, 1.0), strict=True):

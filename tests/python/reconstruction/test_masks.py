@@ -6,16 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import of_kind, rope_pixels
 
 import strand
+from shared.ropes import find_rope_pixels, find_warnings
 from strand.reconstruction.masks import misplaced_masks, surplus_labels
 
 SCENES = {
     name: strand.synthetic.scene(name, views=3, seed=seed, noise=noise, size=(480, 360))
     for seed, (name, noise) in enumerate([("arc", 0.7e-3), ("paper", 3e-3), ("straight", 1.5e-3)])
 }
-MASKS = {name: rope_pixels(scene) for name, scene in SCENES.items()}
+MASKS = {name: find_rope_pixels(scene) for name, scene in SCENES.items()}
 
 
 def masked(name, masks):
@@ -69,7 +69,7 @@ def test_the_answer_from_a_mask_of_another_frame_is_unsure():
     masks = MASKS["arc"].copy()
     masks[0] = np.roll(masks[0], 40, 0)
     model = strand.reconstruct(masked("arc", masks), scene.radius, ropes=1)
-    (warning,) = of_kind(model, "mask")
+    (warning,) = find_warnings(model, "mask")
     (doubt,) = (doubt for doubt in model.doubts if doubt.kind == "mask")
     assert warning.view == 0
     assert warning.amount == doubt.amount
@@ -85,7 +85,7 @@ def test_masks_stand_in_for_the_extraction_range():
     assert chain.length == pytest.approx(other.length, rel=0.02)
     ways = [other.nearest(point)[1] for point in chain.points]
     assert max(ways) < 0.5 * scene.radius
-    assert of_kind(model, "mask") == []
+    assert find_warnings(model, "mask") == []
     assert model.confidence > 0.8
 
 
@@ -97,7 +97,7 @@ def test_only_some_views_may_have_masks(method):
     model = strand.reconstruct(views, scene.radius, scene.bounds, ropes=1, config=config)
     want = strand.Chain(scene.truth[0], 0.001).length
     assert model.chains[0].length == pytest.approx(want, rel=0.03)
-    assert of_kind(model, "mask") == []
+    assert find_warnings(model, "mask") == []
 
 
 def test_masks_of_everything_change_no_bit():
@@ -116,7 +116,7 @@ def test_what_lies_outside_of_a_mask_says_what_space_is_free():
         for a, b in ((-0.08, -0.02), (0.02, 0.08))
     ]
     scene = strand.synthetic.scene(chains=nodes, views=3)
-    mask = rope_pixels(scene)
+    mask = find_rope_pixels(scene)
     seen = dataclasses.replace(scene, mask=mask)
     assert len(strand.reconstruct(seen.views, scene.radius).chains) == 2
     hidden = dataclasses.replace(scene, depth=np.where(mask, scene.depth, 0).astype(np.uint16))
@@ -137,7 +137,7 @@ def test_labels_for_more_ropes_than_there_are_are_named():
     assert str(found[0]) == "view 0: its mask has 3 labels, more than ropes = 2"
     assert list(surplus_labels(views, None)) == list(surplus_labels(views, 3)) == []
     model = strand.reconstruct(views, scene.radius, ropes=1)
-    assert [one.view for one in of_kind(model, "mask")] == [0, 2]
+    assert [one.view for one in find_warnings(model, "mask")] == [0, 2]
     # labels may be pieces of one rope
     assert [doubt for doubt in model.doubts if doubt.kind == "mask"] == []
     assert model.confidence > 0.8
@@ -151,7 +151,7 @@ def test_a_view_whose_mask_holds_no_rope_is_not_used():
     blind = np.where(masks[2], 0.0, scene.depth[2] * scene.depth_scale)
     views[2] = strand.View.from_depth(blind, scene.intrinsics, scene.poses[2], mask=masks[2])
     model = strand.reconstruct(views, scene.radius, ropes=1)
-    assert [(one.view, str(one)) for one in of_kind(model, "unused view")] == [
+    assert [(one.view, str(one)) for one in find_warnings(model, "unused view")] == [
         (0, "view 0 has an empty mask and was not used"),
         (2, "view 2 has no depth inside its mask and was not used"),
     ]
@@ -170,7 +170,7 @@ def test_a_view_whose_mask_shows_specks_alone_is_left_out_and_named(number):
     masks = MASKS["arc"].copy()
     masks[number] = specks(masks[number])
     model = strand.reconstruct(masked("arc", masks), SCENES["arc"].radius, ropes=1)
-    (warning,) = of_kind(model, "unused view")
+    (warning,) = find_warnings(model, "unused view")
     assert warning.view == number
     assert "a mask that shows no rope: its largest part has 12 pixels" in str(warning)
     truth = strand.Chain(SCENES["arc"].truth[0], 0.001)

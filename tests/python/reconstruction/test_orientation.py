@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import R
 
 import strand
+from shared.ropes import R
 
 
 def test_chains_start_at_the_same_end_however_the_data_waver(paper, paper_model):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from drawn import CAMERA, strip
 
 import strand
+from shared.ropes import CAMERA, sample_strip
 from strand.config import Filter
 from strand.reconstruction.outliers import without_outliers
 
 
 def test_a_coarse_view_keeps_its_edges():
-    points = strip(0.004)[::40]
+    points = sample_strip(0.004)[::40]
     stray = np.array([[0.0, 0.05, 0.0]])
     view = strand.View.from_world(np.vstack([points, stray]), CAMERA)
     kept = without_outliers([view], 0.004, Filter(), widen=True)[0].world_points

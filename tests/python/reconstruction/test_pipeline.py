@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import R, of_kind, tube_seen
 
 import strand
+from shared.ropes import R, find_warnings, sample_tube
 from strand import View, config
 
 STAGES = {
@@ -164,7 +164,7 @@ def test_views_that_see_nothing_are_left_out_with_a_warning(scene, model, number
     np.testing.assert_array_equal(found.chains[0].points, model.chains[0].points)
     assert len(found.poses) == len(views)
     np.testing.assert_array_equal(found.poses[0], nothing.pose)
-    unused = of_kind(found, "unused view")
+    unused = find_warnings(found, "unused view")
     assert [warning.view for warning in unused] == [0, 8, 9]
     assert ["no points" in str(warning) for warning in unused] == [True, True, False]
     assert "only outliers" in str(unused[2])
@@ -185,11 +185,11 @@ def test_several_ropes_come_longest_first(numbers):
     assert [round(chain.length, 2) for chain in model.chains] == [0.3, 0.15]
     one = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=1, config=numbers)
     assert len(one.chains) == 1
-    (left_out,) = of_kind(one, "count")
+    (left_out,) = find_warnings(one, "count")
     assert np.linalg.norm(chains[1] - left_out.place, axis=1).min() < scene.radius
     assert left_out.amount == pytest.approx(-np.log(0.3 / 0.45), rel=0.03)
     three = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=3, config=numbers)
-    (count,) = of_kind(three, "count")
+    (count,) = find_warnings(three, "count")
     assert str(count) == "found fewer ropes, 2, than ropes = 3"
     assert count.amount == pytest.approx(np.log(1.5))
 
@@ -277,7 +277,7 @@ def test_a_ring_closes(bend, method):
     ring = np.stack([bend * np.cos(angle), bend * np.sin(angle), np.full(300, R)], axis=1)
     cameras = 0.4 * np.array([[0.0, -0.8, 0.8], [0.8, 0.0, 0.8], [0.0, 0.8, 0.8], [-0.8, 0.0, 0.8]])
     views = [
-        strand.View.from_world(tube_seen(ring, camera, 2e-4, seed), camera)
+        strand.View.from_world(sample_tube(ring, camera, 2e-4, seed), camera)
         for seed, camera in enumerate(cameras)
     ]
     model = strand.reconstruct(views, R, config=strand.Config(method=method))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import CAMERA, crossing, of_kind, strip
 
 import strand
+from shared.ropes import CAMERA, find_warnings, render_crossing, sample_strip
 from strand.reconstruction.radius import Radii, agreeing
 
 
 @pytest.mark.parametrize("depth_noise", [0.0, 1e-3, 3e-3])
 @pytest.mark.parametrize("radius", [0.002, 0.005, 0.01])
 def test_a_strip_gives_its_radius_whatever_the_noise_in_depth(radius, depth_noise):
-    view = strand.View.from_world(strip(radius, depth_noise), CAMERA)
+    view = strand.View.from_world(sample_strip(radius, depth_noise), CAMERA)
     radii, sd = strand.estimate_radius([view])
     assert radii[0] == pytest.approx(radius, rel=0.06)
     assert np.abs(radii[0] - radius) < 2 * sd[0]
@@ -21,7 +21,7 @@ def test_a_strip_gives_its_radius_whatever_the_noise_in_depth(radius, depth_nois
 
 
 def test_the_estimate_moves_with_the_data_and_scales_with_it():
-    points = strip(0.004)
+    points = sample_strip(0.004)
     (radius,), _ = strand.estimate_radius([strand.View.from_world(points, CAMERA)])
     angle = 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -34,7 +34,7 @@ def test_the_estimate_moves_with_the_data_and_scales_with_it():
 
 
 def test_the_estimate_is_the_same_for_any_number_of_threads(threads):
-    view = strand.View.from_world(strip(0.004, 1e-3), CAMERA)
+    view = strand.View.from_world(sample_strip(0.004, 1e-3), CAMERA)
     answers = []
     for count in (1, 2, 3):
         threads(count)
@@ -76,7 +76,7 @@ def test_thin_and_thick_ropes(radius):
 
 @pytest.mark.parametrize(("thin", "thick"), [(0.003, 0.006), (0.004, 0.005)])
 def test_ropes_that_differ_have_a_radius_each(thin, thick):
-    views, bounds, _ = crossing(thin, thick)
+    views, bounds, _ = render_crossing(thin, thick)
     model = strand.reconstruct(views, None, bounds)
     assert len(model.chains) == 2
     by_length = [chain.radius for chain in model.chains]
@@ -96,14 +96,14 @@ def test_a_radius_is_as_sure_as_it_is_right_in_a_heap(crossings, views, seed):
 
 
 def test_ropes_that_do_not_differ_share_one_radius():
-    views, bounds, _ = crossing(0.004, 0.004)
+    views, bounds, _ = render_crossing(0.004, 0.004)
     model = strand.reconstruct(views, None, bounds)
     assert len(model.chains) == 2
     assert model.chains[0].radius == model.chains[1].radius == pytest.approx(0.004, rel=0.02)
 
 
 def test_radii_that_are_known_are_kept_and_told_apart():
-    views, bounds, truth = crossing(0.003, 0.006)
+    views, bounds, truth = render_crossing(0.003, 0.006)
     model = strand.reconstruct(views, [0.006, 0.003], bounds)
     assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.01)
     assert all(0 < chain.radius_sd <= 0.003 * chain.radius for chain in model.chains)
@@ -117,7 +117,7 @@ def test_one_view_says_how_little_it_knows(collected):
     model = strand.reconstruct([scene.views[3]], None, scene.bounds)
     chain = model.chains[0]
     assert abs(chain.radius - scene.radius) < 2 * chain.radius_sd < 0.6 * scene.radius
-    assert len(of_kind(model, "radius")) == 1
+    assert len(find_warnings(model, "radius")) == 1
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_a_far_camera_sees_a_long_rope_whole():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_thin_rope_that_few_pixels_see_keeps_its_own_radius(seed):
-    views, bounds, _ = crossing(0.003, 0.005, seed, size=(320, 240), count=3)
+    views, bounds, _ = render_crossing(0.003, 0.005, seed, size=(320, 240), count=3)
     model = strand.reconstruct(views, [0.003, 0.005], bounds)
     assert sorted(chain.radius for chain in model.chains) == pytest.approx([0.003, 0.005], rel=0.01)
 
@@ -175,6 +175,6 @@ def test_the_radius_is_found_from_the_data(radius):
 
 def test_a_radius_from_one_view_comes_with_a_warning(paper):
     model = strand.reconstruct([paper.views[3]], bounds=paper.bounds)
-    assert len(of_kind(model, "radius")) == 1
+    assert len(find_warnings(model, "radius")) == 1
     given = strand.reconstruct([paper.views[3]], paper.radius, paper.bounds)
-    assert of_kind(given, "radius") == []
+    assert find_warnings(given, "radius") == []

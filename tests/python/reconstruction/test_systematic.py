@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import of_kind
 from scipy.stats import chi2, norm
 
 import strand
+from shared.ropes import find_warnings
 from strand.config import Config
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.radius import Radii
@@ -70,7 +70,7 @@ def test_poses_that_moved_farther_than_they_are_known_are_doubted(scene, model):
     (doubt,) = [doubt for doubt in wrong.doubts if doubt.kind == "pose"]
     assert doubt.amount > 0.2
     assert wrong.confidence < 0.9 < model.confidence
-    assert [warning.amount for warning in of_kind(wrong, "pose")] == [doubt.amount]
+    assert [warning.amount for warning in find_warnings(wrong, "pose")] == [doubt.amount]
     loose = Config(poses=strand.config.Poses(translation_sd=0.02))
     right = strand.reconstruct(at(scene, poses), scene.radius, scene.bounds, config=loose)
     assert not [doubt for doubt in right.doubts if doubt.kind == "pose"]

@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 import pytest
-from drawn import R, tube_seen
 
 import strand
+from shared.ropes import R, sample_tube
 from strand.reconstruction.wide_surfaces import no_ropes
 
 CAMERA = np.array([0.0, 0.0, 0.5])
@@ -66,7 +66,7 @@ def rug(turns, noise):
     out = 2.0 * R * angle / (2.0 * np.pi)
     axis = np.stack([out * np.cos(angle), out * np.sin(angle), np.full(len(angle), R)], axis=1)
     axis = axis[np.append(True, np.linalg.norm(np.diff(axis, axis=0), axis=1) > 1e-6)]
-    return tube_seen(axis, CAMERA, noise)
+    return sample_tube(axis, CAMERA, noise)
 
 
 def test_strands_side_by_side_are_no_table():
@@ -86,7 +86,7 @@ def test_a_rope_in_wide_noise_may_be_a_rope(wide):
     axis = np.stack(
         [np.linspace(-0.2, 0.2, 200), 0.03 * np.sin(np.linspace(0, 6, 200)), np.full(200, R)], axis=1
     )
-    assert no_ropes([strand.View.from_world(tube_seen(axis, CAMERA, wide * R), CAMERA)], R) is None
+    assert no_ropes([strand.View.from_world(sample_tube(axis, CAMERA, wide * R), CAMERA)], R) is None
 
 
 def test_the_collection_holds_ropes(collected):

@@ -13,11 +13,11 @@ import time
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from browser import chromium
-from drawn import circle
 from PIL import Image
 
 import strand
+from shared.browser import start_chromium
+from shared.ropes import draw_circle
 from strand.figures import write_report
 from strand.report import page, space
 
@@ -27,7 +27,7 @@ ATTACK = "<script>alert('a')</script><img src=x onerror=alert(1)>&amp;\"'"
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    with chromium(tmp_path_factory.mktemp("chromium")) as opened:
+    with start_chromium(tmp_path_factory.mktemp("chromium")) as opened:
         yield opened
 
 
@@ -209,7 +209,7 @@ def test_it_is_small_whatever_there_is(tmp_path):
     ).read_text("utf-8")
 
 
-@pytest.mark.parametrize("chains", [(), (circle(0.05, 40, True),), (circle(0.05, 40, False),) * 3])
+@pytest.mark.parametrize("chains", [(), (draw_circle(0.05, 40, True),), (draw_circle(0.05, 40, False),) * 3])
 def test_views_of_points_and_odd_models(browser, tmp_path, chains):
     rng = np.random.default_rng(0)
     cloud = rng.normal(scale=0.05, size=(500, 3)) * [1, 1, 0.1]
@@ -231,7 +231,7 @@ def test_views_of_points_and_odd_models(browser, tmp_path, chains):
 
 def test_scenes_far_from_the_origin_keep_their_shape(tmp_path):
     far = np.array([4000.0, -7000.0, 100.0])
-    chain = strand.Chain(circle(0.05, 40, False).points + far, 0.004)
+    chain = strand.Chain(draw_circle(0.05, 40, False).points + far, 0.004)
     views = [strand.View.from_world(chain.points, far + np.array([0.0, 0.0, 0.5]))]
     model = strand.Model((chain,), views[0].pose[None])
     write_report(model, views, tmp_path / "a.html")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import circle
 
+from shared.ropes import draw_circle
 from strand import Chain
 
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_length_tangents_and_curvature_of_a_circle(closed):
-    chain = circle(0.05, 400, closed)
+    chain = draw_circle(0.05, 400, closed)
     around = 2 * np.pi * 0.05 * (1 if closed else 0.75)
     assert chain.length == pytest.approx(around, rel=1e-4)
     assert chain.arc_length[0] == 0
@@ -34,7 +34,7 @@ def test_coordinates_whose_products_overflow_are_refused():
 
 
 def test_at_and_nearest_go_together():
-    chain = circle(0.05, 300, False)
+    chain = draw_circle(0.05, 300, False)
     rng = np.random.default_rng(0)
     for s in rng.uniform(0, chain.length, 20):
         found, distance = chain.nearest(chain.at(s))
@@ -49,7 +49,7 @@ def test_at_and_nearest_go_together():
 
 
 def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
-    ring, arc = circle(0.05, 100, True), circle(0.05, 100, False)
+    ring, arc = draw_circle(0.05, 100, True), draw_circle(0.05, 100, False)
     np.testing.assert_allclose(ring.at(ring.length + 0.01), ring.at(0.01), atol=1e-12)
     np.testing.assert_allclose(ring.at(ring.length), ring.points[0], atol=1e-12)
     np.testing.assert_array_equal(arc.at(arc.length + 1.0), arc.points[-1])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import circle
 
+from shared.ropes import draw_circle
 from strand import Chain, Model
 from strand.ropes.clearance import nearest_on_segments
 from strand.synthetic import random_ropes
@@ -130,12 +130,12 @@ def test_the_legs_of_a_bend_touch_and_a_bend_does_not():
     assert found.first[0] == found.second[0] == 0
     assert found.gap == pytest.approx(0.1 * R, rel=0.01)
     assert found.second[1] - found.first[1] > np.pi * R
-    assert model(circle(0.05, 300, True)).contacts(0.001) == ()
-    assert model(circle(0.05, 300, True)).contacts(1.0) == ()
+    assert model(draw_circle(0.05, 300, True)).contacts(0.001) == ()
+    assert model(draw_circle(0.05, 300, True)).contacts(1.0) == ()
 
 
 def test_a_contact_over_the_seam_of_a_ring_is_one():
-    ring = circle(0.05, 300, True)
+    ring = draw_circle(0.05, 300, True)
     tangent = Chain(np.stack([np.full(101, 0.05 + 2.05 * R), S[:, 0], 0 * S[:, 0]], axis=1), R)
     (found,) = model(ring, tangent).contacts(0.001)
     start, stop = found.stretch_first

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R
 
 import strand
+from shared.ropes import R
 from strand import Chain, Crossing, Doubt, Model
 from strand.ropes.crossings import listed_crossings
 from strand.synthetic import random_ropes, shape

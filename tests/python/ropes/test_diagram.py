@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from knot_floer_homology import pd_to_hfk
-from knots import BRAIDS, closed_braid, drawn
-from measure import crossings
 
 import strand
+from knots import BRAIDS, closed_braid, drawn
+from lib.measure import crossings
 from strand.synthetic import shape
 
 OVERHAND = strand.knot_diagram(shape("overhand"))

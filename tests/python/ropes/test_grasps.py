@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import R, circle
 from scipy.spatial import cKDTree
 
+from shared.ropes import R, draw_circle
 from strand import Chain, Gripper, Model
 from strand.ropes.grasps import REASONS
 from strand.synthetic import shape
@@ -134,7 +134,7 @@ def test_without_room_there_is_no_grasp_but_reasons():
 
 
 def test_rings_are_held_over_their_seam():
-    found = model(circle(0.05, 300, True)).grasps(GRIPPER)
+    found = model(draw_circle(0.05, 300, True)).grasps(GRIPPER)
     assert not found.refused
     # the other side of the ring
     assert min(grasp.clearance for grasp in found) > 0.05

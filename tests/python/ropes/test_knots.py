@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import R, circle
 from knot_floer_homology import pd_to_hfk
-from knots import BRAIDS, closed_braid, drawn
 
 import strand
+from knots import BRAIDS, closed_braid, drawn
+from shared.ropes import R, draw_circle
 from strand.synthetic import SHAPES, shape
 
 # by name: Seifert genus and Ozsváth and Szabó's tau of the right knot (KnotInfo, knotinfo.org)
@@ -269,7 +269,7 @@ def test_chains_have_their_arc_lengths():
     assert (flipped.name, flipped.chirality) == (found.name, found.chirality)
     ring = strand.Chain(closed_braid(BRAIDS["7_6"][0]) * 0.05, R, True)
     assert (ring.knot().name, ring.knot().probability, ring.knot().core) == ("7_6", 1.0, None)
-    assert circle(0.05, 40, True).knot().name == "0_1"
+    assert draw_circle(0.05, 40, True).knot().name == "0_1"
     uncertain = chain.knot(crossings=[(0.1, 0.25, 0.9)])
     assert uncertain.probability == pytest.approx(0.9 * found.probability)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R
 
 import strand
+from shared.ropes import R
 
 
 def ring(centre=(0.0, 0.0, 0.0), upright=False, nodes=50):

@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from drawn import circle
 
 import strand
+from shared.ropes import draw_circle
 
 ATTACK = "<script>alert(1)</script>"
 
@@ -30,7 +30,7 @@ def test_a_chain_is_drawn_in_the_plane_in_which_it_lies():
 
 def test_a_model_is_drawn_with_its_doubts():
     doubts = tuple(strand.Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
-    chains = (circle(0.05, 40, True), circle(0.03, 40, False))
+    chains = (draw_circle(0.05, 40, True), draw_circle(0.03, 40, False))
     html = strand.Model(chains, np.eye(4)[None], doubts=doubts, confidence=0.5)._repr_html_()
     assert len(svg_of(html).findall("polyline")) == 2
     assert len(svg_of(html).findall("circle")) == 7
@@ -47,7 +47,7 @@ def test_a_model_is_drawn_with_its_doubts():
         (strand.Chain([[0.0, 0, 0], [1e-9, 0, 0]], 1e-3),),
         (strand.Chain([[-1e75, 0, 0], [1e75, 0, 0]], 1e-3),),
         (strand.Chain(np.random.default_rng(0).normal(size=(50_000, 3)), 1e-3),),
-        (circle(0.05, 40, True),) * 100,
+        (draw_circle(0.05, 40, True),) * 100,
     ],
 )
 def test_odd_models_are_shown_too(chains):

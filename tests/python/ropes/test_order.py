@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import order
 import pytest
-from drawn import R
 
+import order
+from shared.ropes import R
 from strand import Chain, Model
 from strand.synthetic import random_ropes
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import R, circle
 
+from shared.ropes import R, draw_circle
 from strand import Chain, Model
 from strand.ropes.pulls import plan_pulls
 from strand.synthetic import random_ropes, shape
@@ -105,9 +105,9 @@ def test_a_loop_that_lies_on_a_rope_is_lifted_off():
 
 
 def test_what_lies_free_needs_no_pull_and_linked_rings_are_left():
-    assert model(circle(0.05, 100, False)).pull_plan().pulls == ()
+    assert model(draw_circle(0.05, 100, False)).pull_plan().pulls == ()
     assert model().pull_plan().left == ()
-    one = circle(0.05, 200, True)
+    one = draw_circle(0.05, 200, True)
     tilted = Chain(
         np.stack([one.points[:, 0] + 0.05, 0.9 * one.points[:, 1], 0.3 * one.points[:, 1]], axis=1),
         R,

@@ -8,10 +8,10 @@ import pickle
 import numpy as np
 import open3d as o3d
 import pytest
-from drawn import circle
 from scipy.spatial.transform import Rotation
 
 import strand
+from shared.ropes import draw_circle
 from strand import Chain, Model
 from strand.geometry.curve import Curve
 
@@ -313,10 +313,10 @@ def test_distant_origins_lose_nothing():
 
 
 def test_a_chain_that_starts_and_ends_anywhere_has_round_ends_and_a_ring_has_none():
-    half = circle(0.05, 100, False)
+    half = draw_circle(0.05, 100, False)
     end = half.points[-1] + 0.01 * half.tangents[-1]
     assert half.signed_distance(end[None])[0] == pytest.approx(0.006, abs=1e-5)
-    ring = circle(0.05, 100, True)
+    ring = draw_circle(0.05, 100, True)
     closing = 0.5 * (ring.points[-1] + ring.points[0])
     assert ring.signed_distance(closing[None])[0] == pytest.approx(-0.004, abs=1e-15)
     near = Model((ring,), NO_POSES).nearest(closing[None])
@@ -325,7 +325,7 @@ def test_a_chain_that_starts_and_ends_anywhere_has_round_ends_and_a_ring_has_non
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_arc_lengths_are_those_of_the_smooth_curve(closed):
-    curve = Curve.whole(strand._core.spline_through(circle(0.05, 60, False).points, 0.02, 0.0))
+    curve = Curve.whole(strand._core.spline_through(draw_circle(0.05, 60, False).points, 0.02, 0.0))
     s = curve.nodes(0.004)
     chain = Chain(curve.at(s)[0], 0.004, closed=closed, curve=curve)
     rng = np.random.default_rng(0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, circle
 
+from shared.ropes import R, draw_circle
 from strand import Chain
 
 S = np.linspace(0.0, 0.2, 101)
@@ -38,7 +38,7 @@ def test_the_worst_place_is_said():
 
 
 def test_rings_may_start_anywhere_and_run_either_way():
-    ring = circle(0.05, 200, True)
+    ring = draw_circle(0.05, 200, True)
     turned = Chain(np.roll(ring.points, 71, axis=0)[::-1], R, closed=True)
     assert ring.shape_error(turned).worst < 0.002
     assert ring.shape_error(0.9 * ring.points).rms == pytest.approx(0.005, rel=1e-3)
@@ -51,7 +51,7 @@ def test_targets_that_make_no_sense_are_refused():
         ([[0.0, 0, 0], [0.0, 0, 0]], "at least two"),
         ([[0.0, 0], [1.0, 0]], "shape"),
         ([[0.0, 0, np.nan], [1.0, 0, 0]], "finite"),
-        (circle(0.05, 100, True), "open"),
+        (draw_circle(0.05, 100, True), "open"),
     ):
         with pytest.raises(ValueError, match=f"target: .*{message}"):
             chain.shape_error(target)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R
 
+from shared.ropes import R
 from strand import synthetic
 from strand.synthetic import random_ropes
 

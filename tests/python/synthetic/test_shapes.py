@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 import pytest
-from measure import crossings
 from scipy.spatial.distance import cdist
 
+from lib.measure import crossings
 from strand.synthetic import scene, shapes
 from strand.synthetic.shapes import SHAPES, shape
 

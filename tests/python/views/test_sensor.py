@@ -107,7 +107,7 @@ def test_a_file_with_a_wrong_sensor_is_refused(tmp_path, text, message):
 
 
 def test_the_page_has_every_camera_with_its_numbers():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "sensors.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "sensors.md").read_text(encoding="utf-8")
     heading = re.search(r"^\| name \| (.+) \| sources \|$", page, re.MULTILINE)
     assert heading is not None
     fields = re.findall(r"`(\w+)`", heading[1])

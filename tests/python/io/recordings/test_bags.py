@@ -12,10 +12,10 @@ from collections import Counter
 
 import lz4.frame
 import pytest
-from bag_files import FORMATS, START, film, write
 from rosbags.rosbag2 import storage_mcap
 
 import strand
+from lib.bag_files import FORMATS, START, film, write
 from strand import Recording
 from strand.io.recordings import is_recording, limits
 from strand.io.recordings.bags import Bag

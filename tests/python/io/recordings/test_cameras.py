@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bag_files import Messages
 
+from lib.bag_files import Messages
 from strand.io.recordings.cameras import info_topic, is_rectified, pinhole_of, units_topic
 
 K = np.array([[200.0, 0, 79.5], [0, 210.0, 59.5], [0, 0, 1]])

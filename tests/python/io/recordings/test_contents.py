@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
 
 import strand
+from lib.bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.contents import Topic, recording_contents
 from strand.support.files import FileFormatError

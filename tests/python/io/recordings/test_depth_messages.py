@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bag_files import Messages
 
+from lib.bag_files import Messages
 from strand.io.recordings.depth_messages import depth_of_image, depth_of_png, is_depth
 
 MADE = Messages()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import bag_files
 import numpy as np
 import pytest
-from bag_files import FORMATS, PERIOD, START, Messages, cameras, film, millimetres, write
 
 import strand
+from lib import bag_files
+from lib.bag_files import FORMATS, PERIOD, START, Messages, cameras, film, millimetres, write
 from strand import Recording
 from strand.io import recordings
 from strand.io.recordings import is_recording

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bag_files import Messages
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
+from lib.bag_files import Messages
 from strand.io.recordings.transforms import Transforms
 from strand.views.pose import pose_from_angles
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, line, of_kind
 
 import strand
+from shared.ropes import R, draw_line, find_warnings
 from strand.config import Linking
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.confidence import doubt_of_margin
@@ -20,13 +20,13 @@ def test_an_end_that_leaves_the_extraction_range_is_named():
     low, high = (np.array(corner) for corner in scene.bounds)
     low[0], high[0] = -0.1, 0.1
     model = strand.reconstruct(scene.views, scene.radius, (low, high))
-    ends = of_kind(model, "cut end")
+    ends = find_warnings(model, "cut end")
     assert sorted(np.sign(warning.place[0]) for warning in ends) == [-1.0, 1.0]
     for warning in ends:
         assert warning.chains == (0,)
         assert abs(warning.place[0]) == pytest.approx(0.1, abs=R)
     whole = strand.reconstruct(scene.views, scene.radius, scene.bounds)
-    assert of_kind(whole, "cut end") == []
+    assert find_warnings(whole, "cut end") == []
 
 
 @pytest.mark.parametrize("kind", DOUBTS)
@@ -48,7 +48,7 @@ def test_joins_in_doubt_are_warned_of_where_they_are():
     scene = strand.synthetic.scene(chains=chains, seed=2, views=2, noise=0.0015)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     nodes = np.concatenate(chains)
-    found = of_kind(model, "join")
+    found = find_warnings(model, "join")
     assert found
     for warning in found:
         assert np.linalg.norm(nodes - warning.place, axis=1).min() < 2.0 * scene.radius
@@ -56,12 +56,12 @@ def test_joins_in_doubt_are_warned_of_where_they_are():
 
 
 def test_a_segment_of_no_rope_is_warned_of_where_it_is():
-    rope = line([-0.1, 0.0, R], [0.1, 0.0, R])
-    stub = line([0.0, 0.03, R], [4.0 * R, 0.03, R])
+    rope = draw_line([-0.1, 0.0, R], [0.1, 0.0, R])
+    stub = draw_line([0.0, 0.03, R], [4.0 * R, 0.03, R])
     scene = strand.synthetic.scene(chains=[rope, stub], seed=1)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 1
-    (warning,) = of_kind(model, "left out")
+    (warning,) = find_warnings(model, "left out")
     assert np.linalg.norm(warning.place - stub.mean(axis=0)) < R
     # 0.15 for each radius of it, and for one more
     assert warning.amount == pytest.approx(0.15 * 5.0, abs=0.15)
@@ -69,8 +69,8 @@ def test_a_segment_of_no_rope_is_warned_of_where_it_is():
 
 def test_a_wrong_number_of_ropes_is_a_prior_that_the_points_contradict(paper):
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, ropes=2)
-    (prior,) = of_kind(model, "prior")
-    (rival,) = of_kind(model, "rival")
+    (prior,) = find_warnings(model, "prior")
+    (rival,) = find_warnings(model, "rival")
     assert prior.place is None
     assert prior.amount > 2.0
     assert strand.Chain(paper.truth[0], R).nearest(rival.place)[1] < 2.0 * R

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from drawn import R
 
 import strand
+from shared.ropes import R
 from strand import View
 from strand.reconstruction.evidence.color import ArcColors, colors_of
 from strand.reconstruction.evidence.join_evidence import JoinEvidence

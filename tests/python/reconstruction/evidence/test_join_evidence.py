@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from drawn import R
-
+from shared.ropes import R
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior

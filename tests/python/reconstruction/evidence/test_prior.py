@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R
 
+from shared.ropes import R
 from strand.reconstruction.evidence.prior import Prior, contradiction
 
 

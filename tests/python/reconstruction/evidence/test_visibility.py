@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from drawn import R
 
 import strand
+from shared.ropes import R
 from strand.reconstruction.evidence.visibility import visibility_from
 
 UP = np.array([0.0, 0.0, 5.0 * R])

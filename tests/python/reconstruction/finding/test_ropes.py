@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from measure import measured
 
 import strand
+from lib.measure import measured
 from strand.synthetic import SyntheticScene, cluttered
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from limits import Truth, calibration
 
 import strand
+from limits import Truth, calibration
 from strand.reconstruction.images.pixel_errors import Errors, _of_discs, expected_errors
 from strand.reconstruction.images.rope_image import prepared, rope_images
 from strand.synthetic import Segmentation, scene

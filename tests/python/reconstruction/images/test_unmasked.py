@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import of_kind
 
 import strand
+from shared.ropes import find_warnings
 from strand.synthetic import Segmentation, scene
 
 
@@ -24,7 +24,7 @@ def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_a
     np.testing.assert_array_equal(some.chains[0].points, alone.chains[0].points)
     assert some.confidence == alone.confidence
     assert [doubt.kind for doubt in some.doubts] == [doubt.kind for doubt in alone.doubts]
-    assert [warning.view for warning in of_kind(some, "unused view")] == [1, 2]
+    assert [warning.view for warning in find_warnings(some, "unused view")] == [1, 2]
     np.testing.assert_array_equal(some.poses[1:], [view.pose for view in made.views[1:]])
     assert np.isnan(some.pose_sd[1:]).all()
 
@@ -38,7 +38,7 @@ def test_where_noise_is_plain_views_without_masks_help(noise, seed, measure):
     found = measure(some, made.truth, made.radius)
     assert found.right
     assert found.rms < 0.5 * measure(alone, made.truth, made.radius).rms
-    assert of_kind(some, "unused view") == []
+    assert find_warnings(some, "unused view") == []
 
 
 def test_points_without_an_image_are_used_unless_they_show_the_table():
@@ -48,7 +48,7 @@ def test_points_without_an_image_are_used_unless_they_show_the_table():
     table = strand.View(dataclasses.replace(made, mask=None).views[1].points, second.pose)
     for view, unused in ((rope, []), (table, [1])):
         model = strand.reconstruct([first, view], made.radius, ropes=1)
-        assert [warning.view for warning in of_kind(model, "unused view")] == unused
+        assert [warning.view for warning in find_warnings(model, "unused view")] == unused
 
 
 @pytest.mark.parametrize("masked", [(1, 2), (0, 2), (0, 1)])
@@ -72,5 +72,5 @@ def test_a_mask_of_everything_is_none(measure):
             strand.reconstruct(views, made.radius, made.bounds, ropes=1)
     # beside a mask of the ropes it is none either
     some = strand.reconstruct([made.views[0], whole[1], bare[2]], made.radius, made.bounds, ropes=1)
-    assert [warning.view for warning in of_kind(some, "unused view")] == [1, 2]
+    assert [warning.view for warning in find_warnings(some, "unused view")] == [1, 2]
     assert measure(some, made.truth, made.radius).right

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from drawn import of_kind
-from measure import Crossings
 
 import strand
+from lib.measure import Crossings
+from shared.ropes import find_warnings
 from strand import config
 from strand.config import Filter
 from strand.reconstruction.outliers import without_outliers
@@ -113,5 +113,5 @@ def test_a_view_that_cannot_be_registered_is_named(coarse):
     config = dataclasses.replace(PUBLISHED, filter=Filter(min_neighbors=0))
     views = [lost, *coarse.views]
     model = strand.reconstruct(views, coarse.radius, coarse.bounds, config=config)
-    assert [warning.view for warning in of_kind(model, "kept pose")] == [0]
+    assert [warning.view for warning in find_warnings(model, "kept pose")] == [0]
     np.testing.assert_array_equal(model.poses[0], lost.pose)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import CROSSED, cross, straight
 
+from shared.ropes import CROSSED, draw_cross, draw_straight
 from strand.config import Reconnection, Splitting
 from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import split
@@ -15,13 +15,13 @@ RADIUS = CROSSED
 
 @pytest.mark.parametrize("degrees", [45, 70, 90, 110, 135])
 def test_pairs_follow_direction_at_any_steep_angle(degrees):
-    parts = split(cross(np.radians(degrees)), RADIUS, Splitting())
+    parts = split(draw_cross(np.radians(degrees)), RADIUS, Splitting())
     joined = reconnect(parts, RADIUS, None, Reconnection())
     assert sorted(map(sorted, joined.joins)) == [[1, 2], [5, 6]]
 
 
 def test_two_ends_that_face_each_other_over_a_gap_are_joined_only_if_the_number_of_ropes_says_so():
-    pieces = [straight((0, 0, 0), (0.1, 0, 0)), straight((0.13, 0, 0), (0.2, 0, 0))]
+    pieces = [draw_straight((0, 0, 0), (0.1, 0, 0)), draw_straight((0.13, 0, 0), (0.2, 0, 0))]
     parts = split(pieces, RADIUS, Splitting())
     assert reconnect(parts, RADIUS, None, Reconnection()).joins == ()
     assert reconnect(parts, RADIUS, 2, Reconnection()).joins == ()

@@ -6,20 +6,20 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from drawn import R, line
 
+from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.tubes.arc_repair import aimed, part_at_contacts
 
 
 def test_a_stub_beyond_a_crossing_is_turned_to_the_arc_that_points_at_it():
-    arc = line([-0.05, 0.0, 0.0], [0.0, 0.0, 0.0])
-    across = line([4 * R, -0.8 * R, 0.0], [4 * R, 0.8 * R, 0.0])
+    arc = draw_line([-0.05, 0.0, 0.0], [0.0, 0.0, 0.0])
+    across = draw_line([4 * R, -0.8 * R, 0.0], [4 * R, 0.8 * R, 0.0])
     _, stub = aimed([arc, across], R)
     step = stub[-1] - stub[0]
     assert abs(step[0]) == pytest.approx(np.linalg.norm(step), rel=0.02)
     np.testing.assert_allclose(stub.mean(axis=0), [4 * R, 0, 0], atol=0.3 * R)
-    long = line([4 * R, -3 * R, 0.0], [4 * R, 3 * R, 0.0])
+    long = draw_line([4 * R, -3 * R, 0.0], [4 * R, 3 * R, 0.0])
     np.testing.assert_array_equal(aimed([arc, long], R)[1], long)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, length_of
 
+from shared.ropes import R, measure_length
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
@@ -20,7 +20,7 @@ def test_a_bridge_has_the_length_that_is_asked_for():
     for length in (0.085, 0.095):
         nodes = least_bending(before, after, evidence, length)
         way = np.vstack([before[-1:], nodes, after[:1]])
-        assert length_of(way) == pytest.approx(length, rel=1e-6)
+        assert measure_length(way) == pytest.approx(length, rel=1e-6)
     box = Box([-1.0, -1.0, -0.002], [1.0, 0.014, 1.0])
     nodes = least_bending(before, after, JoinEvidence(R, Linking(), prior=Prior(bounds=box)), 0.095)
     assert ((nodes > box.low) & (nodes < box.high)).all()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, length_of, line
 
+from shared.ropes import R, draw_line, measure_length
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
@@ -13,11 +13,11 @@ from strand.reconstruction.tubes.chaining import chained, chained_to_length
 
 
 def test_arcs_become_one_chain_whichever_way_they_run():
-    left, right = line([-0.06, 0, 0], [-0.01, 0, 0]), line([0.01, 0, 0], [0.06, 0, 0])
+    left, right = draw_line([-0.06, 0, 0], [-0.01, 0, 0]), draw_line([0.01, 0, 0], [0.06, 0, 0])
     for arcs, join in (([left, right], (1, 2)), ([left[::-1], right], (0, 2)), ([left, right[::-1]], (1, 3))):
         ((nodes, closed),) = chained(arcs, [join], JoinEvidence(R, Linking()))
         assert not closed
-        assert length_of(nodes) == pytest.approx(0.12, rel=1e-6)
+        assert measure_length(nodes) == pytest.approx(0.12, rel=1e-6)
         assert (np.diff(nodes[:, 0]) > 0).all() or (np.diff(nodes[:, 0]) < 0).all()
         assert np.linalg.norm(np.diff(nodes, axis=0), axis=1).max() < 0.6 * R
     assert len(chained([left, right], [], JoinEvidence(R, Linking()))) == 2
@@ -29,17 +29,17 @@ def test_an_arc_whose_ends_are_joined_becomes_a_ring():
     ((nodes, closed),) = chained([arc], [(0, 1)], JoinEvidence(R, Linking()))
     assert closed
     np.testing.assert_array_equal(nodes[0], nodes[-1])
-    assert length_of(nodes) == pytest.approx(0.1 * np.pi, rel=1e-3)
+    assert measure_length(nodes) == pytest.approx(0.1 * np.pi, rel=1e-3)
 
 
 def test_a_long_bridge_makes_up_for_what_a_known_length_lacks():
-    arcs = [line([-0.15, 0, 0], [-0.04, 0, 0]), line([0.04, 0, 0], [0.15, 0, 0])]
+    arcs = [draw_line([-0.15, 0, 0], [-0.04, 0, 0]), draw_line([0.04, 0, 0], [0.15, 0, 0])]
     for length in (0.305, 0.31):
         evidence = JoinEvidence(R, Linking(), prior=Prior.given(1, length))
         ((nodes, _),) = chained_to_length(arcs, [(1, 2)], evidence)
-        assert length_of(nodes) == pytest.approx(length, rel=1e-4)
+        assert measure_length(nodes) == pytest.approx(length, rel=1e-4)
     # what was seen is not made shorter, and no bow bends more tightly than a rope
     for length in (0.2, 0.33):
         evidence = JoinEvidence(R, Linking(), prior=Prior.given(1, length))
         ((nodes, _),) = chained_to_length(arcs, [(1, 2)], evidence)
-        assert length_of(nodes) == pytest.approx(0.3, rel=1e-3)
+        assert measure_length(nodes) == pytest.approx(0.3, rel=1e-3)

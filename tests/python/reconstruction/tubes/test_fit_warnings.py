@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import of_kind
 
 import strand
+from shared.ropes import find_warnings
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
 def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
-    assert of_kind(paper_model, "radius") == []
+    assert find_warnings(paper_model, "radius") == []
     model = strand.reconstruct(paper.views, factor * paper.radius, paper.bounds)
-    (warning,) = of_kind(model, "radius")
+    (warning,) = find_warnings(model, "radius")
     # what the points want is at most what is missing
     assert 0.0 < warning.amount / (paper.radius - factor * paper.radius) < 1.5
     assert ("thicker" if factor < 1.0 else "thinner") in str(warning)
@@ -22,7 +22,7 @@ def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor
 def test_noise_that_the_residuals_contradict_is_named(paper):
     config = strand.Config(tubes=strand.config.Tubes(noise=1e-5))
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config, keep_stages=True)
-    (warning,) = of_kind(model, "noise")
+    (warning,) = find_warnings(model, "noise")
     assert warning.amount == pytest.approx(model.stages["fit"].sigma / 1e-5)
     assert warning.amount > 30.0
 
@@ -36,7 +36,7 @@ def test_what_the_data_leave_open_stays_as_reported_and_is_named():
         moved = (found @ np.linalg.inv(given)) @ [*scene.truth[0].mean(axis=0), 1.0]
         assert abs((moved[:3] - scene.truth[0].mean(axis=0)) @ along) < 2e-3
         assert sd.max() < 1.01 * max(strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd)
-    poses = of_kind(model, "open pose")
+    poses = find_warnings(model, "open pose")
     assert poses
     limits = np.repeat([strand.Config().poses.rotation_sd, strand.Config().poses.translation_sd], 3)
     for warning in poses:

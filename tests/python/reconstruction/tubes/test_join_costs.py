@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from drawn import R, line
 
+from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import visibility_from
@@ -22,7 +22,7 @@ def linked(arcs, visibility=None):
 def test_joins_keep_out_of_space_that_was_seen_to_be_empty(paper):
     visibility = visibility_from(paper.views, paper.poses_true, paper.views)
     z = 8.0 * R
-    arcs = [line([-0.06, 0.0, z], [-0.01, 0.0, z]), line([0.01, 0.0, z], [0.06, 0.0, z])]
+    arcs = [draw_line([-0.06, 0.0, z], [-0.01, 0.0, z]), draw_line([0.01, 0.0, z], [0.06, 0.0, z])]
     assert len(linked(arcs)) == 1
     assert len(linked(arcs, visibility)) == 2
 
@@ -35,7 +35,7 @@ def test_two_ways_that_are_as_good_have_no_margin():
             for y in (-1.0, 1.0):
                 inner = np.array([x * 3 * R, y * 1.5 * R, 0.0])
                 out = np.array([x, y * slope, 0.0]) / np.hypot(1.0, slope)
-                arcs.append(line(inner + 10 * R * out, inner))
+                arcs.append(draw_line(inner + 10 * R * out, inner))
         return arcs
 
     def margin(slope):

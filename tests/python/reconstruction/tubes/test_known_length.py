@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, behind_a_plate, farthest, length_of, of_kind
 
 import strand
+from shared.ropes import R, find_warnings, hide_behind_plate, measure_length, measure_max_distance
 from strand.config import Config
 
 
@@ -17,19 +17,19 @@ def hidden_bow():
     x = np.where(np.abs(y) < 0.05, 0.03 * np.cos(np.pi * y / 0.1) ** 2, 0.0)
     truth = np.stack([x, y, np.full(len(y), R)], axis=1)
     scene = strand.synthetic.scene(chains=[truth], seed=2, views=1)
-    return truth, behind_a_plate(scene, (-0.04, -0.05), (0.08, 0.05), 0.022), scene.bounds
+    return truth, hide_behind_plate(scene, (-0.04, -0.05), (0.08, 0.05), 0.022), scene.bounds
 
 
 def test_a_hidden_gap_is_bridged_by_as_much_rope_as_is_missing(hidden_bow):
     truth, views, bounds = hidden_bow
     (straight,) = strand.reconstruct(views, R, bounds, ropes=1).chains
-    model = strand.reconstruct(views, R, bounds, ropes=1, length=length_of(truth))
+    model = strand.reconstruct(views, R, bounds, ropes=1, length=measure_length(truth))
     (chain,) = model.chains
-    assert straight.length < 0.95 * length_of(truth)
-    assert chain.length == pytest.approx(length_of(truth), rel=1e-3)
-    assert farthest(straight, truth) > 6.0
-    assert farthest(chain, truth) < 1.5
-    assert of_kind(model, "length") == []
+    assert straight.length < 0.95 * measure_length(truth)
+    assert chain.length == pytest.approx(measure_length(truth), rel=1e-3)
+    assert measure_max_distance(straight, truth) > 6.0
+    assert measure_max_distance(chain, truth) < 1.5
+    assert find_warnings(model, "length") == []
     assert chain.bridged[np.abs(chain.points[:, 1]) < 0.03].all()
     low, high = bounds
     assert ((chain.points > low) & (chain.points < high)).all()
@@ -38,7 +38,7 @@ def test_a_hidden_gap_is_bridged_by_as_much_rope_as_is_missing(hidden_bow):
 def test_a_known_length_changes_nothing_of_what_was_seen(hidden_bow):
     truth, views, bounds = hidden_bow
     (straight,) = strand.reconstruct(views, R, bounds, ropes=1).chains
-    (chain,) = strand.reconstruct(views, R, bounds, ropes=1, length=length_of(truth)).chains
+    (chain,) = strand.reconstruct(views, R, bounds, ropes=1, length=measure_length(truth)).chains
     seen = chain.points[np.abs(chain.points[:, 1]) > 0.065]
     assert max(straight.nearest(point)[1] for point in seen) < 0.1 * R
 
@@ -47,7 +47,7 @@ def test_a_lost_end_is_doubtful_and_the_warning_says_by_how_much():
     y = np.linspace(-0.15, 0.15, 601)
     truth = np.stack([0 * y, y, np.full(len(y), R)], axis=1)
     scene = strand.synthetic.scene(chains=[truth], seed=2, views=1)
-    views = behind_a_plate(scene, (-0.04, 0.1), (0.08, 0.2), 0.022)
+    views = hide_behind_plate(scene, (-0.04, 0.1), (0.08, 0.2), 0.022)
     before = strand.reconstruct(views, R, scene.bounds, ropes=1)
     model = strand.reconstruct(views, R, scene.bounds, ropes=1, length=0.3)
     (chain,) = model.chains
@@ -55,7 +55,7 @@ def test_a_lost_end_is_doubtful_and_the_warning_says_by_how_much():
     assert model.confidence < 0.05 * before.confidence
     short = round((0.3 - chain.length) * 1e3)
     assert short > 40
-    (warning,) = of_kind(model, "length")
+    (warning,) = find_warnings(model, "length")
     said = f"chain 0 is {chain.length * 1e3:.0f} mm long, {short} mm shorter than it is known to be"
     assert (str(warning), warning.chains) == (said, (0,))
     # 0.4 for each radius beyond 2 % of the length and one radius
@@ -66,10 +66,10 @@ def test_no_bow_goes_where_cameras_saw_that_nothing_is():
     y = np.linspace(-0.15, 0.15, 601)
     truth = np.stack([0 * y, y, np.full(len(y), R)], axis=1)
     scene = strand.synthetic.scene(chains=[truth], seed=2, views=1)
-    views = behind_a_plate(scene, (0.0, -0.05), (0.02, 0.05), 0.022)
+    views = hide_behind_plate(scene, (0.0, -0.05), (0.02, 0.05), 0.022)
     model = strand.reconstruct(views, R, scene.bounds, ropes=1, length=0.4)
     assert model.chains[0].length < 0.32
-    assert len(of_kind(model, "length")) == 1
+    assert len(find_warnings(model, "length")) == 1
 
 
 @pytest.mark.parametrize("published", [False, True])
@@ -77,14 +77,14 @@ def test_a_right_length_is_no_news_and_a_wrong_one_is_warned_of(published):
     scene = strand.synthetic.scene("arc", seed=3)
     config = Config.published() if published else Config()
     plain = strand.reconstruct(scene.views, R, scene.bounds, ropes=1, config=config)
-    true = length_of(scene.truth[0])
+    true = measure_length(scene.truth[0])
     for length in (true, [true]):
         model = strand.reconstruct(scene.views, R, scene.bounds, ropes=1, config=config, length=length)
         np.testing.assert_array_equal(model.chains[0].points, plain.chains[0].points)
         np.testing.assert_equal(model.confidence, plain.confidence)
         assert list(map(str, model.warnings)) == list(map(str, plain.warnings))
     model = strand.reconstruct(scene.views, R, scene.bounds, ropes=1, config=config, length=0.9 * true)
-    (warning,) = of_kind(model, "length")
+    (warning,) = find_warnings(model, "length")
     assert "longer than it is known to be" in str(warning)
     assert not model.confidence > 0.1
 
@@ -101,8 +101,8 @@ def test_lengths_say_which_segments_go_together(half):
 
     truth = [rope(1.0, 0.12, 0.05, 0.0), rope(-1.0, 0.05, 0.12, 2.2 * R)]
     scene = strand.synthetic.scene(chains=truth, seed=2, views=1)
-    views = behind_a_plate(scene, (-0.01, -half - 0.004), (0.08, half + 0.004), 0.045)
-    for length in (None, [length_of(nodes) for nodes in truth]):
+    views = hide_behind_plate(scene, (-0.01, -half - 0.004), (0.08, half + 0.004), 0.045)
+    for length in (None, [measure_length(nodes) for nodes in truth]):
         model = strand.reconstruct(views, R, scene.bounds, ropes=2, length=length)
         crossed = [chain.points[0, 0] * chain.points[-1, 0] < 0 for chain in model.chains]
         assert crossed == [length is not None] * 2

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, behind_a_plate, farthest, line, of_kind
 
 import strand
+from shared.ropes import R, draw_line, find_warnings, hide_behind_plate, measure_max_distance
 from strand.config import Config, Linking
 
 
@@ -51,7 +51,7 @@ def test_a_gap_that_cameras_see_through_is_not_bridged(gap):
 
 
 def test_a_gap_is_bridged_where_it_is_hidden_and_not_where_it_was_seen_through():
-    parts = [line([-0.1, 0, R], [-0.03, 0, R]), line([0.03, 0, R], [0.1, 0, R])]
+    parts = [draw_line([-0.1, 0, R], [-0.03, 0, R]), draw_line([0.03, 0, R], [0.1, 0, R])]
     scene = strand.synthetic.scene(chains=parts, seed=1, views=3)
     for ropes in (None, 1):
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=ropes)
@@ -82,7 +82,7 @@ def test_rings_are_closed_or_not_as_the_caller_says():
     (chain,) = with_rings(scene.views, scene.bounds, "never").chains
     assert not chain.closed
     # a quarter of it hidden: too far to be joined without knowing that it is a ring
-    views = behind_a_plate(scene, (-0.1, 0.0), (0.03, 0.1), 0.022)
+    views = hide_behind_plate(scene, (-0.1, 0.0), (0.03, 0.1), 0.022)
     for rings in ("maybe", "never"):
         assert not with_rings(views, scene.bounds, rings).chains[0].closed
     for known in ({}, {"ropes": 1}, {"length": 0.12 * np.pi}):
@@ -90,7 +90,7 @@ def test_rings_are_closed_or_not_as_the_caller_says():
         (chain,) = model.chains
         assert chain.closed
         assert chain.length == pytest.approx(0.12 * np.pi, rel=0.01)
-        assert farthest(chain, ring) < 1.0
+        assert measure_max_distance(chain, ring) < 1.0
 
 
 def test_a_rope_that_was_seen_to_have_ends_is_no_ring():
@@ -98,7 +98,7 @@ def test_a_rope_that_was_seen_to_have_ends_is_no_ring():
     sure = with_rings(scene.views, scene.bounds, "never")
     model = with_rings(scene.views, scene.bounds, "always")
     assert not model.chains[0].closed
-    (warning,) = of_kind(model, "ring")
+    (warning,) = find_warnings(model, "ring")
     assert str(warning) == "chain 0 has ends, though all ropes are said to be rings"
     assert warning.chains == (0,)
     assert warning.amount == pytest.approx(np.log(2.0))

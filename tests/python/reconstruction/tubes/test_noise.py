@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from deviations import scene
-from limits import Truth, calibration
 
 import strand
+from deviations import scene
+from limits import Truth, calibration
 from strand.config import Tubes
 from strand.reconstruction.tubes.noise import correlation_length, shared_points
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import crossing
 
 import strand
+from shared.ropes import render_crossing
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes import arcs
@@ -21,7 +21,7 @@ def test_one_view_of_two_kinds_of_rope_tells_them_apart_by_how_wide_they_look(mo
         return fit(*arguments, **options)
 
     monkeypatch.setattr(arcs, "fitted", counted)
-    views, bounds, _ = crossing(0.003, 0.006)
+    views, bounds, _ = render_crossing(0.003, 0.006)
     clouds = Clouds.of([view.crop(bounds) for view in views[2:3]], None)
     # the last kind of rope is not there
     radii = Radii(np.array([0.003, 0.006, 0.015]), np.array([0.0002, 0.0003, 0.001]), free=False, held=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import R, tube_seen
 
 import strand
+from shared.ropes import R, sample_tube
 from strand.reconstruction.outliers import without_outliers
 
 
@@ -15,7 +15,7 @@ def test_half_shells_do_not_pull_into_each_other():
     axis = np.array([[-0.15, 0.0, 0.0], [0.15, 0.0, 0.0]])
     cameras = np.array([[0.0, -0.4, 0.1], [0.0, 0.4, 0.1]])
     views = [
-        strand.View.from_world(tube_seen(axis, camera, 3e-4, seed), camera)
+        strand.View.from_world(sample_tube(axis, camera, 3e-4, seed), camera)
         for seed, camera in enumerate(cameras)
     ]
     poses, sd = strand.register_views(views, R)

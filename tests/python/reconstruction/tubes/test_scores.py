@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from drawn import R, line
 
+from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.evidence.visibility import visibility_from
 from strand.reconstruction.tubes.scores import contradiction_cost, explanation_cost
 
-CHAINS = [(line([0, 0, 0], [0.3, 0, 0]), False), (line([0, 0.1, 0], [0.2, 0.1, 0]), False)]
+CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0.2, 0.1, 0]), False)]
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import R, crossing
 
 import strand
+from shared.ropes import R, render_crossing
 from strand.reconstruction.tubes import decision, method
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.second_look import unexplained_arcs
@@ -42,7 +42,7 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
 
 @pytest.mark.parametrize("radius", [(0.003, 0.006), None])
 def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeypatch, radius):
-    views, bounds, truth = crossing(0.003, 0.006)
+    views, bounds, truth = render_crossing(0.003, 0.006)
     decided = decision.decided
     decisions = []
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from drawn import R, of_kind
 
 import strand
+from shared.ropes import R, find_warnings
 from strand.ropes.doubt import DOUBTS
 
 
@@ -36,7 +36,7 @@ def test_an_end_that_no_camera_saw_is_put_where_it_may_be_and_named(tucked_under
     assert len(hidden) == 1
     assert np.linalg.norm(hidden[0].place - end) < 4.0 * R
     assert model.confidence < 0.8
-    assert [(warning.place.tolist(), warning.amount) for warning in of_kind(model, "end")] == [
+    assert [(warning.place.tolist(), warning.amount) for warning in find_warnings(model, "end")] == [
         (doubt.place.tolist(), doubt.amount) for doubt in model.doubts if doubt.kind == "end"
     ]
 
@@ -69,5 +69,5 @@ def test_a_wrong_number_of_ropes_is_not_sure(paper):
 
 def test_a_wrong_radius_is_named(paper, paper_model):
     half = strand.reconstruct(paper.views, 0.5 * paper.radius, paper.bounds)
-    assert len(of_kind(half, "points")) == 1
-    assert of_kind(paper_model, "points") == []
+    assert len(find_warnings(half, "points")) == 1
+    assert find_warnings(paper_model, "points") == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-SOURCES = Path(__file__).parents[2] / "rust" / "src"
+SOURCES = Path(__file__).parents[3] / "rust" / "src"
 
 # file: how many blocks and impls; one more is to be argued for
 LISTED = {

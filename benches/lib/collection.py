@@ -24,7 +24,7 @@ import numpy as np
 from strand import synthetic
 from strand.synthetic import SyntheticScene
 
-DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
+DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
 # those that the tables of docs/benchmarks.md have
 SHAPES = ("straight", "arc", "s", "coil", "loop", "figure8", "overhand", "paper")
 NOISES = (0.3e-3, 0.7e-3, 1.5e-3)  # metres

@@ -15,7 +15,7 @@ import pytest
 import strand
 from strand.support.files import read_toml
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PROJECT = read_toml(ROOT / "pyproject.toml")["project"]
 VERSION = read_toml(ROOT / "Cargo.toml")["package"]["version"]
 NAME = PROJECT["name"]

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from whole_files import (
+
+from lib.whole_files import (
     COLOURS,
     DEPTH,
     DESCRIPTION,

@@ -18,7 +18,7 @@ from strand.synthetic import SHAPES
 SETTINGS = Settings(ropes=1)
 
 
-def scenes(folder: Path, count: int) -> Path:
+def save_scenes(folder: Path, count: int) -> Path:
     """A folder of scenes of one view."""
     for seed in range(count):
         name = SHAPES[seed % 6]
@@ -28,12 +28,12 @@ def scenes(folder: Path, count: int) -> Path:
     return folder
 
 
-def read(out: Path) -> pa.Table:
+def read_table(out: Path) -> pa.Table:
     """The table without what two runs differ in."""
     return load(out).drop_columns(["seconds"])
 
 
-def left(out: Path) -> list[str]:
+def find_shards(out: Path) -> list[str]:
     """Shards, each of which is whole; files that are half written have other names."""
     found = names(out)
     assert len(load(out)) >= len(found)
@@ -72,7 +72,7 @@ class FullDisk:
         return self.work(unit)
 
 
-def never(unit: Unit) -> Written:
+def interrupt(unit: Unit) -> Written:
     """Work that is interrupted as by Ctrl-C in the driver's terminal, and is not meant to hear of it."""
     os.kill(os.getpid(), signal.SIGINT)
     return Written(1, 0)

@@ -9,14 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import collection
-import frames
-import fresh
-import judging
 import numpy as np
 import pytest
 
+import fresh
 import strand
+from lib import collection, frames, judging
 
 BENCHES = Path(collection.__file__).parent
 SCRIPTS = [path.name for path in sorted(BENCHES.glob("*.py")) if "def main()" in path.read_text()]

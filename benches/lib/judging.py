@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pictures
-from measure import Crossings, measured
-from tables import head, row
 
 import strand
+from lib import pictures
+from lib.measure import Crossings, measured
+from lib.tables import head, row
 from strand.synthetic import SyntheticScene, scene
 
 SURE = 0.9  # a confidence from which on an answer is said to be sure

@@ -20,7 +20,7 @@ import strand
         (DOCS, "[a](../SECURITY.md)", "[a](security.md)"),
         (DOCS / "api", "[a](../../README.md)", "[a](../index.md)"),
         (DOCS / "api", "[a](../files.md)", "[a](../files.md)"),
-        (DOCS, "[benches/measure.py](../benches/measure.py)", "`benches/measure.py`"),
+        (DOCS, "[benches/lib/measure.py](../benches/lib/measure.py)", "`benches/lib/measure.py`"),
         (DOCS, "[a](#place) [b](https://kiddo.rs/a.md)", "[a](#place) [b](https://kiddo.rs/a.md)"),
         (DOCS, "[a](../nowhere.md)", "[a](../nowhere.md)"),
     ],
@@ -71,8 +71,8 @@ def test_kernels_have_their_documentation(read):
 
 
 def test_lazy_properties_are_attributes(read):
-    assert read["chain.Chain.tangents"].is_attribute
-    assert read["chain.Chain.at"].is_function
+    assert read["ropes.chain.Chain.tangents"].is_attribute
+    assert read["ropes.chain.Chain.at"].is_function
 
 
 def test_names_that_modules_of_the_same_name_hide_are_shown_alone(read):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from measure import measured
 
 import strand
+from lib.measure import measured
 from strand import View
 from strand.views.pose import rotation_about
 

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from measure import Crossings, crossings, frechet, measured, resampled, rms_in_order
+
+from lib.measure import Crossings, crossings, frechet, measured, resampled, rms_in_order
 
 R = 0.004
 ACROSS = np.array([0.0, 1.0, 0.0])

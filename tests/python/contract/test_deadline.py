@@ -7,9 +7,9 @@ import time
 
 import numpy as np
 import pytest
-from drawn import of_kind
 
 import strand
+from shared.ropes import find_warnings
 from strand.reconstruction.stages import Run
 
 SOON = 1e-9
@@ -33,7 +33,7 @@ def test_after_the_deadline_the_first_answer_is_taken_and_doubted(scene):
     (doubt,) = (doubt for doubt in model.doubts if doubt.kind == "deadline")
     assert doubt.reason.startswith("left out: ")
     assert model.confidence <= math.exp(-doubt.amount)
-    (warning,) = of_kind(model, "deadline")
+    (warning,) = find_warnings(model, "deadline")
     assert warning.amount == doubt.amount
 
 
@@ -42,7 +42,7 @@ def test_a_deadline_that_is_met_changes_no_bit(scene):
     held = strand.reconstruct(scene.views, scene.radius, scene.bounds, deadline=1e6)
     assert [chain.points.tobytes() for chain in held.chains] == [c.points.tobytes() for c in free.chains]
     assert held.confidence == free.confidence
-    assert not of_kind(held, "deadline")
+    assert not find_warnings(held, "deadline")
 
 
 def test_the_models_of_hurried_answers_are_saved_and_used_as_others(tmp_path):

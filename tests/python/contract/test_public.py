@@ -6,9 +6,9 @@ import types
 
 import numpy as np
 import pytest
-from drawn import R, circle
 
 import strand
+from shared.ropes import R, draw_circle
 from strand.geometry.curve import Curve
 
 
@@ -27,7 +27,7 @@ def test_every_public_name_says_what_it_is(name):
 
 
 def model_of(count, **more):
-    chains = tuple(circle(0.05, 40, False) for _ in range(count))
+    chains = tuple(draw_circle(0.05, 40, False) for _ in range(count))
     return strand.Model(chains, np.tile(np.eye(4), (2, 1, 1)), **more)
 
 
@@ -35,7 +35,7 @@ def model_of(count, **more):
 def test_a_model_shows_itself_in_a_few_lines(count):
     shown = repr(model_of(count, method="tubes", confidence=0.876)).splitlines()
     assert shown[0] == f"Model(chains: {count}, views: 2, method: tubes, confidence: 0.88, warnings: 0)"
-    assert shown[1 : 1 + min(count, 3)] == [f"  {circle(0.05, 40, False)!r}"] * min(count, 3)
+    assert shown[1 : 1 + min(count, 3)] == [f"  {draw_circle(0.05, 40, False)!r}"] * min(count, 3)
     assert shown[1 + min(count, 3) :] == ([f"  and {count - 3} more"] if count > 3 else [])
     assert all(len(line) < 110 for line in shown)
     assert "confidence: unknown" in repr(model_of(1))
@@ -44,7 +44,7 @@ def test_a_model_shows_itself_in_a_few_lines(count):
 def test_chains_and_curves_show_themselves_in_one_line():
     chain = strand.Chain(np.linspace([0.0, 0.0, 0.0], [0.4, 0.0, 0.0], 101), R)
     assert repr(chain) == "Chain(400.0 mm, radius 4.20 mm, open, 101 nodes)"
-    assert repr(circle(0.05, 40, True)).endswith("radius 4.00 mm, closed, 40 nodes)")
+    assert repr(draw_circle(0.05, 40, True)).endswith("radius 4.00 mm, closed, 40 nodes)")
     curve = Curve.whole(np.linspace([0.0, 0.0, 0.0], [0.13, 0.0, 0.0], 14))
     assert repr(curve) == "Curve(110.0 mm, 14 control points)"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import sbom
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module", params=["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"])

@@ -98,7 +98,7 @@ class Page:
 
 
 @contextlib.contextmanager
-def chromium(profile: Path) -> Iterator[Page]:
+def start_chromium(profile: Path) -> Iterator[Page]:
     """Start Chromium with a folder of its own for what it keeps, and end it."""
     program = shutil.which("chromium")
     assert program, "these tests need the Debian package chromium"

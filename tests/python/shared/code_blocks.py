@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bag_files import START, Messages, cameras, film, millimetres, write
 from PIL import Image
-from scene_files import ply
 
 import strand
+from lib.bag_files import START, Messages, cameras, film, millimetres, write
+from shared.scene_files import make_ply
 from strand.cli import main
 from strand.synthetic import SyntheticScene
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PAGES = [
     path.relative_to(ROOT).as_posix()
     for path in (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")))
@@ -40,7 +40,7 @@ class Block:
     text: str
 
 
-def blocks(page: str) -> list[Block]:
+def find_blocks(page: str) -> list[Block]:
     """Return the blocks of a page in order."""
     found, heading = [], ""
     text = (ROOT / page).read_text(encoding="utf-8")
@@ -55,41 +55,41 @@ def blocks(page: str) -> list[Block]:
 
 
 @cache
-def arc() -> SyntheticScene:
+def make_arc() -> SyntheticScene:
     """One rope from three sides."""
     return strand.synthetic.scene("arc", seed=0, views=3)
 
 
 @cache
-def two_ropes() -> SyntheticScene:
+def make_two_ropes() -> SyntheticScene:
     return strand.synthetic.scene(chains=strand.synthetic.random_ropes(1, 2, seed=0), views=3)
 
 
 @cache
-def arc_model() -> strand.Model:
-    return strand.reconstruct(arc().views, radius=0.0042, bounds=arc().bounds)
+def solve_arc() -> strand.Model:
+    return strand.reconstruct(make_arc().views, radius=0.0042, bounds=make_arc().bounds)
 
 
-def seen() -> dict[str, Any]:
+def give_views() -> dict[str, Any]:
     """Views of a rope, and what comes of them."""
-    model = arc_model()
-    return {"views": arc().views, "bounds": arc().bounds, "model": model, "chain": model.chains[0]}
+    model = solve_arc()
+    return {"views": make_arc().views, "bounds": make_arc().bounds, "model": model, "chain": model.chains[0]}
 
 
-def clouds() -> dict[str, Any]:
+def give_clouds() -> dict[str, Any]:
     """Two clouds of a rope, for kernels."""
-    source, target = (view.crop(arc().bounds).world_points for view in arc().views[:2])
+    source, target = (view.crop(make_arc().bounds).world_points for view in make_arc().views[:2])
     return {
         "points": target,
-        "camera_centre": arc().views[1].viewpoint,
+        "camera_centre": make_arc().views[1].viewpoint,
         "source": source,
         "target": target,
     }
 
 
-def one_image() -> dict[str, Any]:
+def give_image() -> dict[str, Any]:
     """A depth image with all that may come with it, and views of two ropes alone."""
-    scene = two_ropes()
+    scene = make_two_ropes()
     depth = scene.depth[0] * scene.depth_scale
     return {
         "depth": depth,
@@ -101,35 +101,35 @@ def one_image() -> dict[str, Any]:
     }
 
 
-def messages() -> dict[str, Any]:
+def give_messages() -> dict[str, Any]:
     """Messages of a camera."""
-    made, depth = Messages(), millimetres(arc())[1]
+    made, depth = Messages(), millimetres(make_arc())[1]
     return {
         "stamp": START,
         "image": made.image(depth, START),
-        "camera_info": made.info(arc().intrinsics, depth.shape, START),
-        "pose": arc().poses[1],
+        "camera_info": made.info(make_arc().intrinsics, depth.shape, START),
+        "pose": make_arc().poses[1],
     }
 
 
 # by page: names for its n-th block of Python, from 0 on; they stay for those that follow
 GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
-    "README.md": {1: clouds, 2: one_image},
-    "docs/configuration.md": {0: seen},
-    "docs/export.md": {0: seen},
-    "docs/method.md": {0: seen, 1: one_image},
-    "docs/mistakes.md": {0: seen, 1: one_image},
-    "docs/pictures.md": {0: seen},
-    "docs/queries.md": {0: seen},
-    "docs/recordings.md": {0: lambda: {"BOUNDS": arc().bounds}, 1: messages},
-    "docs/sensors.md": {0: seen},
+    "README.md": {1: give_clouds, 2: give_image},
+    "docs/configuration.md": {0: give_views},
+    "docs/export.md": {0: give_views},
+    "docs/method.md": {0: give_views, 1: give_image},
+    "docs/mistakes.md": {0: give_views, 1: give_image},
+    "docs/pictures.md": {0: give_views},
+    "docs/queries.md": {0: give_views},
+    "docs/recordings.md": {0: lambda: {"BOUNDS": make_arc().bounds}, 1: give_messages},
+    "docs/sensors.md": {0: give_views},
 }
 
 
 def scene_folder(folder: Path) -> None:
     """SCENE, a folder with a scene.toml and depth images."""
     (folder / "SCENE").mkdir()
-    scene = arc()
+    scene = make_arc()
     (fx, _, cx), (_, fy, cy), _ = scene.intrinsics.tolist()
     text = [f"[camera]\nfx = {fx}\nfy = {fy}\ncx = {cx}\ncy = {cy}\ndepth_scale = {scene.depth_scale}\n"]
     low, high = (corner.tolist() for corner in scene.bounds)
@@ -142,13 +142,13 @@ def scene_folder(folder: Path) -> None:
 
 def single_files(folder: Path) -> None:
     """Point clouds and depth images, each of one view, and a camera's matrix."""
-    view = arc().views[1].crop(arc().bounds)
+    view = make_arc().views[1].crop(make_arc().bounds)
     # where the camera is said to be on the command line
     points = view.world_points - view.viewpoint + (0.0, 0.0, 0.5)
     head = f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {len(points)}\nHEIGHT 1\n"
     rows = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
     (folder / "cloud.pcd").write_text(f"VERSION .7\n{head}POINTS {len(points)}\nDATA ascii\n{rows}")
-    (folder / "cloud.ply").write_bytes(ply("ascii", points=view.points))
+    (folder / "cloud.ply").write_bytes(make_ply("ascii", points=view.points))
     matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
     camera = {"width": 640, "height": 480, "intrinsic_matrix": matrix.T.ravel().tolist()}
     (folder / "camera.json").write_text(json.dumps(camera))
@@ -165,11 +165,11 @@ def single_files(folder: Path) -> None:
 def bags(folder: Path) -> None:
     """Recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
     table = [("table", "world", np.eye(4))]
-    film_placed = [("/tf_static", START, Messages().tf(table, START)), *film(arc(), 2)]
+    film_placed = [("/tf_static", START, Messages().tf(table, START)), *film(make_arc(), 2)]
     write(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
-    placed = [("/tf_static", START, Messages(True).tf(table, START)), *cameras(arc(), True)]
+    placed = [("/tf_static", START, Messages(True).tf(table, START)), *cameras(make_arc(), True)]
     write(folder / "rope", "ros1", placed)
-    write(folder / "rope", "sqlite3", film(arc(), 41))
+    write(folder / "rope", "sqlite3", film(make_arc(), 41))
 
 
 def many(folder: Path) -> None:
@@ -213,16 +213,18 @@ def run_python(page: str, folder: Path, skipped: frozenset[str] = frozenset()) -
         make(folder)
     names: dict[str, Any] = {"strand": strand}
     with working_in(folder):
-        for number, block in enumerate(b for b in blocks(page) if b.language == "python"):
+        for number, block in enumerate(b for b in find_blocks(page) if b.language == "python"):
             names |= GIVEN.get(page, {}).get(number, dict)()
             if block.heading not in skipped:
                 exec(compile(block.text, f"{page}, {block.heading}", "exec"), names)
     return names
 
 
-def commands(page: str) -> list[tuple[str, ...]]:
+def find_commands(page: str) -> list[tuple[str, ...]]:
     """Return the words of a page's shell commands, without comments and redirections."""
-    lines = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    lines = [
+        line for block in find_blocks(page) if block.language == "sh" for line in block.text.splitlines()
+    ]
     found = []
     for line in lines:
         lexer = shlex.shlex(re.sub(r"\d?> ?\S+", "", line), posix=True, punctuation_chars="|&")
@@ -237,4 +239,4 @@ def run_strand(page: str, folder: Path) -> list[tuple[tuple[str, ...], int]]:
     for make in FILES.get(page, ()):
         make(folder)
     with working_in(folder):
-        return [(words, main(words[1:])) for words in commands(page) if words[0] == "strand"]
+        return [(words, main(words[1:])) for words in find_commands(page) if words[0] == "strand"]

@@ -13,7 +13,7 @@ import strand
 
 Array = NDArray[np.float64]
 
-FOLDER = Path(__file__).resolve().parent.parent / "tests" / "data" / "mp2cdlo"
+FOLDER = Path(__file__).resolve().parents[2] / "tests" / "data" / "mp2cdlo"
 
 
 def names() -> list[str]:

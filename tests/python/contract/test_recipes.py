@@ -10,11 +10,11 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from bag_files import START, Messages, millimetres
 
 import strand
+from lib.bag_files import START, Messages, millimetres
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "recordings.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).resolve().parents[3] / "docs" / "recordings.md").read_text(encoding="utf-8")
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 DEPTH = millimetres(SCENE)[1]
 K = SCENE.intrinsics

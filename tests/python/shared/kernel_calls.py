@@ -15,12 +15,12 @@ from strand import (
 )
 
 
-def lattice(count=120, seed=0):
+def make_lattice(count=120, seed=0):
     """Points that half precision holds exactly, with duplicates and equal distances among them."""
     return np.random.default_rng(seed).integers(-64, 64, (count, 3)) / 64.0
 
 
-def axis_normals(count=120, seed=1):
+def make_axis_normals(count=120, seed=1):
     rng = np.random.default_rng(seed)
     return np.eye(3)[rng.integers(0, 3, count)] * rng.choice([-1.0, 1.0], (count, 1))
 
@@ -28,7 +28,7 @@ def axis_normals(count=120, seed=1):
 POSE = np.array([[0.0, -1, 0, 0.25], [1, 0, 0, -0.5], [0, 0, 1, 0.125], [0, 0, 0, 1]])
 
 
-def numbers(result):
+def list_arrays(result):
     """All numbers of a kernel's answer in one list of arrays."""
     if isinstance(result, strand.IcpResult):
         return [result.transformation, np.array([result.fitness, result.inlier_rmse, result.iterations])]
@@ -36,7 +36,7 @@ def numbers(result):
 
 
 def assert_same(result, expected):
-    result, expected = numbers(result), numbers(expected)
+    result, expected = list_arrays(result), list_arrays(expected)
     assert len(result) == len(expected)
     for got, want in zip(result, expected, strict=True):
         assert got.dtype == want.dtype
@@ -45,19 +45,19 @@ def assert_same(result, expected):
 
 # Each kernel with its array arguments by name, and how to call it with them.
 ARRAYS = {
-    "radius_outlier_mask": {"points": lattice()},
-    "count_neighbors": {"points": lattice()},
-    "estimate_normals k": {"points": lattice(), "viewpoint": np.array([0.5, 2.0, 8.0])},
-    "estimate_normals radius": {"points": lattice(), "viewpoint": lattice(seed=2) + 4.0},
-    "icp points": {"source": lattice(), "target": lattice(150, seed=3), "start": POSE},
+    "radius_outlier_mask": {"points": make_lattice()},
+    "count_neighbors": {"points": make_lattice()},
+    "estimate_normals k": {"points": make_lattice(), "viewpoint": np.array([0.5, 2.0, 8.0])},
+    "estimate_normals radius": {"points": make_lattice(), "viewpoint": make_lattice(seed=2) + 4.0},
+    "icp points": {"source": make_lattice(), "target": make_lattice(150, seed=3), "start": POSE},
     "icp planes": {
-        "source": lattice(),
-        "target": lattice(150, seed=3),
+        "source": make_lattice(),
+        "target": make_lattice(150, seed=3),
         "start": POSE,
-        "target_normals": axis_normals(150),
+        "target_normals": make_axis_normals(150),
     },
-    "centerline": {"points": lattice(), "normals": axis_normals()},
-    "trace_chains": {"points": lattice()},
+    "centerline": {"points": make_lattice(), "normals": make_axis_normals()},
+    "trace_chains": {"points": make_lattice()},
 }
 CALLS = {
     "radius_outlier_mask": lambda points, **o: radius_outlier_mask(points, 0.5, 5, **o),
@@ -81,6 +81,6 @@ ARGUMENTS = [(kernel, name) for kernel, arrays in ARRAYS.items() for name in arr
 CLOUDS = [(kernel, name) for kernel, name in ARGUMENTS if np.shape(ARRAYS[kernel][name])[1:] == (3,)]
 
 
-def call(kernel, **changes):
+def call_kernel(kernel, **changes):
     options = {name: changes.pop(name) for name in list(changes) if name not in ARRAYS[kernel]}
     return CALLS[kernel](**{**ARRAYS[kernel], **changes}, **options)

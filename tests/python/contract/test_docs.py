@@ -6,13 +6,13 @@ import dataclasses
 import re
 from pathlib import Path
 
-import collection
 import configuration
 import pytest
 
 import strand
+from lib import collection
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 LINKS = [(page, link) for page in PAGES for link in re.findall(r"\]\((?!https?:)([^)]+)\)", page.read_text())]
 

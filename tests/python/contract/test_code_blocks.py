@@ -1,7 +1,7 @@
 """Every code block of the documentation runs as it stands: Python, commands; TOML and JSON are read.
 
-Text is what programs say. What the blocks take as given is in `code_blocks.py`. The recipes for cameras'
-libraries run in `test_recipes.py`.
+Text is what programs say. What the blocks take as given is in `shared/code_blocks.py`. The recipes for
+cameras' libraries run in `test_recipes.py`.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import re
 import sys
 from itertools import pairwise
 
-import code_blocks
 import numpy as np
 import pytest
-from code_blocks import PAGES, ROOT, blocks, commands, run_python, run_strand
 from first_grasp import draw
 from PIL import Image
-from scene_files import ply
 
 import strand
+from shared import code_blocks
+from shared.code_blocks import PAGES, ROOT, find_blocks, find_commands, run_python, run_strand
+from shared.scene_files import make_ply
 from strand.report import rerun_view
 from strand.support.files import read_toml
 
@@ -32,23 +32,23 @@ CARGO = read_toml(ROOT / "Cargo.toml")
 BENCHES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benches").glob("*.py"))
 
 # pages with commands of strand
-COMMANDS = [page for page in PAGES if any(words[0] == "strand" for words in commands(page))]
+COMMANDS = [page for page in PAGES if any(words[0] == "strand" for words in find_commands(page))]
 
 
 def pages_with(language):
-    return [page for page in PAGES if any(block.language == language for block in blocks(page))]
+    return [page for page in PAGES if any(block.language == language for block in find_blocks(page))]
 
 
 def test_every_block_is_of_a_language_that_is_tested():
-    languages = {block.language for page in PAGES for block in blocks(page)}
+    languages = {block.language for page in PAGES for block in find_blocks(page)}
     assert {"python", "sh", "toml"} <= languages <= {"python", "sh", "toml", "json", "text"}
     fences = sum(len(re.findall("^ *```", (ROOT / p).read_text("utf-8"), re.MULTILINE)) for p in PAGES)
-    assert fences == 2 * sum(len(blocks(page)) for page in PAGES)
+    assert fences == 2 * sum(len(find_blocks(page)) for page in PAGES)
 
 
 def test_blocks_that_run_elsewhere_are_there():
     for page, headings in WITH_LIBRARIES.items():
-        assert headings <= {block.heading for block in blocks(page) if block.language == "python"}
+        assert headings <= {block.heading for block in find_blocks(page) if block.language == "python"}
 
 
 def readme(names, out, folder):
@@ -76,7 +76,7 @@ def batch(names, out, folder):
 
 
 def configuration(names, out, folder):
-    (block,) = [block for block in blocks("docs/configuration.md") if block.language == "toml"]
+    (block,) = [block for block in find_blocks("docs/configuration.md") if block.language == "toml"]
     (folder / "numbers.toml").write_text(block.text)
     assert names["config"] == strand.config.load(folder / "numbers.toml") != strand.Config()
 
@@ -157,10 +157,10 @@ def test_python(page, tmp_path, capsys):
 
 
 def test_known_lengths_tell_how_many_ropes(monkeypatch):
-    block = next(block for block in blocks("README.md") if "length=" in block.text)
+    block = next(block for block in find_blocks("README.md") if "length=" in block.text)
     models, reconstruct = [], strand.reconstruct
     monkeypatch.setattr(strand, "reconstruct", lambda *a, **known: models.append(reconstruct(*a, **known)))
-    exec(block.text, code_blocks.one_image() | {"strand": strand})
+    exec(block.text, code_blocks.give_image() | {"strand": strand})
     assert [len(model.chains) for model in models] == [1, 2]
 
 
@@ -189,7 +189,7 @@ def test_commands_of_strand(page, tmp_path):
         assert [number for number, _, model in frames if model is not None] == [30, 40]
 
 
-OTHERS = sorted({words for page in PAGES for words in commands(page) if words[0] != "strand"})
+OTHERS = sorted({words for page in PAGES for words in find_commands(page) if words[0] != "strand"})
 
 
 @pytest.mark.parametrize("command", OTHERS, ids=" ".join)
@@ -221,7 +221,7 @@ def test_other_commands_have_their_targets(command):
 
 @pytest.mark.parametrize("page", sorted({*pages_with("toml"), *pages_with("json")}))
 def test_data(page, tmp_path):
-    for block in blocks(page):
+    for block in find_blocks(page):
         if block.language == "toml":
             (tmp_path / "block.toml").write_text(block.text)
             assert read_toml(tmp_path / "block.toml")
@@ -231,13 +231,13 @@ def test_data(page, tmp_path):
 
 def test_the_scene_of_the_page_on_files_is_read(tmp_path):
     """As it stands, with files of the names that it has."""
-    (block,) = [block for block in blocks("docs/files.md") if block.language == "toml"]
+    (block,) = [block for block in find_blocks("docs/files.md") if block.language == "toml"]
     (tmp_path / "scene.toml").write_text(block.text)
-    scene = code_blocks.arc()
+    scene = code_blocks.make_arc()
     Image.fromarray(scene.depth[0]).save(tmp_path / "view0.png")
     Image.fromarray((255 * (scene.depth[0] > 0)).astype(np.uint8)).save(tmp_path / "view0_mask.png")
     Image.fromarray(np.zeros((240, 320, 3), np.uint8)).save(tmp_path / "view0_color.png")
-    (tmp_path / "view1.ply").write_bytes(ply())
+    (tmp_path / "view1.ply").write_bytes(make_ply())
     np.save(tmp_path / "view2.npy", scene.depth[2] * scene.depth_scale)
     read = strand.load_scene(tmp_path)
     assert (read.name, read.radius, len(read.views)) == ("knot", 0.0042, 3)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 
 pytestmark = pytest.mark.skipif(sys.version_info < (3, 11), reason="MuJoCo 4 needs Python 3.11")

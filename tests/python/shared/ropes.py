@@ -14,19 +14,19 @@ R = 0.0042
 CAMERA = np.array([0.0, 0.0, 0.4])
 
 
-def of_kind(model, kind):
+def find_warnings(model, kind):
     """A model's warnings of one kind."""
     return [warning for warning in model.warnings if warning.kind == kind]
 
 
-def line(start, stop):
+def draw_line(start, stop):
     """Nodes half a radius apart from one place to another."""
     start, stop = np.array(start, float), np.array(stop, float)
     count = max(int(np.linalg.norm(stop - start) / (0.5 * R)), 2) + 1
     return start + np.linspace(0.0, 1.0, count)[:, None] * (stop - start)
 
 
-def rope_pixels(scene):
+def find_rope_pixels(scene):
     """(V, H, W) The pixels of a scene's images that see its ropes."""
     size = scene.depth.shape[:0:-1]
     images = [
@@ -36,7 +36,7 @@ def rope_pixels(scene):
     return np.stack(images) > 0
 
 
-def tube_seen(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
+def sample_tube(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
     """Points evenly over that half of a tube's surface which faces a camera."""
     rng = np.random.default_rng(seed)
     chain = strand.Chain(axis, R)
@@ -50,7 +50,7 @@ def tube_seen(axis: np.ndarray, camera: np.ndarray, noise: float, seed: int = 0)
     return points[(outward * (camera - points)).sum(axis=1) > 0]
 
 
-def behind_a_plate(scene, low, high, z):
+def hide_behind_plate(scene, low, high, z):
     """Views of a scene with a level plate at the height z, from one corner in x and y to the other."""
     views = []
     (fx, _, cx), (_, fy, cy), _ = scene.intrinsics
@@ -65,11 +65,11 @@ def behind_a_plate(scene, low, high, z):
     return views
 
 
-def length_of(nodes):
+def measure_length(nodes):
     return strand.Chain(nodes, R).length
 
 
-def circle(radius: float, nodes: int, closed: bool) -> Chain:
+def draw_circle(radius: float, nodes: int, closed: bool) -> Chain:
     angle = np.linspace(0, 2 * np.pi, nodes, endpoint=not closed)
     if not closed:
         angle *= 0.75
@@ -78,13 +78,13 @@ def circle(radius: float, nodes: int, closed: bool) -> Chain:
     )
 
 
-def farthest(chain, truth):
+def measure_max_distance(chain, truth):
     """How far a chain's nodes are from a true centreline at most, in radii."""
     line = strand.Chain(truth, R)
     return max(line.nearest(point)[1] for point in chain.points) / R
 
 
-def strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
+def sample_strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
     """The upper half of a straight tube, evenly over the image of a camera above it."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-0.1, 0.1, 4000), rng.uniform(-radius, radius, 4000)
@@ -95,7 +95,9 @@ def strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:
     return points + rng.normal(scale=depth_noise, size=(4000, 1)) * ray
 
 
-def crossing(thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (640, 480), count: int = 5):
+def render_crossing(
+    thin: float, thick: float, seed: int = 0, size: tuple[int, int] = (640, 480), count: int = 5
+):
     """Two ropes, the second over the first: views, extraction range and true axes."""
     t = np.linspace(-0.5, 0.5, 400)
     under = np.stack([0.3 * t, 0.03 * np.sin(5 * t), thin + 0 * t], axis=1)
@@ -123,21 +125,21 @@ CROSSED = 0.004
 """Radius of the chains of `cross`, metres."""
 
 
-def straight(start: tuple[float, ...], end: tuple[float, ...], spacing: float = CROSSED) -> np.ndarray:
+def draw_straight(start: tuple[float, ...], end: tuple[float, ...], spacing: float = CROSSED) -> np.ndarray:
     """Nodes of a straight chain."""
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
     count = int(np.linalg.norm(b - a) / spacing) + 1
     return a + np.linspace(0, 1, count)[:, None] * (b - a)
 
 
-def cross(angle: float = np.pi / 2) -> list[np.ndarray]:
+def draw_cross(angle: float = np.pi / 2) -> list[np.ndarray]:
     """Two straight chains, the second two radii above the first, that cross in the middle."""
     along = 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])
     up = np.array([0, 0, 2 * CROSSED])
-    return [straight((-0.05, 0, 0), (0.05, 0, 0)), straight(tuple(up - along), tuple(up + along))]
+    return [draw_straight((-0.05, 0, 0), (0.05, 0, 0)), draw_straight(tuple(up - along), tuple(up + along))]
 
 
-def smooth_chain() -> Chain:
+def make_smooth_chain() -> Chain:
     """An open rope with bends of several radii, whose nodes are places of a smooth curve."""
     t = np.linspace(0.0, 4.0 * np.pi, 40)
     control = np.stack([0.03 * np.cos(t), 0.03 * np.sin(2.0 * t), 0.005 * t], axis=1)
@@ -145,7 +147,7 @@ def smooth_chain() -> Chain:
     return Chain(curve.at(curve.nodes(0.001))[0], R, curve=curve)
 
 
-def from_path(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+def measure_path_distance(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """(N,) Distance of points from the nearest of K straight lines between places, (K, 3) each."""
     line = stop - start
     square = np.maximum((line * line).sum(axis=1), 1e-30)

@@ -15,7 +15,7 @@ CAMERA = "[camera]\nfx = 10\nfy = 11.0\ncx = 3.5\ncy = 2.5\ndepth_scale = 0.001\
 IDENTITY = "pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
 
 
-def scene_of(folder, file, head=CAMERA, pose=IDENTITY):
+def write_scene(folder, file, head=CAMERA, pose=IDENTITY):
     (folder / "scene.toml").write_text(f'{head}\n[[view]]\nfile = "{file}"\n{pose}')
     return folder
 
@@ -41,7 +41,7 @@ def save_npz(path, **changes):
     np.savez_compressed(path, **{key: value for key, value in arrays.items() if value is not None})
 
 
-def ply(encoding="ascii", points=POINTS, kind="double", more="", tail=b""):
+def make_ply(encoding="ascii", points=POINTS, kind="double", more="", tail=b""):
     properties = "".join(f"property {kind} {axis}\n" for axis in "xyz")
     header = f"ply\nformat {encoding} 1.0\ncomment made\nelement vertex {len(points)}\n"
     header += f"{properties}{more}end_header\n"
@@ -53,16 +53,16 @@ def ply(encoding="ascii", points=POINTS, kind="double", more="", tail=b""):
     return header.encode() + body + tail
 
 
-def grid_cloud():
+def make_grid_cloud():
     """The organised cloud of 12 x 10 points in tests/data/clouds, row by row, and its colours."""
     v, u = np.mgrid[:10, :12]
-    points = np.stack([(u - 6) / 64, (v - 5) / 64, grid_depth()], axis=-1)
+    points = np.stack([(u - 6) / 64, (v - 5) / 64, make_grid_depth()], axis=-1)
     points[points[..., 2] == 0] = np.nan
     colors = np.stack([20 * u, 25 * v, np.full_like(u, 128)], axis=-1)
     return points.reshape(-1, 3), colors.reshape(-1, 3)
 
 
-def grid_depth():
+def make_grid_depth():
     """Its depths (10, 12), metres; 0 where there is no return."""
     v, u = np.mgrid[:10, :12]
     return np.where((u + v) % 5 == 0, 0.0, 0.5 + ((7 * u + 3 * v) % 16) / 1024)

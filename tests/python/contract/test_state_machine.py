@@ -1,6 +1,6 @@
 """Random sequences of public calls: only documented exceptions, no NaN, nothing that disagrees.
 
-`STRAND_CALLS=100000 python -m pytest tests/python/test_state_machine.py` makes that many calls instead.
+`STRAND_CALLS=100000 pytest tests/python/contract/test_state_machine.py` makes that many calls instead.
 """
 
 from __future__ import annotations

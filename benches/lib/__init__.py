@@ -1,0 +1,1 @@
+"""What benches share: scenes with truth, the measure, tables, pictures, files."""

@@ -1,0 +1,1 @@
+"""What tests share: ropes, files, recordings, calls, a browser."""
