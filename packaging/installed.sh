@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs a wheel for one Python and uses it, and prints a row of the table in docs/wheels.md:
+# Installs a wheel for one Python and uses it, and prints a row of the table in packaging/README.md:
 #   packaging/installed.sh WHEEL PYTHON [REQUIREMENT...]
 # REQUIREMENT narrows what pip would choose, as in numpy==1.24.*. The tests are those of this checkout that need no peers.
 set -euo pipefail

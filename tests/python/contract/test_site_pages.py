@@ -5,7 +5,7 @@ from __future__ import annotations
 import griffe
 import pytest
 from docstrings import Habits
-from site_pages import DOCS, PAGES, ROOT, anchor, on_post_page, relinked, taken
+from site_pages import DOCS, PAGES, ROOT, anchor, find_remote, on_post_page, relinked
 
 import strand
 
@@ -23,14 +23,17 @@ import strand
         (DOCS, "[benches/lib/measure.py](../benches/lib/measure.py)", "`benches/lib/measure.py`"),
         (DOCS, "[a](#place) [b](https://kiddo.rs/a.md)", "[a](#place) [b](https://kiddo.rs/a.md)"),
         (DOCS, "[a](../nowhere.md)", "[a](../nowhere.md)"),
+        (DOCS, "[a](../packaging/README.md#build)", "[a](wheels.md#build)"),
+        (ROOT / "packaging", "[a](../docs/files.md)", "[a](files.md)"),
     ],
 )
 def test_links_lead_to_pages_of_the_site(folder, link, want):
-    assert relinked(link, folder, folder != ROOT) == want
+    assert relinked(link, folder, folder.is_relative_to(DOCS)) == want
 
 
 def test_every_page_at_the_root_is_in_the_site():
-    assert {path.name for path in ROOT.glob("*.md")} == set(PAGES)
+    assert {path.name for path in ROOT.glob("*.md")} <= set(PAGES)
+    assert all((ROOT / page).is_file() for page in PAGES)
 
 
 def test_headings_are_called_as_where_the_repository_is_hosted():
@@ -38,18 +41,18 @@ def test_headings_are_called_as_where_the_repository_is_hosted():
     assert anchor("`filter`: Filter") == "filter-filter"
 
 
-def test_what_is_taken_from_the_network_is_warned_of(caplog):
+def test_a_page_that_fetches_something_is_warned_of(caplog):
     class Page:
         class file:
             dest_uri = "a.html"
 
     html = """<a href="https://a.org">a</a><img src="images/a.png"><script src="assets/a.js"></script>
         <link rel="stylesheet" href="https://b.org/b.css"><img src="//c.org/c.png">"""
-    assert taken(html) == ["https://b.org/b.css", "//c.org/c.png"]
+    assert find_remote(html) == ["https://b.org/b.css", "//c.org/c.png"]
     assert on_post_page(html, Page) == html
     assert [record.getMessage() for record in caplog.records] == [
-        "a.html takes https://b.org/b.css from the network",
-        "a.html takes //c.org/c.png from the network",
+        "a.html fetches https://b.org/b.css",
+        "a.html fetches //c.org/c.png",
     ]
 
 
