@@ -48,7 +48,7 @@ origin = [0.4, 0.0, 0.45]
 file = "depth.npy"
 turntable_deg = 30
 """
-SETTINGS = """method = "tubes"
+SETTINGS = """method = "default"
 [tracing]
 near = 0.75
 [sensor]
@@ -204,7 +204,8 @@ def model() -> bytes:
         joins=(Join(np.zeros(3), (0, 0), 0.5, None),),
         doubts=(Doubt("join", 0.5, "chain 0", "another join is as good", np.zeros(3)),),
         alternatives=(Alternative(1.0, (nodes,)),),
-        method="tubes",
+        method="default",
+        branch="tubes",
         sensor=Sensor(sd=0.001),
     )
     crossing = Crossing((0, 0.05), (0, 0.01), np.ones(3), np.zeros(3), 0.009, 1e-4, 1e-3, 0.5, 1, 0.99)

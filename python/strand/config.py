@@ -342,7 +342,7 @@ class Linking:
         check_choice("Linking.rings", self.rings, RINGS)
 
 
-METHODS = ("tubes", "published")
+METHODS = ("default", "published")
 
 
 @dataclass(frozen=True)
@@ -351,8 +351,8 @@ class Config:
 
     Parameters
     ----------
-    method : {"tubes", "published"}
-        Which method: `"tubes"` is the default method, `"published"` the published one.
+    method : {"default", "published"}
+        The method that finds the ropes: strand's own, or the published one.
     sensor : Sensor or str, optional
         The default method: the camera's errors, as a `strand.Sensor` or a camera's name, a key of
         `strand.views.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
@@ -378,7 +378,7 @@ class Config:
         The published method: the joins of section V-B.
     """
 
-    method: str = "tubes"
+    method: str = "default"
     sensor: Sensor | str | None = None
     filter: Filter = field(default_factory=Filter)
     poses: Poses = field(default_factory=Poses)

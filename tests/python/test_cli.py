@@ -91,7 +91,7 @@ def test_demo_writes_models_and_figures_of_both_methods(demo):
     _, out, _, folder = demo
     written = sorted(str(path) for path in folder.rglob("*") if path.is_file())
     assert sorted(line for line in out.splitlines() if line.startswith(str(folder))) == written
-    for place, method, figures in ((folder, "tubes", 8), (folder / "published", "published", 10)):
+    for place, method, figures in ((folder, "default", 8), (folder / "published", "published", 10)):
         assert len(list(place.glob("*.png"))) == figures
         model = strand.load(place / "model.json")
         assert (model.method, len(model.chains)) == (method, 1)

@@ -37,7 +37,7 @@ def test_a_file_changes_only_what_it_names(tmp_path):
         ("[linking]\nrings = true\n", "Linking.rings: expected one of maybe, never, always"),
         ("tracing = 3\n", r"write \[tracing\]"),
         ("[tracing\n", "config.toml"),
-        ('method = "magic"\n', "Config.method: expected one of tubes, published"),
+        ('method = "magic"\n', "Config.method: expected one of default, published"),
     ],
 )
 def test_a_wrong_file_is_refused_with_what_is_accepted(tmp_path, text, message):
@@ -54,7 +54,7 @@ def test_the_published_method_is_one_configuration():
 
 
 def test_a_method_that_there_is_not_is_refused():
-    with pytest.raises(ValueError, match=r"Config\.method: expected one of tubes, published, got 'tube'"):
+    with pytest.raises(ValueError, match=r"Config\.method: expected one of default, published, got 'tube'"):
         strand.Config(method="tube")
 
 

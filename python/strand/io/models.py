@@ -20,7 +20,7 @@ from strand.views.sensor import Sensor
 
 REQUIRED = (
     *("chains", "poses", "timings", "warnings", "pose_sd", "confidence", "joins", "doubts", "alternatives"),
-    "method",
+    *("method", "branch"),
 )
 
 
@@ -123,7 +123,7 @@ def _model(path: str | os.PathLike[str], data: Any) -> Model:
     with _place(path, "sensor"):
         values["sensor"] = None if data.get("sensor") is None else Sensor(**data["sensor"])
     with _place(path, None):
-        return Model(method=data["method"], **values)
+        return Model(method=data["method"], branch=data["branch"], **values)
 
 
 @contextmanager

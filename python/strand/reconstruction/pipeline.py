@@ -66,7 +66,7 @@ class _Method:
 
 
 _METHODS = {
-    "tubes": _Method(find_by_default, any_radius=True, widen=True),
+    "default": _Method(find_by_default, any_radius=True, widen=True),
     "published": _Method(find_published, any_radius=False, widen=False),
 }
 
@@ -256,6 +256,7 @@ def reconstruct(
         doubts=tuple(doubts),
         alternatives=found.alternatives,
         method=config.method,
+        branch=found.branch,
         sensor=found.sensor,
     )
 

@@ -133,6 +133,8 @@ class Found:
         The sensor's errors as measured; None if the method does not.
     ends : tuple of EndObservation
         Where views saw the curves of the "fit" end, if the method asks each.
+    branch : str or None
+        The branch of the default method that found the chains, as in `Model.branch`.
     all_rings : bool
         Whether the method was told that all ropes are rings.
     """
@@ -146,4 +148,5 @@ class Found:
     alternatives: tuple[Alternative, ...] = ()
     sensor: Sensor | None = None
     ends: tuple[EndObservation, ...] = ()
+    branch: str | None = None
     all_rings: bool = False

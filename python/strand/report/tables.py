@@ -102,16 +102,17 @@ class Accuracy:
 
 
 def stages_of(model: Model) -> str:
-    """Return whose stages a model holds: "tubes", "images" if these were read, or "published".
+    """Return whose stages a model holds, its branch or its method.
 
     Raises
     ------
     ValueError
         If the model was made without its stages.
     """
-    if not model.stages or model.method not in STAGE_ARRAYS:
+    name = model.branch or model.method
+    if not model.stages or name not in STAGE_ARRAYS:
         raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
-    return "images" if "readings" in model.stages else model.method
+    return name
 
 
 def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:

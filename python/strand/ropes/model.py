@@ -62,6 +62,7 @@ not be registered and stays at its reported pose; "no rope": there is none, in t
 
 # so many chains a model's repr names
 _SHOWN = 3
+_BRANCHES = ("tubes", "images")  # of the default method
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +198,10 @@ class Model:
         Other ways to join the segments that were fitted too, the best first; of each class of radius, if
         there are several.
     method : str or None
-        Which method made it, as in `Config.method`; None if that is not known.
+        The method that found the ropes, as in `Config.method`; None if that is not known.
+    branch : str or None
+        What the default method's answer comes from: `"tubes"` fitted to the points, or readings of
+        `"images"`; None for another method.
     sensor : Sensor or None
         The sensor's errors as measured on the ropes, whether or not they were given: `sd`, `correlation` and
         `step`, of ropes read from images also `bias` and `lateral`. `Config.sensor` takes it for other scenes
@@ -215,6 +219,7 @@ class Model:
     doubts: tuple[Doubt, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
     method: str | None = None
+    branch: str | None = None
     sensor: Sensor | None = None
 
     def __post_init__(self) -> None:
@@ -235,6 +240,8 @@ class Model:
         )
         if self.method is not None:
             object.__setattr__(self, "method", check_choice("method", self.method, METHODS))
+        if self.branch is not None:
+            object.__setattr__(self, "branch", check_choice("branch", self.branch, _BRANCHES))
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a Sensor or None, got {type(self.sensor).__name__}")
         object.__setattr__(self, "confidence", check_fraction_or_nan("confidence", self.confidence))

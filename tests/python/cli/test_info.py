@@ -33,7 +33,7 @@ def folder(tmp_path, monkeypatch):
     write(Path("rope"), "ros1", film(SMALL, 3, True))
     write(Path("cameras"), "mcap", cameras(SMALL))
     chain = strand.Chain(POINTS, 0.004, confidence=0.5, doubts=(strand.Doubt("end", 0.7, "where", "why"),))
-    strand.Model((chain,), SCENE.poses, confidence=0.5, doubts=chain.doubts, method="tubes").save(
+    strand.Model((chain,), SCENE.poses, confidence=0.5, doubts=chain.doubts, method="default").save(
         "model.json"
     )
     return tmp_path

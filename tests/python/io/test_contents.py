@@ -92,9 +92,9 @@ def test_a_depth_image_without_a_camera(tmp_path):
 
 def test_a_model(tmp_path):
     chain = strand.Chain(POINTS, 0.004)
-    strand.Model((chain,), np.eye(4)[None], method="tubes").save(tmp_path / "a.json")
+    strand.Model((chain,), np.eye(4)[None], method="default").save(tmp_path / "a.json")
     found = held(tmp_path / "a.json")
-    assert (found.method, found.chains[0].length) == ("tubes", chain.length)
+    assert (found.method, found.chains[0].length) == ("default", chain.length)
     with pytest.raises(FileFormatError, match="larger than the 100 bytes"):
         held(tmp_path / "a.json", max_bytes=100)
 

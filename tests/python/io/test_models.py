@@ -27,7 +27,12 @@ def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed
     path = tmp_path_factory.mktemp("model") / "model.json"
     warning = ModelWarning("branch", "a branch?", points[0], 0.25, (0, 1), 2)
     model = Model(
-        (Chain(points, 0.0042, closed),), np.eye(4)[None], {"trace": 0.25}, (warning,), method="tubes"
+        (Chain(points, 0.0042, closed),),
+        np.eye(4)[None],
+        {"trace": 0.25},
+        (warning,),
+        method="default",
+        branch="tubes",
     )
     model.save(path)
     loaded = strand.load(path)
@@ -40,7 +45,7 @@ def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed
     np.testing.assert_array_equal(again.place, warning.place)
     for name in ("kind", "message", "amount", "chains", "view"):
         assert getattr(again, name) == getattr(warning, name)
-    assert loaded.method == "tubes"
+    assert (loaded.method, loaded.branch) == ("default", "tubes")
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
@@ -114,5 +119,5 @@ def test_numbers_of_numpy_are_saved_and_methods_are_known(tmp_path):
     model.save(tmp_path / "model.json")
     loaded = strand.load(tmp_path / "model.json")
     assert (loaded.confidence, loaded.timings) == (0.5, {"fit": 0.5})
-    with pytest.raises(ValueError, match="method: expected one of tubes, published, got 'magic'"):
+    with pytest.raises(ValueError, match="method: expected one of default, published, got 'magic'"):
         strand.Model((), np.eye(4)[None], method="magic")

@@ -89,7 +89,7 @@ def test_masks_stand_in_for_the_extraction_range():
     assert model.confidence > 0.8
 
 
-@pytest.mark.parametrize("method", ["tubes", "published"])
+@pytest.mark.parametrize("method", ["default", "published"])
 def test_only_some_views_may_have_masks(method):
     scene = SCENES["arc"]
     views = [masked("arc", MASKS["arc"])[0], *scene.views[1:]]

@@ -12,7 +12,7 @@ from shared.ropes import R, find_warnings, sample_tube
 from strand import View, config
 
 STAGES = {
-    "tubes": ["extract", "filter", "register", "arcs", "link", "fit", "ends"],
+    "default": ["extract", "filter", "register", "arcs", "link", "fit", "ends"],
     "published": [
         "extract",
         "filter",
@@ -33,7 +33,7 @@ def scene():
     return strand.synthetic.scene("arc", seed=3)
 
 
-@pytest.fixture(scope="module", params=["tubes", "published"])
+@pytest.fixture(scope="module", params=["default", "published"])
 def numbers(request):
     return strand.Config(method=request.param)
 
@@ -60,10 +60,12 @@ def test_the_rope_is_found_from_end_to_end(scene, model):
     assert model.warnings == ()
 
 
-def test_the_model_says_which_method_made_it(model, numbers, tmp_path):
-    assert model.method == numbers.method
+def test_the_model_says_what_found_its_ropes(model, numbers, tmp_path):
+    answered = numbers.method, "tubes" if numbers.method == "default" else None
+    assert (model.method, model.branch) == answered
     model.save(tmp_path / "model.json")
-    assert strand.load(tmp_path / "model.json").method == numbers.method
+    loaded = strand.load(tmp_path / "model.json")
+    assert (loaded.method, loaded.branch) == answered
 
 
 def test_bounds_and_radius_may_be_whole_numbers(scene, numbers):
@@ -257,7 +259,7 @@ def test_points_without_a_surface_are_refused(points, numbers):
 def test_points_all_over_a_box_are_refused(numbers, seed):
     cloud = np.random.default_rng(seed).uniform(-0.05, 0.05, (3000, 3))
     view = View.from_world(cloud, viewpoint=[0.0, 0.0, 1.0])
-    for radius in (0.004, None) if numbers.method == "tubes" else (0.004,):
+    for radius in (0.004, None) if numbers.method == "default" else (0.004,):
         with pytest.raises(strand.NotEnoughDataError, match="views"):
             strand.reconstruct([view], radius, config=numbers)
 
@@ -265,13 +267,13 @@ def test_points_all_over_a_box_are_refused(numbers, seed):
 def test_a_plane_is_refused(numbers):
     across = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 5000))
     view = View.from_world(np.stack([*across, np.zeros(5000)], axis=1), viewpoint=[0.0, 0.0, 1.0])
-    for radius in (0.004, None) if numbers.method == "tubes" else (0.004,):
+    for radius in (0.004, None) if numbers.method == "default" else (0.004,):
         with pytest.raises(strand.NotEnoughDataError, match="views"):
             strand.reconstruct([view], radius, config=numbers)
 
 
 @pytest.mark.parametrize("bend", [0.03, 0.06])
-@pytest.mark.parametrize("method", ["tubes", "published"])
+@pytest.mark.parametrize("method", ["default", "published"])
 def test_a_ring_closes(bend, method):
     angle = np.linspace(0, 2 * np.pi, 300)
     ring = np.stack([bend * np.cos(angle), bend * np.sin(angle), np.full(300, R)], axis=1)

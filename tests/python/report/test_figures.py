@@ -90,7 +90,7 @@ def tube_model_of(explained=0.9, **changes):
         "fit": fit,
     }
     chains = changes.pop("chains", (seen_chain(),))
-    return Model(chains, model_of().poses, {}, (), stages | changes, method="tubes")
+    return Model(chains, model_of().poses, {}, (), stages | changes, method="default", branch="tubes")
 
 
 PUBLISHED_FIGURES = [

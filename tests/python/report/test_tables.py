@@ -17,9 +17,9 @@ RADIUS = 0.004
 
 def model_of(*lines, **stages):
     chains = tuple(Chain(line, RADIUS) for line in lines)
-    method = "tubes" if "arcs" in stages else "published"
-    timings = dict.fromkeys(tables.STAGE_ARRAYS[method], 0.0015)
-    return Model(chains, np.eye(4)[None], timings, (), stages, method=method)
+    method, branch = ("default", "tubes") if "arcs" in stages else ("published", None)
+    timings = dict.fromkeys(tables.STAGE_ARRAYS[branch or method], 0.0015)
+    return Model(chains, np.eye(4)[None], timings, (), stages, method=method, branch=branch)
 
 
 def test_accuracy_of_a_shifted_chain():
@@ -100,16 +100,18 @@ def test_stages_and_counts_of_the_default_method():
     assert "radius" not in [count.name for count in tables.stage_counts([], model)]
 
 
-@pytest.mark.parametrize("settings", [strand.Config(), strand.Config.published()])
-def test_every_stage_that_runs_is_known(settings):
+@pytest.mark.parametrize(
+    ("settings", "method"), [(strand.Config(), "tubes"), (strand.Config.published(), "published")]
+)
+def test_every_stage_that_runs_is_known(settings, method):
     scene = strand.synthetic.scene("arc", views=3)
     radius = scene.radius if settings.method == "published" else None
     names = []
     model = strand.reconstruct(
         scene.views, radius, scene.bounds, config=settings, keep_stages=True, progress=names.append
     )
-    assert tables.stages_of(model) == settings.method
-    assert names == list(model.timings) == list(tables.STAGE_ARRAYS[settings.method])
+    assert tables.stages_of(model) == method
+    assert names == list(model.timings) == list(tables.STAGE_ARRAYS[method])
     assert [count.name for count in tables.stage_counts(scene.views, model)] == names
     assert tables.chain_counts(model)[-1] == len(model.chains)
 

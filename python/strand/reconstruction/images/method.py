@@ -152,6 +152,7 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             ),
             "readings": tuple(nodes for one in what.explanations for nodes in one.fit.nodes),
         },
+        branch="images",
         doubts=uncertain,
         sensor=_sensor(what, measured, fit, radius),
         alternatives=tuple(

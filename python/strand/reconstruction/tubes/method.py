@@ -133,6 +133,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
         poses=[motion @ view.pose for motion, view in zip(fit.motions, observed.views, strict=True)],
         pose_sd=list(fit.pose_sd),
         stages={"registered": tuple(np.split(fit.points, starts)), "arcs": tuple(arcs.nodes), "fit": fit},
+        branch="tubes",
         joins=joins,
         doubts=uncertain,
         alternatives=alternatives(by_class),
