@@ -26,7 +26,7 @@ from strand.io.models import load
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
-from strand.reconstruction.finding.strips import LeftOut
+from strand.reconstruction.finding.strips import OtherObject
 from strand.reconstruction.pipeline import reconstruct
 from strand.reconstruction.radius import estimate_radius
 from strand.reconstruction.tubes.registration import register_views
@@ -68,12 +68,12 @@ __all__ = [
     "IcpResult",
     "Join",
     "Knot",
-    "LeftOut",
     "Model",
     "ModelWarning",
     "Nearest",
     "NoRopeError",
     "NotEnoughDataError",
+    "OtherObject",
     "Pull",
     "PullPlan",
     "RayHits",

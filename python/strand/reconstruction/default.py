@@ -15,7 +15,7 @@ from strand.config import Config
 from strand.reconstruction import systematic
 from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import confidence
-from strand.reconstruction.images.above_table import all_masked, without_untold
+from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, explained
 from strand.reconstruction.images.depth_scatter import depth_scatter
 from strand.reconstruction.images.method import PLAIN, Read, answer, read
@@ -64,7 +64,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     strand.NotEnoughDataError
         If neither finds a rope.
     """
-    used = without_untold(observed) if _images_are_read(observed, config) else observed
+    used = drop_unclear_views(observed) if _images_are_read(observed, config) else observed
     for number in sorted({*observed.numbers} - {*used.numbers}):
         message = (
             f"view {number} was not used: it has no mask, and errors of its neighbouring pixels are alike, "
@@ -98,7 +98,7 @@ def _found(observed: Observed, config: Config, run: Run) -> Found:
     if not _images_are_read(observed, config):
         return _sought_tubes(observed, config, run)
     if any(observed.masked):
-        return _images_first(all_masked(observed), config, run)
+        return _images_first(add_masks(observed), config, run)
     return _tubes_first(observed, config, run)
 
 

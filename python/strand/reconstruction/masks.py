@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.images.rope_image import RopeImage
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import ModelWarning
 from strand.support.checks import Array
@@ -205,11 +205,10 @@ def _above_table(rope: _Rope, rows: _Indices, columns: _Indices, radius: float) 
     """(N,) How high pixels are above the plane around the mask, metres; none if there is no plane."""
     image = rope.image
     seen = RopeImage(image.depth, rope.mask, image.focal, image.centre, rope.pose)
-    table = table_plane([seen], 0, radius)
+    table = find_table_beside_ropes(seen, radius)
     if table is None:
         return np.empty(0)
-    normal, offset = table
-    return np.asarray(seen.world(rows, columns, image.depth[rows, columns]) @ normal - offset)
+    return table.heights(seen.world(rows, columns, image.depth[rows, columns]))
 
 
 def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Array:

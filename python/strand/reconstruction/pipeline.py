@@ -13,8 +13,9 @@ from strand.config import Config
 from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.confidence import confidence, contradictions, of_chains
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes, on_table
-from strand.reconstruction.finding.table_edge import over_the_edge
+from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
+from strand.reconstruction.finding.standing import holds_table
+from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.images.depth_scatter import depth_scatter
 from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.pixel_errors import neighbours_alike
@@ -210,7 +211,7 @@ def reconstruct(
     chains = tuple(oriented(kept, () if previous is None else previous.chains))
     against = contradictions(chains, found.chains[len(chains) :], prior, found.all_rings)
     if shown is not None:
-        against += over_the_edge(chains, everything, shown.tables)
+        against += doubt_ends_at_edge(chains, everything, shown.tables)
     run.warnings.extend(
         ModelWarning(doubt.kind, doubt.reason, doubt.place, doubt.amount, about) for doubt, about in against
     )
@@ -297,7 +298,7 @@ def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box |
 def _holds_a_table(views: Sequence[View], raw: Sequence[View], radius: float) -> bool:
     """Tell whether bounds hold a table that ropes stand out of: noise that is wide for them hides them."""
     wide = _WIDE * radius
-    if not on_table(views, raw) or depth_scatter(views, raw, wide) >= wide:
+    if not holds_table(views, raw) or depth_scatter(views, raw, wide) >= wide:
         return False
     seen = [k for k, view in enumerate(raw) if len(view.points)]
     images = rope_images([raw[k] for k in seen], [views[k] for k in seen], None)
@@ -306,11 +307,11 @@ def _holds_a_table(views: Sequence[View], raw: Sequence[View], radius: float) ->
 
 def _left_out(found: FoundRopes) -> list[ModelWarning]:
     """Return a warning that names what stands on the table and was left out, if anything was."""
-    if not found.left_out:
+    if not found.other_objects:
         return []
-    first = found.left_out[0]
+    first = found.other_objects[0]
     message = (
-        f"left out what is no rope on the table, {len(found.left_out)} pieces as the views show them; "
+        f"left out what is no rope on the table, {len(found.other_objects)} pieces as the views show them; "
         f"the first at {round_to_millimeters(first.place)}: {first.reason}"
     )
     return [ModelWarning("thing", message, first.place, view=first.view)]

@@ -9,20 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import NotEnoughDataError
-from strand.reconstruction.finding.standing import table_in, tabletop
-from strand.reconstruction.finding.strips import LeftOut, rope_strips
-from strand.reconstruction.finding.widths import strip_lengths, strip_radius
+from strand.reconstruction.finding.standing import find_tabletop
+from strand.reconstruction.finding.strips import OtherObject, segment_ropes
+from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.rope_image import RopeImage, rope_images
+from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
-from strand.support.checks import Array
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.view import View, checked_views, masked
 
-# ropes show at least so many radii of length in some view
-_SHORTEST = 14.0
-# a table in an extraction range takes this share of an image's pixels; of so many, where there is no image;
-# points that are looked at first
-_PART, _PIXELS, _LOOK = 0.04, 200_000, 30_000
+_MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
 class NoRopeError(NotEnoughDataError):
@@ -31,8 +27,8 @@ class NoRopeError(NotEnoughDataError):
     Attributes
     ----------
     low_things : bool
-        Whether as much as a rope stands there no higher than ropes do: strands that lie side by side look
-        like one thing that is wide.
+        Whether things as large as a rope and no higher stand on the table. Strands side by side look like one
+        wide thing.
     """
 
     def __init__(self, message: str, low_things: bool = False) -> None:
@@ -47,21 +43,21 @@ class FoundRopes:
     Attributes
     ----------
     views : tuple of View
-        The same views, of the ropes alone: depth images with a mask, and points without those of other
-        things. Views that show no table, and those that have a mask, are as they were.
+        The views with the ropes alone: depth images have a mask, and points of other things are dropped.
+        Views with a mask and views that show no table stay as they are.
     radius : float or None
         The half width of most strips, metres; None if there is no table.
     tables : tuple of ((3,) ndarray, float) or None
-        For each view the table's unit normal n towards the camera, world frame, and n.x, metres; None where
-        it shows none.
-    left_out : tuple of LeftOut
-        What stands on the table and is no rope.
+        Each view's table: its unit normal n towards the camera, world frame, and n.x, metres. None where a
+        view shows no table.
+    other_objects : tuple of OtherObject
+        The things on the table that are no rope, once for each view that shows them.
     """
 
     views: tuple[View, ...]
     radius: float | None
-    tables: tuple[tuple[Array, float] | None, ...]
-    left_out: tuple[LeftOut, ...]
+    tables: tuple[Plane | None, ...]
+    other_objects: tuple[OtherObject, ...]
 
 
 def find_ropes(
@@ -69,21 +65,20 @@ def find_ropes(
     radius: float | Sequence[float] | None = None,
     bounds: Bounds | None = None,
 ) -> FoundRopes:
-    """Tell ropes on a table from the table and from other things on it.
+    """Segment ropes on a table from the table and from other things on it.
 
-    In each view the plane that most points lie on is the table, however it is tilted. What stands above it is
-    a rope where it is a strip of one width, and thin or low; the width is the one that the longest strips
-    have, for their width. Everything else is left out.
+    The table is the plane that most points of a view lie on. It may be tilted. A thing on it is a rope where
+    it is a strip of one width, and thin or low. Ropes have the width that the longest strips have, relative
+    to their width.
 
     Parameters
     ----------
     views : sequence of View
     radius : float or sequence of float, optional
-        The ropes' radius, or the radii of ropes that differ, metres; found by how wide strips are if not
-        given.
+        The ropes' radius, or the radii of ropes that differ, metres. Without it, the strips' widths give it.
     bounds : pair of (3,) array_like, or Box, optional
-        Where ropes are sought on the table, metres, as for `strand.reconstruct`; anywhere if not given. The
-        table is found by all that a view shows.
+        The extraction range as for `strand.reconstruct`, metres. Ropes are sought inside it, the table in the
+        whole view. Without bounds, ropes are sought on all of the table.
 
     Returns
     -------
@@ -96,70 +91,58 @@ def find_ropes(
     ValueError
         If there are no views, the radius is not positive or the bounds are no box.
     strand.NoRopeError
-        If there is a table, and no rope on it.
+        If there is a table without a rope on it.
+
+    Examples
+    --------
+    >>> import strand
+    >>> scene = strand.synthetic.cluttered(4)
+    >>> found = strand.find_ropes(scene.views)
+    >>> model = strand.reconstruct(found.views, found.radius)
     """
     views = checked_views(views)
     box = None if bounds is None else extraction_range(bounds)
     given = None if radius is None else Radii.given(radius).values
     asked = [k for k, view in enumerate(views) if view.mask is None and len(view.points)]
     images = rope_images([views[k] for k in asked], [views[k] for k in asked], None)
-    tops = {k: top for k, image in zip(asked, images, strict=True) if (top := tabletop(image)) is not None}
+    tops = {
+        k: top for k, image in zip(asked, images, strict=True) if (top := find_tabletop(image)) is not None
+    }
     found = list(views)
-    tables: list[tuple[Array, float] | None] = [None] * len(views)
+    tables: list[Plane | None] = [None] * len(views)
     if not tops:
         return FoundRopes(tuple(views), None, tuple(tables), ())
-    inside = {k: True if box is None else _held(top.image, box) for k, top in tops.items()}
-    widths = strip_radius([replace(top.image, mask=top.image.mask & inside[k]) for k, top in tops.items()])
-    thin, thick = (widths, widths) if given is None else (float(given.min()), float(given.max()))
-    left_out: list[LeftOut] = []
+    inside = {k: True if box is None else _select_inside(top.image, box) for k, top in tops.items()}
+    width = estimate_strip_radius(
+        [replace(top.image, mask=top.image.mask & inside[k]) for k, top in tops.items()]
+    )
+    thin, thick = (width, width) if given is None else (float(given.min()), float(given.max()))
+    others: list[OtherObject] = []
     shown = []
     for k, top in tops.items():
-        mask, others = rope_strips(top, thin, thick, k)
-        left_out += [thing for thing in others if box is None or box.holds(thing.place)]
+        mask, things = segment_ropes(top, thin, thick, k)
+        others += [thing for thing in things if box is None or box.holds(thing.place)]
         shown.append(replace(top.image, mask=mask & inside[k]))
-        tables[k] = (top.normal, top.offset)
-        found[k] = _only(views[k], shown[-1])
-    own = strip_radius(shown)
-    longest = max(float(strip_lengths(image, own).max(initial=0.0)) for image in shown)
-    if longest < _SHORTEST * own or not any(len(found[k].points) for k in tops):
-        low_things = any(_area(image) > 2.0 * _SHORTEST * thin**2 for image in shown)
-        raise NoRopeError(f"views: {_why_none(left_out, longest, own, box)}", low_things)
-    return FoundRopes(tuple(found), widths, tuple(tables), tuple(left_out))
+        tables[k] = top.plane
+        found[k] = _mask_view(views[k], shown[-1])
+    own = estimate_strip_radius(shown)
+    longest = max(float(measure_strip_lengths(image, own).max(initial=0.0)) for image in shown)
+    if longest < _MIN_LENGTH * own or not any(len(found[k].points) for k in tops):
+        low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin**2 for image in shown)
+        raise NoRopeError(f"views: {_explain_none(others, longest, own, box)}", low_things)
+    return FoundRopes(tuple(found), width, tuple(tables), tuple(others))
 
 
-def on_table(views: Sequence[View], within: Sequence[View]) -> bool:
-    """Tell whether an extraction range holds a table: most of what one view shows in it lies on one.
-
-    Parameters
-    ----------
-    views : sequence of View
-        Without masks.
-    within : sequence of View
-        The same views, cropped.
-    """
-    most = max(range(len(views)), key=lambda k: len(within[k].points))
-    view, own = views[most], within[most]
-    size = _PIXELS if view.image is None else view.image.depth.size
-    # a quick look first
-    if len(own.points) < _PART * size or table_in(own.points[:: max(len(own.points) // _LOOK, 1)]) is None:
-        return False
-    (image,) = rope_images([own], [view], None)
-    top = tabletop(image)
-    if top is None:
-        return False
-    return bool(2 * np.count_nonzero(image.mask & top.image.mask) < np.count_nonzero(image.mask))
-
-
-def _held(image: RopeImage, box: Box) -> NDArray[np.bool_]:
-    """(H, W) Which pixels show what is in an extraction range."""
+def _select_inside(image: RopeImage, box: Box) -> NDArray[np.bool_]:
+    """(H, W) Return which pixels show points in an extraction range."""
     rows, columns = np.nonzero(image.depth > 0)
     found = np.zeros_like(image.mask)
     found[rows, columns] = box.holds(image.world(rows, columns, image.depth[rows, columns]))
     return found
 
 
-def _only(view: View, image: RopeImage) -> View:
-    """Return a view with what a mask shows alone."""
+def _mask_view(view: View, image: RopeImage) -> View:
+    """Return a view with only the points that an image's mask shows."""
     if view.image is not None:
         return masked(view, image.mask)
     columns, rows = np.rint(image.projected(view.world_points)).astype(np.int64).T
@@ -170,19 +153,19 @@ def _only(view: View, image: RopeImage) -> View:
     return View(view.points[inside], view.pose, colors=colors)
 
 
-def _area(image: RopeImage) -> float:
-    """Area of what a mask shows as it is seen, square metres."""
+def _measure_area(image: RopeImage) -> float:
+    """Return the area that a mask shows, across the rays, square metres."""
     return float(np.sum(image.depth[image.mask] ** 2) / (image.focal[0] * image.focal[1]))
 
 
-def _why_none(left_out: list[LeftOut], longest: float, radius: float, box: Box | None) -> str:
-    """Say what there is instead of a rope."""
+def _explain_none(others: list[OtherObject], longest: float, radius: float, box: Box | None) -> str:
+    """Say what stands on a table instead of a rope."""
     strips = (
         f"the longest strip of one width is {1e3 * longest:.0f} mm long and {2e3 * radius:.0f} mm wide"
         if longest > 0.0
         else "nothing that stands on it is a strip of one width"
     )
-    count = len(left_out)
-    things = f", and {count} thing{'s were' if count > 1 else ' was'} left out" if count else ""
-    bounds = "bounds around it" if box is None else "bounds that leave the table out"
+    count = len(others)
+    things = f", and {count} thing{'s were' if count > 1 else ' was'} dropped" if count else ""
+    bounds = "bounds around it" if box is None else "bounds that exclude the table"
     return f"no rope on the table: {strips}{things}; if there is one, give {bounds}, or masks"

@@ -1,4 +1,4 @@
-"""Ropes told from other things that stand on a table: strips of one width that are thin, or low."""
+"""Ropes segmented from other things on a table: strips of one width that are thin or low."""
 
 from __future__ import annotations
 
@@ -9,36 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.finding.plane import in_plane
 from strand.reconstruction.finding.standing import Tabletop
-from strand.reconstruction.finding.widths import strip_lengths
-from strand.reconstruction.images.above_table import standing_out
+from strand.reconstruction.finding.widths import measure_strip_lengths
+from strand.reconstruction.images.above_table import segment_above_table
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 
-# in radii: half the width from which on something is wide; as high as ropes pile up; how far around a wide,
-# high thing what is wide belongs to it, in plan
-_WIDE, _PILE, _BESIDE = 1.6, 5.5, 3.0
-# thin pieces beside such a thing belong to it if they are shorter than this and lie this high, or shorter
-# than that at any height; shorter pieces anywhere are specks; radii
-_SHORT, _HIGH, _SCRAP, _SPECK = 30.0, 3.5, 8.0, 3.0
-# cells of a plan, at most, along each side
-_FINEST = 2000
-# pixels that things are grown by, and the share of heights below a thing's top
-_EDGE, _TOP = 2.0, 0.9
+_WIDE = 1.6  # radii: what has a larger half width is wider than crossing strands
+_MAX_PILE = 5.5  # radii: ropes pile up no higher
+_BESIDE = 3.0  # radii around a thing, seen from above: what is wide there belongs to it
+_MIN_LENGTH = 3.0  # radii: shorter pieces are specks
+_MIN_LENGTH_BESIDE = 8.0  # radii: shorter pieces beside a thing belong to it
+_MIN_LENGTH_HIGH = 30.0  # radii: shorter and high pieces beside a thing belong to it
+_HIGH = 3.5  # radii: height of such pieces
+_MAX_CELLS = 2000  # cells along each side of a plan
+_EDGE = 2.0  # pixels that things are grown by
+_TOP = 0.9  # share of a thing's heights that are below its top
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
-    """Something that stands on the table and is no rope.
+class OtherObject:
+    """A thing that stands on the table and is no rope.
 
     Attributes
     ----------
     view : int
-        The view that saw it.
+        The view that shows it.
     place : (3,) ndarray
-        Its middle, as seen, in the world frame, metres.
+        The middle of its points, world frame, metres.
     reason : str
+        Why it is no rope.
     """
 
     view: int
@@ -46,12 +47,13 @@ class LeftOut:
     reason: str
 
 
-def rope_strips(
+def segment_ropes(
     top: Tabletop, thin: float, thick: float, view: int
-) -> tuple[NDArray[np.bool_], list[LeftOut]]:
-    """Return the pixels that may be ropes of some radii standing on a table, and what else stands there.
+) -> tuple[NDArray[np.bool_], list[OtherObject]]:
+    """Segment ropes from other things that stand on a table.
 
-    What is wider than two strands and higher than ropes pile up is a thing, and so is what is wide below it.
+    What is wider than two strands and higher than ropes pile up is a thing. What is wide beside or below it
+    belongs to it.
 
     Parameters
     ----------
@@ -59,40 +61,42 @@ def rope_strips(
     thin, thick : float
         The least and the greatest radius of the ropes, metres.
     view : int
-        Its number, for what is left out.
+        The view's number.
 
     Returns
     -------
     mask : (H, W) ndarray of bool
-    left_out : list of LeftOut
+        Pixels that may be ropes.
+    others : list of OtherObject
     """
-    image = replace(top.image, mask=standing_out(top.image, (top.normal, top.offset), None, thin))
-    wide = _opened(image, thick)
+    image = replace(top.image, mask=segment_above_table(top.image, top.plane, None, thin))
+    wide = _open_mask(image, thick)
     things, numbers = np.zeros_like(wide), _core.blob_numbers(wide)
-    left_out = []
-    for rows, columns in _blobs(numbers):
+    others = []
+    for rows, columns in _split_blobs(numbers):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
-        if highest > _PILE * thick:
+        if highest > _MAX_PILE * thick:
             things[rows, columns] = True
             reason = f"wider than ropes of radius {1e3 * thick:.1f} mm, and {1e3 * highest:.0f} mm high"
-            left_out.append(LeftOut(view, _middle(image, rows, columns), reason))
-    things |= wide & _around(image, things, top.normal, thick)
+            others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
+    things |= wide & _select_around(image, things, top.plane, thick)
     near = _core.edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
-    lengths = strip_lengths(replace(image, mask=mask)) / thick
-    for number, (rows, columns) in enumerate(_blobs(_core.blob_numbers(mask)), 1):
+    lengths = measure_strip_lengths(replace(image, mask=mask)) / thick
+    for number, (rows, columns) in enumerate(_split_blobs(_core.blob_numbers(mask)), 1):
         length = float(lengths[number]) if number < len(lengths) else 0.0
-        high = float(np.median(top.above[rows, columns])) / thick
+        height = float(np.median(top.above[rows, columns])) / thick
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
-        if length < _SPECK or (beside and (length < _SCRAP or (length < _SHORT and high > _HIGH))):
+        own = length < _MIN_LENGTH_BESIDE or (length < _MIN_LENGTH_HIGH and height > _HIGH)
+        if length < _MIN_LENGTH or (beside and own):
             mask[rows, columns] = False
-            if beside and length >= _SPECK:
+            if beside and length >= _MIN_LENGTH:
                 reason = f"a thin piece, {1e3 * length * thick:.0f} mm long, of a thing beside it"
-                left_out.append(LeftOut(view, _middle(image, rows, columns), reason))
-    return mask, left_out
+                others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
+    return mask, others
 
 
-def _blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _split_blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Yield the rows and columns of each blob, by its number."""
     rows, columns = np.nonzero(numbers)
     own = numbers[rows, columns]
@@ -102,13 +106,14 @@ def _blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDAr
             yield rows[part], columns[part]
 
 
-def _middle(image: RopeImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+def _find_middle(image: RopeImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    """(3,) Return the median of the points that pixels show, world frame."""
     z = image.depth[rows, columns]
     return np.asarray(np.median(image.world(rows, columns, z)[z > 0], axis=0))
 
 
-def _opened(image: RopeImage, radius: float) -> NDArray[np.bool_]:
-    """Pixels of a mask that lie in discs inside of it that are wider than crossing strands."""
+def _open_mask(image: RopeImage, radius: float) -> NDArray[np.bool_]:
+    """Return the pixels in discs that fit into the mask and are wider than crossing strands."""
     with np.errstate(divide="ignore"):
         reach = _WIDE * radius * image.focal[0] / image.depth
     core = image.mask & (_core.edge_distances(image.mask, sum(image.mask.shape)) - 0.5 > reach)
@@ -117,17 +122,19 @@ def _opened(image: RopeImage, radius: float) -> NDArray[np.bool_]:
     return np.asarray(image.mask & (core | (_core.edge_distances(~core, sum(core.shape)) < reach + 0.5)))
 
 
-def _around(image: RopeImage, things: NDArray[np.bool_], normal: Array, radius: float) -> NDArray[np.bool_]:
-    """Pixels of the mask that lie below or close beside things, as seen from straight above the table."""
+def _select_around(
+    image: RopeImage, things: NDArray[np.bool_], table: Plane, radius: float
+) -> NDArray[np.bool_]:
+    """Return the mask's pixels that lie below or beside things, seen from straight above the table."""
     found = np.zeros_like(things)
     if not things.any():
         return found
     rows, columns = np.nonzero(image.mask & (image.depth > 0))
-    plan = image.world(rows, columns, image.depth[rows, columns]) @ in_plane(normal)
+    plan = image.world(rows, columns, image.depth[rows, columns]) @ table.axes()
     margin = int(_BESIDE) + 1
     low, high = plan.min(axis=0), plan.max(axis=0)
     # a wrong unit may spread a view over kilometres
-    side = max(radius, float((high - low).max()) / _FINEST)
+    side = max(radius, float((high - low).max()) / _MAX_CELLS)
     cells = np.floor((plan - low) / side).astype(np.int64) + margin
     grid = np.zeros(cells.max(axis=0) + margin + 1, dtype=bool)
     grid[tuple(cells[things[rows, columns]].T)] = True

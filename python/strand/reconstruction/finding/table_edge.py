@@ -1,4 +1,4 @@
-"""Ropes that hang over the edge of the table that they were found on: what is below it was left out."""
+"""Ropes that hang over the edge of the table that they were found on: strand drops what is below it."""
 
 from __future__ import annotations
 
@@ -7,58 +7,61 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.reconstruction.images.table_plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.view import View
 
-# points so near an end are looked at, radii; below the table by so much, radii and standard deviations of
-# its depths, they are beyond its edge; fewest of them that say so; how much doubt that is
-_AROUND, _BELOW, _CLEARLY, _FEWEST, _GOES_ON = 6.0, 1.5, 6.0, 10, 1.5
+_REACH = 6.0  # radii around an end: points there count
+_BELOW = 1.5  # radii below the table: points there are beyond its edge
+_DEVIATIONS = 6.0  # standard deviations of the table's heights: points that far below are beyond its edge
+_DEVIATION_OF_MEDIAN = 1.5  # standard deviation over the median of absolute heights, rounded up
+_MIN_POINTS = 10  # beyond the edge: with fewer an end is not doubted
+_DOUBT = 1.5  # amount of doubt of an end
 
 
-def over_the_edge(
-    chains: Sequence[Chain], views: Sequence[View], tables: Sequence[tuple[Array, float] | None]
+def doubt_ends_at_edge(
+    chains: Sequence[Chain], views: Sequence[View], tables: Sequence[Plane | None]
 ) -> list[tuple[Doubt, tuple[int, ...]]]:
-    """Doubt ends near which something is seen below the table: the rope may go on there.
+    """Doubt ends near which a view shows points below the table: the rope may go on there.
 
     Parameters
     ----------
     chains : sequence of Chain
     views : sequence of View
-        With all that they saw.
-    tables : sequence of ((3,) ndarray, float) or None
-        Unit normal n of the table in each view, world frame, and n.x, metres; None where it shows none.
+        Not cropped.
+    tables : sequence of Plane or None
+        Each view's table, world frame; None where it shows none.
 
     Returns
     -------
     list of (Doubt, tuple of int)
-        Each with the number of the chain that it is about.
+        Each with the number of its chain.
     """
     found: list[tuple[Doubt, tuple[int, ...]]] = []
     for number, chain in enumerate(chains):
         for end in () if chain.closed else (chain.points[0], chain.points[-1]):
             if any(
-                _below(view, table, end, chain.radius) >= _FEWEST
+                _count_below(view, table, end, chain.radius) >= _MIN_POINTS
                 for view, table in zip(views, tables, strict=True)
                 if table is not None
             ):
                 reason = "something is seen below the table's edge beside this end: the rope may go on there"
-                found.append((Doubt("end", _GOES_ON, "where a rope ends", reason, end), (number,)))
+                found.append((Doubt("end", _DOUBT, "where a rope ends", reason, end), (number,)))
     return found
 
 
-def _below(view: View, table: tuple[Array, float], end: Array, radius: float) -> int:
-    """How many points near an end lie clearly below a table."""
-    points = _near(view, end, _AROUND * radius)
-    heights = points @ table[0] - table[1]
+def _count_below(view: View, table: Plane, end: Array, radius: float) -> int:
+    """Return how many points near an end lie clearly below a table."""
+    heights = table.heights(_select_near(view, end, _REACH * radius))
     on_table = np.abs(heights[np.abs(heights) < _BELOW * radius])
-    scatter = 1.5 * float(np.median(on_table)) if len(on_table) else 0.0
-    return int(np.count_nonzero(heights < -max(_BELOW * radius, _CLEARLY * scatter)))
+    scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
+    return int(np.count_nonzero(heights < -max(_BELOW * radius, _DEVIATIONS * scatter)))
 
 
-def _near(view: View, place: Array, reach: float) -> Array:
-    """(N, 3) The points of a view within reach of a place, world frame."""
+def _select_near(view: View, place: Array, reach: float) -> Array:
+    """(N, 3) Return the points of a view within reach of a place, metres, world frame."""
     if view.image is None:
         points = view.world_points
     else:

@@ -1,4 +1,4 @@
-"""How wide the strips are that stand above a table: the radius that ropes among them have."""
+"""Widths of the strips that stand above a table: most of them are ropes."""
 
 from __future__ import annotations
 
@@ -11,51 +11,37 @@ import strand._core as _core
 from strand.reconstruction.images.rope_image import RopeImage
 from strand.support.checks import Array
 
-# half widths that may be a rope's, metres, and how much they vary along one, as a logarithm
-_NARROWEST, _WIDEST, _STEPS, _ALIKE = 0.0008, 0.03, 120, 0.2
-# the middle of a strip is so far from its edge at least, pixels
-_LEAST = 1.5
+_MIN_RADIUS = 0.0008  # metres
+_MAX_RADIUS = 0.03  # metres
+_RADII = 120  # radii that are tried
+_SAME_WIDTH = 0.2  # logarithm of half widths: strips of one width differ by less
+_MIN_DISTANCE = 1.5  # pixels from a strip's middle to its edge
 
 
-def strip_radius(images: Sequence[RopeImage]) -> float:
-    """Find the half width that most of the strips in masks have, for their width.
-
-    Parameters
-    ----------
-    images : sequence of RopeImage
-        With masks of what stands above the table.
-
-    Returns
-    -------
-    float
-        Metres.
-    """
-    grid = np.exp(np.linspace(np.log(_NARROWEST), np.log(_WIDEST), _STEPS))
+def estimate_strip_radius(images: Sequence[RopeImage]) -> float:
+    """Return the half width, metres, of the strips in masks that are longest for their width."""
+    radii = np.exp(np.linspace(np.log(_MIN_RADIUS), np.log(_MAX_RADIUS), _RADII))
     logs, lengths = (
-        np.concatenate(parts) for parts in zip(*(_middles(image)[:2] for image in images), strict=True)
+        np.concatenate(parts) for parts in zip(*(_find_middles(image)[:2] for image in images), strict=True)
     )
-    scores = [lengths[np.abs(logs - np.log(radius)) < _ALIKE].sum() / radius for radius in grid]
-    return float(grid[int(np.argmax(scores))])
+    scores = [lengths[np.abs(logs - np.log(radius)) < _SAME_WIDTH].sum() / radius for radius in radii]
+    return float(radii[int(np.argmax(scores))])
 
 
-def strip_lengths(image: RopeImage, radius: float | None = None) -> Array:
-    """(B + 1,) How long the strips in each blob of a mask are along their middle, metres.
+def measure_strip_lengths(image: RopeImage, radius: float | None = None) -> Array:
+    """(B + 1,) Return the lengths of the strips in each blob of a mask along their middle, metres.
 
-    Parameters
-    ----------
-    image : RopeImage
-    radius : float, optional
-        Only those of about this half width count, metres.
+    With a radius, metres, only strips of about this half width count.
     """
-    logs, lengths, middle = _middles(image)
+    logs, lengths, middle = _find_middles(image)
     own = _core.blob_numbers(image.mask)[middle]
     if radius is not None:
-        lengths = np.where(np.abs(logs - np.log(radius)) < _ALIKE, lengths, 0.0)
+        lengths = np.where(np.abs(logs - np.log(radius)) < _SAME_WIDTH, lengths, 0.0)
     return np.asarray(np.bincount(own, lengths), dtype=np.float64)
 
 
-def _middles(image: RopeImage) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Logarithms of half widths and lengths, metres, at the pixels of strips' middles, and these pixels."""
+def _find_middles(image: RopeImage) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return logarithms of half widths, and lengths, metres, at the pixels of strips' middles; and these."""
     away = _core.edge_distances(image.mask, sum(image.mask.shape))
     around = np.pad(away, 1)
     height, width = away.shape
@@ -63,7 +49,7 @@ def _middles(image: RopeImage) -> tuple[Array, Array, NDArray[np.bool_]]:
     for down in range(3):
         for right in range(3):
             np.maximum(most, around[down : down + height, right : right + width], out=most)
-    middle = (away >= most) & (away > _LEAST) & (image.depth > 0)
+    middle = (away >= most) & (away > _MIN_DISTANCE) & (image.depth > 0)
     pixel = image.depth[middle] / image.focal[0]
     # the edge runs between the pixels
     return np.log((away[middle] - 0.5) * pixel), pixel, middle

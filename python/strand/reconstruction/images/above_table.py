@@ -1,4 +1,4 @@
-"""Ropes told from their table in noisy depth: where a smoothed height stands out."""
+"""Ropes segmented from their table in noisy depth: smoothed heights that stand out."""
 
 from __future__ import annotations
 
@@ -11,54 +11,41 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.reconstruction.images.pixel_errors import neighbours_alike
 from strand.reconstruction.images.rope_image import RopeImage, rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.view import View, cropped, masked
 
-LOWEST = -2.0
-"""Single heights count only above this, radii."""
-
-# and only below this; the smoothing's standard deviation, and where a rope's edge is: at half of its mean
-# height; radii
-_HIGHEST, _SMOOTH, _EDGE = 4.0, 0.45, 0.85
-# share of the smoothed pixels that must have depth
-_SEEN = 0.3
-# radius of the widest rope that is told from its table, as part of the image's longer side
-_WIDEST = 0.25
-# a view without a mask of whose points this share lies on the table, lower than so many radii, shows more
-# than ropes; ropes are looked for so many radii around those that masks show
-_ON_TABLE, _LOW, _AROUND = 0.3, 0.5, 4.0
-# from this on errors of neighbouring pixels are so much alike that they look like ropes
-_ALIKE = 0.5
+MIN_HEIGHT = -2.0  # radii: lower heights of single pixels are cut off
+_MAX_HEIGHT = 4.0  # radii: higher heights of single pixels are cut off
+_SMOOTHING = 0.45  # radii: standard deviation of the Gaussian that smooths heights
+_MIN_SMOOTHING = 0.6  # pixels
+_EDGE_HEIGHT = 0.85  # radii: half of a rope's mean smoothed height, which is where its edge is
+_MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
+_MAX_RADIUS = 0.25  # of the image's longer side: wider ropes are not segmented
+_LOW = 0.5  # radii: lower points lie on the table
+_MIN_TABLE_SHARE = 0.3  # of a view's points lie on the table if it shows more than ropes
+_AROUND = 4.0  # radii around the ropes that masks show: other views' ropes are sought there
+_CORRELATED = 0.5  # correlation of neighboring pixels' errors from which on they look like ropes
 
 
-def without_untold(observed: Observed) -> Observed:
-    """Leave out views without a mask that do not tell ropes from their table, if others have masks.
+def drop_unclear_views(observed: Observed) -> Observed:
+    """Drop views without a mask in which errors hide the ropes, if others have masks.
 
-    Where errors of neighbouring pixels are alike, much stands out of a table that is no rope. Depth images
-    without a mask tell nothing then, and points that show the table neither.
-
-    Parameters
-    ----------
-    observed : Observed
-
-    Returns
-    -------
-    Observed
-        The same if all are kept.
+    Where errors of neighboring pixels are correlated, parts of the table stand out as ropes do. Then depth
+    images without a mask do not show which pixels are ropes, nor do points that include the table.
     """
-    shown = _shown_beside_masks(observed)
+    shown = _see_beside_masks(observed)
     if shown is None:
         return observed
     given, radius, images, table = shown
-    if neighbours_alike(images) < _ALIKE:
+    if neighbours_alike(images) < _CORRELATED:
         return observed
     kept = [
         k
         for k, view in enumerate(observed.whole)
-        if given[k] or not (view.image or (table and _on_table(observed.views[k], table, radius)))
+        if given[k] or not (view.image or (table and _shows_table(observed.views[k], table, radius)))
     ]
     if len(kept) == len(given):
         return observed
@@ -71,20 +58,12 @@ def without_untold(observed: Observed) -> Observed:
     )
 
 
-def all_masked(observed: Observed) -> Observed:
+def add_masks(observed: Observed) -> Observed:
     """Give views without a mask one of what stands out of the table near the ropes in other views' masks.
 
-    Views that show little of the table stay as they are, and all of them where there is no table.
-
-    Parameters
-    ----------
-    observed : Observed
-
-    Returns
-    -------
-    Observed
+    Views that show little of the table stay as they are. Without a table, all views do.
     """
-    shown = _shown_beside_masks(observed)
+    shown = _see_beside_masks(observed)
     if shown is None:
         return observed
     given, radius, images, table = shown
@@ -98,21 +77,19 @@ def all_masked(observed: Observed) -> Observed:
         near = Box(np.maximum(near.low, bounds.low), np.minimum(near.high, bounds.high), bounds.pose)
     views, whole = list(observed.views), list(observed.whole)
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
-        if view.image is None or given[number] or not _on_table(own, table, radius):
+        if view.image is None or given[number] or not _shows_table(own, table, radius):
             continue
-        cut = masked(view, standing_out(images[number], table, near, radius))
+        cut = masked(view, segment_above_table(images[number], table, near, radius))
         (inside,) = cropped([cut], near)
         if len(inside.points):
             views[number], whole[number] = inside, cut
     return replace(observed, views=tuple(views), whole=tuple(whole))
 
 
-def _shown_beside_masks(
-    observed: Observed,
-) -> tuple[list[bool], float, list[RopeImage], tuple[Array, float] | None] | None:
-    """Return which views have a mask, the ropes' radius, what all images show, and the table.
+def _see_beside_masks(observed: Observed) -> tuple[list[bool], float, list[RopeImage], Plane | None] | None:
+    """Return which views have a mask, the ropes' radius, all images, and the table in the middle mask's view.
 
-    None if all views have a mask, or none. The table is that of the middle one of those that have.
+    None if all views have a mask, or none.
     """
     given = observed.masked
     if all(given) or not any(given):
@@ -120,68 +97,52 @@ def _shown_beside_masks(
     radius = float(observed.radii.values[0])
     images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
     with_masks = np.flatnonzero(given)
-    return given, radius, images, table_plane(images, int(with_masks[len(with_masks) // 2]), radius)
+    middle = images[int(with_masks[len(with_masks) // 2])]
+    return given, radius, images, find_table_beside_ropes(middle, radius)
 
 
-def _on_table(view: View, table: tuple[Array, float], radius: float) -> bool:
-    """Tell whether a view shows more than ropes: much that lies on the table."""
-    normal, offset = table
-    return float(np.mean(view.world_points @ normal - offset < _LOW * radius)) >= _ON_TABLE
+def _shows_table(view: View, table: Plane, radius: float) -> bool:
+    """Tell whether many points of a view lie on a table."""
+    return float(np.mean(table.heights(view.world_points) < _LOW * radius)) >= _MIN_TABLE_SHARE
 
 
-def raised(
-    images: Sequence[RopeImage], table: tuple[Array, float] | None, bounds: Box | None, radius: float
+def mask_above_table(
+    images: Sequence[RopeImage], table: Plane | None, bounds: Box | None, radius: float
 ) -> list[RopeImage]:
-    """Return images with masks of what stands out from a table.
+    """Return images with masks of what stands out from a table, as `segment_above_table` finds it.
 
-    Parameters
-    ----------
-    images : sequence of RopeImage
-    table : ((3,) ndarray, float) or None
-        Its unit normal n and n.x, metres; without one the images stay as they are.
-    bounds : Box or None
-        The extraction range, metres.
-    radius : float
-        Metres.
-
-    Returns
-    -------
-    list of RopeImage
-        One in which nothing stands out stays as it is.
+    Images in which nothing stands out stay as they are. Without a table, all images do.
     """
     if table is None:
         return list(images)
     found = []
     for image in images:
-        mask = standing_out(image, table, bounds, radius)
+        mask = segment_above_table(image, table, bounds, radius)
         found.append(replace(image, mask=mask) if mask.any() else image)
     return found
 
 
-def standing_out(
-    image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float
-) -> np.ndarray:
-    """Return the pixels (H, W) where a smoothed height above a table is a rope's of this radius, metres."""
-    above, seen, across = heights(image, table, bounds, radius)
-    if not seen.any() or across > _WIDEST * max(image.mask.shape):
+def segment_above_table(
+    image: RopeImage, table: Plane, bounds: Box | None, radius: float
+) -> NDArray[np.bool_]:
+    """(H, W) Return the pixels in bounds whose smoothed height is that of a rope of a radius, metres."""
+    above, seen, pixels = measure_heights(image, table, bounds, radius)
+    if not seen.any() or pixels > _MAX_RADIUS * max(image.mask.shape):
         return np.zeros_like(image.mask)
-    kernel = gaussian(max(_SMOOTH * across, 0.6))
-    counted = np.where(seen, np.clip(above, LOWEST * radius, _HIGHEST * radius), 0.0)
-    shares = _core.convolved(seen.astype(np.float32), kernel)
-    smooth = _core.convolved(counted.astype(np.float32), kernel) / np.maximum(shares, 1e-9)
-    return np.asarray((smooth > _EDGE * radius) & (shares > _SEEN))
+    cut = np.clip(above, MIN_HEIGHT * radius, _MAX_HEIGHT * radius)
+    smooth, shares = smooth_where_seen(cut, seen, max(_SMOOTHING * pixels, _MIN_SMOOTHING))
+    return np.asarray((smooth > _EDGE_HEIGHT * radius) & (shares > _MIN_SEEN))
 
 
-def heights(
-    image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float
+def measure_heights(
+    image: RopeImage, table: Plane, bounds: Box | None, radius: float
 ) -> tuple[Array, NDArray[np.bool_], float]:
     """Return how far above a table each pixel shows something.
 
     Parameters
     ----------
     image : RopeImage
-    table : ((3,) ndarray, float)
-        Its unit normal n and n.x, metres.
+    table : Plane
     bounds : Box or None
         The extraction range, metres.
     radius : float
@@ -189,27 +150,42 @@ def heights(
 
     Returns
     -------
-    (H, W) ndarray, (H, W) ndarray of bool, float
-        Heights, metres; which pixels have depth and would be in the extraction range if they were a rope's;
-        the rope's radius at their median depth, pixels, 0 if there are none.
+    above : (H, W) ndarray
+        Heights, metres.
+    seen : (H, W) ndarray of bool
+        Pixels with depth that would be in the extraction range if they were a rope's.
+    pixels : float
+        The radius at the median depth of these, pixels; 0 if there are none.
     """
-    normal, offset = table
     height, width = image.depth.shape
     z = image.depth
     seen = z > 0
     rows, columns = np.mgrid[:height, :width]
     world = image.world(rows, columns, z)
-    above = world @ normal - offset
+    above = table.heights(world)
     if bounds is not None:
-        # where a rope's axis would be, whatever the noise says
-        axis = world + (radius - above)[..., None] * normal
+        # where a rope's axis would be, whatever the noise
+        axis = world + (radius - above)[..., None] * table.normal
         seen &= bounds.holds(axis, radius)
-    across = radius * image.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
-    return above, seen, across
+    pixels = radius * image.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
+    return above, seen, pixels
 
 
-def gaussian(deviation: float) -> list[float]:
-    """Return a Gaussian's weights from its middle on."""
+def smooth_where_seen(
+    values: Array, seen: NDArray[np.bool_], deviation: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return a Gaussian mean of the pixels that are seen around each, and the share of the weight these have.
+
+    The Gaussian has a standard deviation in pixels.
+    """
+    kernel = make_gaussian_kernel(deviation)
+    shares = _core.convolved(seen.astype(np.float32), kernel)
+    sums = _core.convolved(np.where(seen, values, 0.0).astype(np.float32), kernel)
+    return np.asarray(sums / np.maximum(shares, 1e-9), dtype=np.float32), shares
+
+
+def make_gaussian_kernel(deviation: float) -> list[float]:
+    """Return a Gaussian's weights from its middle on, by its standard deviation in pixels."""
     reach = int(np.ceil(3.0 * deviation))
     kernel = np.exp(-0.5 * (np.arange(reach + 1) / deviation) ** 2)
     return [float(weight) for weight in kernel / (kernel[0] + 2.0 * kernel[1:].sum())]

@@ -14,11 +14,9 @@ from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
 from strand.reconstruction.images.labels import label_changes
 from strand.reconstruction.images.pixel_errors import Errors
+from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
-
-Table = tuple[Array, float] | None
-"""A plane's unit normal n towards the cameras, and n.x on it, metres."""
 
 # what a hypothesis costs: mask that nothing covers, tube outside masks, squares of depth's residuals, bending
 # and its change, and what its reading of the image costs
@@ -144,7 +142,7 @@ def _length(chains: Sequence[Array]) -> float:
 def fitted(
     images: RopeImages,
     readings: Sequence[Reading],
-    table: Table,
+    table: Plane | None,
     held: int,
     errors: Errors,
     config: Config,
@@ -159,7 +157,7 @@ def fitted(
 def explained(
     images: RopeImages,
     readings: Sequence[Reading],
-    table: Table,
+    table: Plane | None,
     held: int,
     errors: Errors,
     config: Config,
@@ -242,7 +240,7 @@ def _seen_through(fit: ImageFit, visibility: Visibility, observed: Observed) -> 
 
 
 def refitted(
-    images: RopeImages, fit: ImageFit, table: Table, held: int, errors: Errors, config: Config
+    images: RopeImages, fit: ImageFit, table: Plane | None, held: int, errors: Errors, config: Config
 ) -> ImageFit:
     """Fit a hypothesis once more from where its fit ended, with covariances; the same fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)

@@ -6,6 +6,7 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.geometry.polyline import path_length
+from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 
 # how far along the rope ends are looked for, and in which steps, radii; nodes that say where it goes there
@@ -16,17 +17,14 @@ _FROM, _FALLS = (0.0, 1.5, 3.0), (0.0, 0.4)
 _STEEP = 0.1
 
 
-def ends_moved(
-    images: RopeImages, fit: ImageFit, table: tuple[Array, float], noise: float, radius: float
-) -> ImageFit:
+def ends_moved(images: RopeImages, fit: ImageFit, table: Plane, noise: float, radius: float) -> ImageFit:
     """Return a fit of which the ropes end where the depths of all pixels agree most.
 
     Parameters
     ----------
     images : RopeImages
     fit : ImageFit
-    table : ((3,) ndarray, float)
-        Its unit normal n and n.x, metres.
+    table : Plane
     noise : float
         Standard deviation of depth, metres.
     radius : float
@@ -58,9 +56,7 @@ def ends_moved(
     return images.through(fit, chains) if moved else fit
 
 
-def _changed(
-    nodes: Array, cut: float, added: float, slope: float, table: tuple[Array, float], radius: float
-) -> Array:
+def _changed(nodes: Array, cut: float, added: float, slope: float, table: Plane, radius: float) -> Array:
     """Return a rope that is cut before its end, but not before its middle, and led on from there.
 
     Nothing carries what is led on: it does not rise, and may fall until it lies on the table.
@@ -72,7 +68,7 @@ def _changed(
         How much is taken away, and then added, metres.
     slope : float
         By how much it falls for each length that it goes on.
-    table : ((3,) ndarray, float)
+    table : Plane
     radius : float
         Metres.
     """

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.above_table import LOWEST, gaussian, heights
+from strand.reconstruction.images.above_table import MIN_HEIGHT, make_gaussian_kernel, measure_heights
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
 
@@ -20,7 +21,7 @@ _FINEST = 0.5
 _HIGHEST = 8.0
 
 
-def points_along(image: RopeImage, table: tuple[Array, float], bounds: Box | None, radius: float) -> Array:
+def points_along(image: RopeImage, table: Plane, bounds: Box | None, radius: float) -> Array:
     """Return a mask's pixels as points, whose heights are means along the rope.
 
     A rope runs where heights change least: across the strongest direction of the structure tensor (Förstner
@@ -30,8 +31,7 @@ def points_along(image: RopeImage, table: tuple[Array, float], bounds: Box | Non
     Parameters
     ----------
     image : RopeImage
-    table : ((3,) ndarray, float)
-        Its unit normal n and n.x, metres.
+    table : Plane
     bounds : Box or None
         The extraction range, metres.
     radius : float
@@ -42,8 +42,8 @@ def points_along(image: RopeImage, table: tuple[Array, float], bounds: Box | Non
     (N, 3) ndarray
         In the camera's frame, metres.
     """
-    above, seen, across = heights(image, table, bounds, radius)
-    counted = np.where(seen, np.clip(above, LOWEST * radius, _HIGHEST * radius) / radius, 0.0)
+    above, seen, across = measure_heights(image, table, bounds, radius)
+    counted = np.where(seen, np.clip(above, MIN_HEIGHT * radius, _HIGHEST * radius) / radius, 0.0)
     own = seen & image.mask
     if not own.any():
         return np.empty((0, 3))
@@ -51,7 +51,10 @@ def points_along(image: RopeImage, table: tuple[Array, float], bounds: Box | Non
 
     def mean(values: Array | NDArray[np.bool_], deviation: float) -> Array:
         return np.asarray(
-            _core.convolved(values.astype(np.float32), gaussian(max(deviation * across, _FINEST))), float
+            _core.convolved(
+                values.astype(np.float32), make_gaussian_kernel(max(deviation * across, _FINEST))
+            ),
+            float,
         )
 
     smooth = mean(counted, _SLOPE) / np.maximum(mean(seen, _SLOPE), 1e-6)

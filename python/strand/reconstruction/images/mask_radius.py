@@ -9,7 +9,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.images.rope_image import RopeImage, prepared
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.support.checks import Array
 
 # a rope's top is seen this much lower above its table than it is: matchers and mixed pixels pull it down
@@ -58,14 +58,14 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
         before, radius = radius, np.count_nonzero(image.mask) / (2.0 * length) * scale
         if abs(radius / before - 1.0) < _SAME:
             break
-    table = table_plane(images, middle, radius)
+    table = find_table_beside_ropes(image, radius)
     if table is not None and chains:
         height = _height(image, np.vstack(chains), table)
         radius = 0.5 * (radius + min(max(0.5 * height / _SEEN_HEIGHT, 0.5 * radius), 1.5 * radius))
     return np.array([radius]), np.array([_SD * radius])
 
 
-def _height(image: RopeImage, axis: Array, table: tuple[Array, float]) -> float:
+def _height(image: RopeImage, axis: Array, table: Plane) -> float:
     """How high above the table the pixels along a rope's axis in the image are, in the median, metres."""
     columns, rows = np.rint(axis).astype(np.int64).T
     height, width = image.depth.shape
@@ -74,5 +74,4 @@ def _height(image: RopeImage, axis: Array, table: tuple[Array, float]) -> float:
     z = image.depth[rows, columns]
     seen = z > 0
     world = image.world(rows[seen], columns[seen], z[seen])
-    normal, offset = table
-    return float(np.median(world @ normal - offset)) if len(world) else 0.0
+    return float(np.median(table.heights(world))) if len(world) else 0.0

@@ -9,9 +9,9 @@ import numpy as np
 from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
-from strand.reconstruction.images.above_table import raised
+from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import ends_that_go_on
-from strand.reconstruction.images.comparison import Explanation, Table, explained, likely_readings, refitted
+from strand.reconstruction.images.comparison import Explanation, explained, likely_readings, refitted
 from strand.reconstruction.images.image_doubts import distinct, doubts, ends_at_strands, wide_masks
 from strand.reconstruction.images.image_ends import ends_moved
 from strand.reconstruction.images.image_nodes import as_chains, corrected_poses
@@ -24,7 +24,7 @@ from strand.reconstruction.images.pixel_errors import (
     sensor_of,
 )
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Alternative
 from strand.support.lazy import lazy_property
@@ -44,7 +44,7 @@ class Read:
     Attributes
     ----------
     images : RopeImages
-    table : ((3,) ndarray, float) or None
+    table : Plane or None
     held : int
         The view whose pose is held.
     explanations : list of Explanation
@@ -59,7 +59,7 @@ class Read:
     """
 
     images: RopeImages
-    table: Table
+    table: Plane | None
     held: int
     explanations: list[Explanation]
     taken: list[RopeImage]
@@ -87,9 +87,9 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
     held = observed.held
     with run.stage("images"):
         taken = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
-        table = table_plane(taken, held, radius)
+        table = find_table_beside_ropes(taken[held], radius)
         if not any(observed.masked):
-            taken = raised(taken, table, observed.bounds, radius)
+            taken = mask_above_table(taken, table, observed.bounds, radius)
         try:
             images = prepared(taken, radius)
         except ValueError as error:

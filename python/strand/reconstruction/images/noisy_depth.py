@@ -14,7 +14,7 @@ import numpy as np
 from strand._core import NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.geometry.polyline import path_length
-from strand.reconstruction.images.above_table import raised
+from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.comparison import (
     ROPE,
     Explanation,
@@ -32,7 +32,7 @@ from strand.reconstruction.images.method import Read
 from strand.reconstruction.images.outlined import averaged, mean_noise, outlined
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
 from strand.views.view import View
@@ -64,7 +64,7 @@ _NO_ROPE = "views: no rope stands out from the table; is the radius right, in me
 class _Scene:
     """The views and what their fits need to know."""
 
-    table: tuple[Array, float]
+    table: Plane
     held: int
     noise: float
     radius: float
@@ -133,13 +133,13 @@ def read_scattered(
     held = observed.held
     with run.stage("images"):
         whole = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
-        table = table_plane(whole, held, radius)
+        table = find_table_beside_ropes(whole[held], radius)
         if table is None:
             raise NotEnoughDataError("views: their depths scatter too widely to tell a rope without a table")
         coarse = [averaged(image, radius) for image in whole]
         side = float(np.median([side for _, side in coarse]))
         noise = mean_noise(scatter, round(side), radius)
-        first = raised([image for image, _ in coarse], table, observed.bounds, radius)
+        first = mask_above_table([image for image, _ in coarse], table, observed.bounds, radius)
         weights = () if run.late("masks with short outlines") else _OUTLINES
         outlines = [outlined(image, table, observed.bounds, radius, noise, weights) for image in first]
         masked = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
@@ -196,7 +196,7 @@ def _without_bits(found: Sequence[_Candidate], radius: float) -> list[_Candidate
 def _tubes(
     observed: Observed,
     taken: Sequence[RopeImage],
-    table: tuple[Array, float],
+    table: Plane,
     config: Config,
     run: Run,
     find_tubes: FindTubes,

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.above_table import LOWEST, heights
+from strand.reconstruction.images.above_table import MIN_HEIGHT, measure_heights
 from strand.reconstruction.images.rope_image import RopeImage
+from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
 
@@ -74,7 +75,7 @@ def mean_noise(scatter: float, side: int, radius: float) -> float:
 
 def outlined(
     image: RopeImage,
-    table: tuple[Array, float],
+    table: Plane,
     bounds: Box | None,
     radius: float,
     noise: float,
@@ -88,8 +89,7 @@ def outlined(
     ----------
     image : RopeImage
         With a first mask, around which ropes are looked for.
-    table : ((3,) ndarray, float)
-        Its unit normal n and n.x, metres.
+    table : Plane
     bounds : Box or None
         The extraction range, metres.
     radius : float
@@ -107,15 +107,15 @@ def outlined(
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return [image] * len(weights)
-    above, seen, across = heights(image, table, bounds, radius)
+    above, seen, across = measure_heights(image, table, bounds, radius)
     reach = int(_MARGIN[0] * across) + _MARGIN[1]
     part = (
         slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),
         slice(max(columns[0] - reach, 0), columns[-1] + reach + 1),
     )
     # depth along the ray is seen as height at a slant
-    variance = (noise / radius * float(table[0] @ image.pose[:3, 2])) ** 2
-    clipped = np.clip(above[part] / radius, LOWEST, _HIGHEST)
+    variance = (noise / radius * float(table.normal @ image.pose[:3, 2])) ** 2
+    clipped = np.clip(above[part] / radius, MIN_HEIGHT, _HIGHEST)
     evidence = np.where(seen[part], (_EDGE - clipped) * _EDGE / max(variance, 1e-6), 0.0)
     found = []
     for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):

@@ -1,88 +1,217 @@
-"""The plane that ropes lie on, as the cameras saw it around them."""
+"""The table: whether there is one, and which plane it is."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+import strand._core as _core
 from strand.reconstruction.images.rope_image import RopeImage
 from strand.support.checks import Array
+from strand.support.robust import robust_deviation
 
-# points, planes through three of them that are tried, each compared with one point of so many, and the
-# share of points that a table needs
-_POINTS, _TRIES, _EACH, _SHARE = 1500, 150, 3, 0.5
-# pixels around the ropes that are left out, and how far the table is looked for, in radii
-_EDGE, _AROUND = 4, 40.0
-# points of the table scatter by this much, in radii
-_SCATTER = 1.0
+_SEED = 0  # of the draws of three points that planes are tried through
+_PLANES_AT_ONCE = 20  # planes that are compared with points in one step
+
+# a plane among all points
+_MAX_POINTS_COMPARED = 3000  # points that planes are compared with
+_PLANES = 300  # planes that are tried
+_MIN_SINE = 1e-6  # between edges of three points: with less they lie on a line
+_FIRST_WIDTH = 0.01  # of the median distance: points this near a plane lie on it at first
+_MIN_WIDTH = 0.002  # of the median distance: points this near a plane always lie on it
+_DEVIATIONS = 3.0  # standard deviations of the points about the plane: farther ones do not lie on it
+_ROUNDS = 4  # fits by least squares
+
+# a table among all points
+_MIN_TABLE_SHARE = 0.3  # of the points lie on a table
+_TABLE_WIDTH = 0.005  # of a point's distance: points this near the table lie on it
+_MAX_COORDINATE = 1e75  # metres: squares of larger ones are infinite
+_CELL = 0.04  # of the median distance: side of the cells that points on a table are counted in
+_MAX_CELLS = 1_000_000  # cells of a grid: with more the points are no table's
+_MIN_INNER_CELLS = 30  # cells with points in all neighbors
+_MIN_INNER_SHARE = 0.3  # of the cells have points in all neighbors
+
+# a table beside ropes
+_POINTS_BESIDE = 1500  # points beside the ropes, about
+_PLANES_BESIDE = 150  # planes that are tried
+_MIN_AREA = 1e-12  # square metres: points that span less lie on a line
+_EACH_BESIDE = 3  # every third point is compared with the planes
+_MIN_SHARE_BESIDE = 0.5  # of the points lie on the table
+_MIN_POINTS_BESIDE = 100  # points on the table
+_WIDTH_BESIDE = 1.0  # radii: points this near the table lie on it
+_ROUNDS_BESIDE = 3  # fits by least squares
+_MARGIN = 4  # pixels around the ropes that may show them too
+_REACH = 40.0  # radii around the ropes in which the table is sought
 
 
-def table_plane(images: Sequence[RopeImage], reference: int, radius: float) -> tuple[Array, float] | None:
-    """Find the plane that most points beside the ropes lie on.
+class Plane(NamedTuple):
+    """A plane as kernels take it.
+
+    Attributes
+    ----------
+    normal : (3,) ndarray
+        Unit normal towards the camera.
+    offset : float
+        `normal @ x` of points x on the plane, metres.
+    """
+
+    normal: Array
+    offset: float
+
+    def heights(self, points: Array) -> Array:
+        """(...) How far (..., 3) points are above the plane, metres."""
+        return np.asarray(points @ self.normal - self.offset)
+
+    def axes(self) -> Array:
+        """(3, 2) Two unit vectors at right angles in the plane."""
+        aside = np.cross(np.eye(3)[np.abs(self.normal).argmin()], self.normal)
+        aside /= np.linalg.norm(aside)
+        return np.column_stack([aside, np.cross(self.normal, aside)])
+
+
+def find_table(points: Array) -> Plane | None:
+    """Return the table in (N, 3) points around their camera, metres; None if there is none.
+
+    A table is the plane that most points lie on, if these are spread wider than points of ropes alone.
+    """
+    if not len(points) or np.abs(points).max() > _MAX_COORDINATE:
+        return None
+    found = find_largest_plane(points)
+    if found is None or found[1] < _MIN_TABLE_SHARE:
+        return None
+    plane, _ = found
+    on_plane = np.abs(plane.heights(points)) < _TABLE_WIDTH * np.linalg.norm(points, axis=1)
+    return plane if _is_wide(points[on_plane], plane) else None
+
+
+def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
+    """Find the plane that most of some points lie on, by RANSAC and least squares.
 
     Parameters
     ----------
-    images : sequence of RopeImage
-    reference : int
-        The view that is asked first: its pose is right by definition.
-    radius : float
-        Metres.
+    points : (N, 3) ndarray
+        In the frame of the camera that saw them, metres.
 
     Returns
     -------
-    ((3,) ndarray, float) or None
-        Its unit normal n towards the camera and n.x, metres; None if there is none or the view saw nothing
-        beside the ropes.
+    (Plane, float) or None
+        The plane and the share of the points that lie on it; None if three points do not fix one.
     """
-    image = images[reference]
-    points = _beside(image, radius)
-    if len(points) < 100:
+    if len(points) < 3:
         return None
-    random = np.random.default_rng(0)
-    corners = points[random.integers(0, len(points), (_TRIES, 3))]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    kept = lengths > 1e-12
-    normals, corners = normals[kept] / lengths[kept, None], corners[kept, 0]
-    if not len(normals):
+    rng = np.random.default_rng(_SEED)
+    width = _FIRST_WIDTH * float(np.median(np.linalg.norm(points, axis=1)))
+    compared = points[rng.integers(0, len(points), min(_MAX_POINTS_COMPARED, len(points)))]
+    corners = points[rng.integers(0, len(points), (_PLANES, 3))]
+    lengths = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2)
+    best = _best_plane(corners, compared, width, _MIN_SINE * lengths.prod(axis=1))
+    if best is None:
         return None
-    offsets = (normals * corners).sum(axis=1)
-    # a part of the points tells planes apart; a product of matrices would wake threads of BLAS
-    (x, y, z), wide = points[::_EACH].T.copy(), _SCATTER * radius
-    nx, ny, nz = normals.T[:, :, None]
-    on = np.count_nonzero(np.abs(nx * x + ny * y + nz * z - offsets[:, None]) < wide, axis=1)
-    best = int(np.argmax(on))
-    near = np.abs(points @ normals[best] - offsets[best]) < wide
-    if np.count_nonzero(near) < _SHARE * len(points):
+    normal, offset = best
+    min_width = _MIN_WIDTH / _FIRST_WIDTH * width
+    for _ in range(_ROUNDS):
+        own = points[np.abs(points @ normal - offset) < width]
+        if len(own) < 3:
+            return None
+        middle, from_middle, normal = _fit_plane(own)
+        offset = float(normal @ middle)
+        width = max(_DEVIATIONS * robust_deviation(from_middle @ normal), min_width)
+    if offset > 0.0:
+        normal, offset = -normal, -offset
+    plane = Plane(normal, offset)
+    return plane, float(np.mean(np.abs(plane.heights(points)) < width))
+
+
+def find_table_beside_ropes(image: RopeImage, radius: float) -> Plane | None:
+    """Return the table that ropes of a radius, metres, lie on, world frame; None if the image shows none.
+
+    It is the plane that most points beside the mask lie on, to within a rope's radius.
+    """
+    points = _points_beside(image, radius)
+    if len(points) < _MIN_POINTS_BESIDE:
         return None
-    for _ in range(3):
-        own = points[near]
-        middle = own.mean(axis=0)
-        own -= middle
-        normal = np.linalg.eigh(own.T @ own)[1][:, 0]
-        near = np.abs((points - middle) @ normal) < wide
-        if np.count_nonzero(near) < 100:
+    rng = np.random.default_rng(_SEED)
+    corners = points[rng.integers(0, len(points), (_PLANES_BESIDE, 3))]
+    width = _WIDTH_BESIDE * radius
+    best = _best_plane(corners, points[::_EACH_BESIDE], width, _MIN_AREA)
+    if best is None:
+        return None
+    normal, offset = best
+    near = np.abs(points @ normal - offset) < width
+    if np.count_nonzero(near) < _MIN_SHARE_BESIDE * len(points):
+        return None
+    for _ in range(_ROUNDS_BESIDE):
+        middle, _, normal = _fit_plane(points[near])
+        near = np.abs((points - middle) @ normal) < width
+        if np.count_nonzero(near) < _MIN_POINTS_BESIDE:
             return None
     if normal @ (image.pose[:3, 3] - middle) < 0:
         normal = -normal
-    return normal, float(normal @ middle)
+    return Plane(normal, float(normal @ middle))
 
 
-def _beside(image: RopeImage, radius: float) -> Array:
-    """Points, world frame, of pixels around the ropes but not next to them."""
+def _best_plane(
+    corners: Array, points: Array, width: float, min_area: Array | float
+) -> tuple[Array, float] | None:
+    """Return the plane through three of the (N, 3, 3) corners that most points are nearer to than `width`."""
+    edges = corners[:, 1:] - corners[:, :1]
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    areas = np.linalg.norm(normals, axis=1)
+    kept = areas > min_area
+    if not kept.any():
+        return None
+    normals = normals[kept] / areas[kept, None]
+    offsets = (normals * corners[kept, 0]).sum(axis=1)
+    # a product of matrices would wake threads of BLAS
+    x, y, z = points.T.copy()
+    best, most = 0, -1
+    for first in range(0, len(normals), _PLANES_AT_ONCE):
+        some = slice(first, first + _PLANES_AT_ONCE)
+        nx, ny, nz = normals[some].T[:, :, None]
+        away = np.abs(nx * x + ny * y + nz * z - offsets[some, None])
+        counts = np.count_nonzero(away < width, axis=1)
+        if counts.max() > most:
+            best, most = first + int(counts.argmax()), int(counts.max())
+    return normals[best], float(offsets[best])
+
+
+def _fit_plane(points: Array) -> tuple[Array, Array, Array]:
+    """Return the mean of points, the points from there, and the normal of the plane nearest to them."""
+    middle = points.mean(axis=0)
+    from_middle = points - middle
+    return middle, from_middle, np.linalg.eigh(from_middle.T @ from_middle)[1][:, 0]
+
+
+def _is_wide(points: Array, plane: Plane) -> bool:
+    """Tell whether points on a plane lie side by side, wider than ropes do."""
+    plan = points @ plane.axes()
+    side = _CELL * float(np.median(np.linalg.norm(points, axis=1)))
+    cells = np.floor((plan - plan.min(axis=0)) / side).astype(np.int64)
+    size = cells.max(axis=0) + 3
+    if size.prod() > _MAX_CELLS:
+        return False
+    taken: NDArray[np.bool_] = np.zeros(size, dtype=bool)
+    taken[tuple((cells + 1).T)] = True
+    inner = int(np.count_nonzero(_core.edge_distances(taken, 4) > 1.5))
+    return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
+
+
+def _points_beside(image: RopeImage, radius: float) -> Array:
+    """(N, 3) Points, world frame, of pixels around the ropes but not next to them."""
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     far = float(np.median(image.depth[image.mask]))
     height, width = image.mask.shape
-    reach = _EDGE
+    reach = _MARGIN
     if far > 0:
-        reach = int(min(_AROUND * radius * image.focal[0] / max(far, 1e-9), height + width))
+        reach = int(min(_REACH * radius * image.focal[0] / max(far, 1e-9), height + width))
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
-    step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS))), 1)
+    step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS_BESIDE))), 1)
     z = image.depth[top:bottom:step, left:right:step]
     kept = z > 0
-    steps = (-_EDGE, 0, _EDGE)
+    steps = (-_MARGIN, 0, _MARGIN)
     down = [np.clip(np.arange(top, bottom, step) + dv, 0, height - 1) for dv in steps]
     for du in steps:
         beside = image.mask[:, np.clip(np.arange(left, right, step) + du, 0, width - 1)]

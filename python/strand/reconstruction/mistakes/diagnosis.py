@@ -9,7 +9,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from strand._core import NotEnoughDataError
-from strand.reconstruction.finding.ropes import find_ropes, on_table
+from strand.reconstruction.finding.ropes import find_ropes
+from strand.reconstruction.finding.standing import holds_table
 from strand.reconstruction.mistakes.agreement import apart, more_than_ropes
 from strand.reconstruction.mistakes.distance import too_far
 from strand.reconstruction.mistakes.field_of_view import seen_all_around, seen_from_one_place
@@ -70,7 +71,7 @@ def suspected(
     silent = more_than_ropes(inside) or (bounds is None and math.isnan(far))
     if len(views) > 1 and not found and not silent and not far <= _AGREE * radius:
         # tables are not as near each other as ropes
-        found += [] if on_table(whole, inside) else _of_views_apart(views, bounds, radius, far)
+        found += [] if holds_table(whole, inside) else _of_views_apart(views, bounds, radius, far)
     # views that agree have intrinsics that are right
     elsewhere = None if far <= _AGREE * radius else off_centre(whole)
     return found if elsewhere is None else [*found, elsewhere]
@@ -148,7 +149,7 @@ def _of_radius(views: Sequence[View], bounds: Box | None, radii: Radii) -> list[
     """Say which radius ropes look like, if they look like none that was given."""
     inside = views if bounds is None else cropped(views, bounds)
     has_masks = any(view.mask is not None for view in views)
-    if has_masks or (bounds is not None and not on_table(views, inside)):
+    if has_masks or (bounds is not None and not holds_table(views, inside)):
         looks = apparent_radius([view for view in inside if len(view.points)] or views)
     else:
         try:

@@ -51,7 +51,7 @@ def test_masks_hold_the_rope_and_nothing_else(scene, request):
     normal, offset = found.tables[0]
     on_table = made.truth[0] @ normal - offset
     assert np.quantile(on_table, 0.1) == pytest.approx(made.radius, abs=0.4 * made.radius)
-    assert len(found.left_out) >= 3
+    assert len(found.other_objects) >= 3
 
 
 @pytest.mark.parametrize("scene", ["one", "three"])
@@ -95,7 +95,7 @@ def test_ropes_are_sought_within_bounds(one):
     assert half.holds(view.world_points).all()
     assert set(map(tuple, view.points)) <= set(map(tuple, everywhere.points))
     assert len(view.points) > 0.2 * len(everywhere.points)
-    assert all(half.holds(thing.place) for thing in found.left_out)
+    assert all(half.holds(thing.place) for thing in found.other_objects)
     with pytest.raises(strand.NoRopeError):
         strand.find_ropes(one.views, bounds=strand.Box(rope.max(axis=0) + 0.1, rope.max(axis=0) + 0.2))
 
@@ -113,7 +113,7 @@ def test_a_table_without_a_rope_is_refused_and_says_what_there_is():
 
 def test_a_given_radius_is_used(one):
     found = strand.find_ropes(one.views, one.radius)
-    assert any(f"radius {1e3 * one.radius:.1f} mm" in thing.reason for thing in found.left_out)
+    assert any(f"radius {1e3 * one.radius:.1f} mm" in thing.reason for thing in found.other_objects)
     with pytest.raises(ValueError, match="radius: expected"):
         strand.find_ropes(one.views, -1.0)
     with pytest.raises(TypeError, match="views: expected"):
@@ -128,7 +128,7 @@ def test_views_with_masks_and_views_of_ropes_alone_stay_as_they_are(one, paper):
     assert found.views == tuple(alone)
     assert found.radius is None
     assert found.tables == (None,) * len(alone)
-    assert found.left_out == ()
+    assert found.other_objects == ()
 
 
 def test_each_chain_has_doubts_of_its_own(paper_model):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.finding.table_edge import over_the_edge
+from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
+from strand.reconstruction.images.table_plane import Plane
 
 R = 0.004
 NORMAL, EDGE = np.array([0.0, 0.0, 1.0]), 0.1
@@ -44,11 +45,11 @@ def test_an_end_at_the_edge_is_doubted_where_the_rope_goes_on_below(points_only)
     view = view_of(rope, EDGE)
     if points_only:
         view = strand.View(view.points, view.pose)
-    ((doubt, about),) = over_the_edge([chain], [view], [(NORMAL, 0.0)])
+    ((doubt, about),) = doubt_ends_at_edge([chain], [view], [Plane(NORMAL, 0.0)])
     assert doubt.kind == "end"
     assert about == (0,)
     np.testing.assert_array_equal(doubt.place, chain.points[-1])
-    assert over_the_edge([chain], [view], [None]) == []
+    assert doubt_ends_at_edge([chain], [view], [None]) == []
 
 
 @pytest.mark.parametrize("edge", [10.0, EDGE])
@@ -56,7 +57,7 @@ def test_a_rope_that_ends_on_the_table_is_not_doubted(edge):
     rope = hanging()
     lying = rope[rope[:, 0] < EDGE - 2 * R]
     chain = strand.Chain(lying, R)
-    assert over_the_edge([chain], [view_of(lying, edge)], [(NORMAL, 0.0)]) == []
+    assert doubt_ends_at_edge([chain], [view_of(lying, edge)], [Plane(NORMAL, 0.0)]) == []
 
 
 def test_the_answer_is_unsure():

@@ -11,10 +11,10 @@ import strand
 import strand._core as _core
 from strand._core import NotEnoughDataError, convolved
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.images.above_table import all_masked, raised
+from strand.reconstruction.images.above_table import add_masks, mask_above_table
 from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.rope_image import rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
 from strand.synthetic import Segmentation, scene
@@ -59,9 +59,9 @@ def test_what_stands_out_of_a_table_is_rope():
     views = made.views
     points = [view.crop(made.bounds) for view in views]
     images = rope_images(points, views, strand.Box(*made.bounds))
-    table = table_plane(images, 0, made.radius)
+    table = find_table_beside_ropes(images[0], made.radius)
     assert table is not None
-    (image,) = raised(images, table, strand.Box(*made.bounds), made.radius)
+    (image,) = mask_above_table(images, table, strand.Box(*made.bounds), made.radius)
     true = rope_images(
         [view.crop(still.bounds) for view in still.views], still.views, strand.Box(*still.bounds)
     )[0].mask
@@ -70,7 +70,7 @@ def test_what_stands_out_of_a_table_is_rope():
     assert both > 0.75 * np.count_nonzero(image.mask)
     # pixel by pixel it is lost in the table's noise
     assert np.count_nonzero(images[0].mask & true) < 0.75 * np.count_nonzero(images[0].mask)
-    assert raised(images, None, strand.Box(*made.bounds), made.radius)[0] is images[0]
+    assert mask_above_table(images, None, strand.Box(*made.bounds), made.radius)[0] is images[0]
 
 
 def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes():
@@ -83,7 +83,7 @@ def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes
     whole, box = (first, bare), strand.Box(*made.bounds)
     radii = Radii(np.array([made.radius]), np.array([0.0]), free=False)
     observed = Observed(cropped(whole, box), whole, [0, 1], box, radii, Prior())
-    given = all_masked(observed)
+    given = add_masks(observed)
     assert given.whole[0] is first
     both = np.count_nonzero(given.whole[1].mask & true.mask)
     assert both > 0.7 * np.count_nonzero(true.mask)
@@ -93,7 +93,7 @@ def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes
     assert len(given.views[1].colors) == len(given.views[1].points)
     # without a mask there is nothing to go by
     alone = dataclasses.replace(observed, whole=(bare, bare))
-    assert all_masked(alone) is alone
+    assert add_masks(alone) is alone
 
 
 def test_a_convolution_is_that_of_a_full_sum():

@@ -9,13 +9,13 @@ import pytest
 
 import strand
 from strand.geometry.polyline import path_length
-from strand.reconstruction.images.above_table import raised
+from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.image_ends import _changed
 from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.noisy_depth import _within
 from strand.reconstruction.images.outlined import averaged, outlined
 from strand.reconstruction.images.rope_image import pixels_of, rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import scene
 
 RADIUS = 0.004
@@ -64,7 +64,7 @@ def test_means_along_a_rope_leave_little_of_the_noise():
     made, clear = (noisy("figure8", relative, views=1, seed=9) for relative in (0.8, 0.0))
     true = image_of(clear)
     image = dataclasses.replace(image_of(made), mask=true.mask)
-    table = table_plane([image], 0, RADIUS)
+    table = find_table_beside_ropes(image, RADIUS)
     points = points_along(image, table, strand.Box(*made.bounds), RADIUS)
     rows, columns = pixels_of(points, made.views[0].image)
     assert np.count_nonzero(true.mask) == len(points)
@@ -109,8 +109,8 @@ def test_a_range_above_the_table_is_no_crash():
 def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     made, clear = (noisy("figure8", relative, views=1, seed=5) for relative in (0.8, 0.0))
     true, image = image_of(clear), image_of(made)
-    table = table_plane([image], 0, RADIUS)
-    (smoothed,) = raised([image], table, strand.Box(*made.bounds), RADIUS)
+    table = find_table_beside_ropes(image, RADIUS)
+    (smoothed,) = mask_above_table([image], table, strand.Box(*made.bounds), RADIUS)
     (found,) = outlined(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
 
     def wrong(mask):

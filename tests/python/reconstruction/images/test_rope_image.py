@@ -11,7 +11,7 @@ import strand
 from strand.geometry.polyline import between
 from strand.reconstruction.images.image_nodes import corrected_poses
 from strand.reconstruction.images.rope_image import prepared, rope_images
-from strand.reconstruction.images.table_plane import table_plane
+from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import Segmentation, scene
 from strand.views.view import cropped
 
@@ -111,13 +111,13 @@ def test_points_alone_make_an_image_that_shows_them_to_a_pixel(from_world):
 
 def test_the_table_is_found_where_it_is_and_nowhere_else():
     images = rope_images(SCENE.views, SCENE.views, None)
-    normal, offset = table_plane(images, 1, SCENE.radius)
+    normal, offset = find_table_beside_ropes(images[1], SCENE.radius)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert normal[2] > np.cos(0.03)
     centre = SCENE.truth[0].mean(axis=0)
     assert abs(normal @ [centre[0], centre[1], 0.0] - offset) < 0.5 * SCENE.radius
     bare = [dataclasses.replace(image, depth=np.where(image.mask, image.depth, 0.0)) for image in images]
-    assert table_plane(bare, 1, SCENE.radius) is None
+    assert find_table_beside_ropes(bare[1], SCENE.radius) is None
     rng = np.random.default_rng(0)
     rough = [
         dataclasses.replace(
@@ -125,7 +125,7 @@ def test_the_table_is_found_where_it_is_and_nowhere_else():
         )
         for image in images
     ]
-    assert table_plane(rough, 1, SCENE.radius) is None
+    assert find_table_beside_ropes(rough[1], SCENE.radius) is None
 
 
 def test_corrections_of_frames_move_points_as_they_say():

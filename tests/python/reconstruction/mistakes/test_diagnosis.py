@@ -206,7 +206,7 @@ def test_an_empty_table_in_bounds_is_no_mistake(height):
             strand.reconstruct(views, radius, bounds=([-0.15, -0.15, -0.05], [0.15, 0.15, height]))
         for blamed in ("along the rays", "poses", "look like", "in radius"):
             assert blamed not in str(refused.value)
-        assert "bounds that leave the table out" in str(refused.value)
+        assert "bounds that exclude the table" in str(refused.value)
 
 
 def test_an_error_says_the_radius_that_ropes_look_like():

@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from strand.reconstruction.finding.plane import in_plane, largest_plane
+from strand.reconstruction.images.table_plane import Plane, find_largest_plane
 
 
 def tilted(seed, count=6000, things=2000, noise=0.001):
@@ -15,7 +15,7 @@ def tilted(seed, count=6000, things=2000, noise=0.001):
     normal = np.array([0.3, -0.6, -1.0]) + 0.3 * rng.normal(size=3)
     normal /= np.linalg.norm(normal)
     middle = np.array([0.0, 0.0, 0.8])
-    plan = rng.uniform(-0.4, 0.4, (count, 2)) @ in_plane(normal).T
+    plan = rng.uniform(-0.4, 0.4, (count, 2)) @ Plane(normal, 0.0).axes().T
     table = middle + plan + rng.normal(scale=noise, size=(count, 1)) * normal
     above = middle + rng.uniform(-0.1, 0.1, (things, 3)) + 0.15 * normal
     return np.vstack([table, above]), normal, float(normal @ middle)
@@ -24,7 +24,7 @@ def tilted(seed, count=6000, things=2000, noise=0.001):
 @pytest.mark.parametrize("seed", range(8))
 def test_the_plane_is_the_table_as_open3d_finds_it_too(seed):
     points, normal, offset = tilted(seed)
-    found, height, share = largest_plane(points)
+    (found, height), share = find_largest_plane(points)
     assert np.degrees(np.arccos(min(found @ normal, 1.0))) < 0.1
     assert height == pytest.approx(offset, abs=2e-4)
     assert 0.7 < share < 0.8
@@ -40,16 +40,16 @@ def test_the_plane_is_the_table_as_open3d_finds_it_too(seed):
 
 def test_the_same_bits_again_and_the_same_plane_in_any_unit():
     points, _, _ = tilted(3)
-    normal, offset, share = largest_plane(points)
-    again = largest_plane(points)
-    assert np.array_equal(again[0], normal)
-    assert again[1:] == (offset, share)
-    scaled = largest_plane(1000.0 * points)
-    np.testing.assert_allclose(scaled[0], normal, atol=1e-9)
-    assert scaled[1] == pytest.approx(1000.0 * offset)
+    (normal, offset), share = find_largest_plane(points)
+    again, same_share = find_largest_plane(points)
+    assert np.array_equal(again.normal, normal)
+    assert (again.offset, same_share) == (offset, share)
+    scaled, _ = find_largest_plane(1000.0 * points)
+    np.testing.assert_allclose(scaled.normal, normal, atol=1e-9)
+    assert scaled.offset == pytest.approx(1000.0 * offset)
 
 
 def test_points_that_fix_no_plane_have_none():
     line = np.linspace(1.0, 2.0, 50)[:, None] * [0.1, 0.2, 1.0]
     for points in (np.empty((0, 3)), line[:2], line, np.tile(line[:1], (40, 1))):
-        assert largest_plane(points) is None
+        assert find_largest_plane(points) is None
