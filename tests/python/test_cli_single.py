@@ -73,7 +73,7 @@ def test_a_depth_image_is_a_view_with_its_camera(folder, given, intrinsics):
     (view,) = given
     expected = MADE.views[0].image
     np.testing.assert_array_equal(view.image.depth, expected.depth)
-    assert (view.image.focal, view.image.centre) == (expected.focal, expected.centre)
+    assert view.image.camera == expected.camera
     np.testing.assert_array_equal(view.mask, MADE.depth[0] % 2 == 0)
 
 

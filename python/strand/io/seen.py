@@ -72,7 +72,7 @@ def seen_of(view: View, no_return: int | None = None) -> Seen:
             None,
             view.colors is not None,
         )
-    depth, mask = image.depth, image.mask
+    depth, labels = image.depth, image.labels
     returned = depth > 0.0
     points_seen = int(np.count_nonzero(returned))
     near = float(np.min(depth, where=returned, initial=np.inf))
@@ -85,8 +85,8 @@ def seen_of(view: View, no_return: int | None = None) -> Seen:
         view.dropped,
         (near, float(depth.max())) if points_seen else None,
         None,
-        (*image.focal, *image.centre),
+        (*image.camera.focal, *image.camera.center),
         view.colors is not None,
-        None if mask is None else len(np.setdiff1d(mask, [0])),
-        None if mask is None else int(np.count_nonzero(returned & (mask != 0))),
+        None if labels is None else len(np.setdiff1d(labels, [0])),
+        None if labels is None else int(np.count_nonzero(returned & image.mask)),
     )

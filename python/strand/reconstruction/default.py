@@ -240,7 +240,7 @@ def _better(
         return answer(what, observed, config, run)
     radius = float(observed.radii.values[0])
     ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
-    places = [what.taken[what.held].projected(points) for points in ropes]
+    places = [what.taken[what.held].project(points) for points in ropes]
     rival = Reading(what.images.reading_cost(what.held, places), what.held, places)
     compared = explained(
         what.images,

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.ropes.doubt import Doubt
 from strand.ropes.model import ModelWarning
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
 from strand.views.pose import moved
-from strand.views.view import DepthImage, View
+from strand.views.view import View
 
 _Indices = NDArray[np.intp]
 
@@ -64,8 +63,8 @@ def misplaced_masks(
     """
     found: list[tuple[Doubt, int]] = []
     for number in numbers:
-        rope = _rope(views[number], bounds)
-        reason = None if rope is None else _why_misplaced(rope, radii)[0]
+        image = _masked_image(views[number], bounds)
+        reason = None if image is None else _why_misplaced(image, bounds, radii)[0]
         if reason is not None:
             said = f"view {number}: {reason}"
             found.append((Doubt("mask", _DOUBT, "whether its mask is right", said), number))
@@ -82,8 +81,8 @@ def refuse_background(
     strand.NotEnoughDataError
         If there is no rope in any of them.
     """
-    ropes = [_rope(views[number], bounds) for number in numbers]
-    if all(rope is not None and _why_misplaced(rope, radii)[1] for rope in ropes):
+    images = [_masked_image(views[number], bounds) for number in numbers]
+    if all(image is not None and _why_misplaced(image, bounds, radii)[1] for image in images):
         raise NotEnoughDataError(
             f"views: {_named(numbers)} of the background: nothing inside stands out from what is around it"
         )
@@ -105,7 +104,7 @@ def why_no_rope(view: View, radius: float) -> str | None:
     seen = depths[depths > 0]
     if not len(seen):
         return None
-    across = radius * max(image.focal) / float(np.median(seen))
+    across = radius * max(image.camera.focal) / float(np.median(seen))
     largest = _core.largest_blob(mask)
     if largest >= _SPECK * across**2:
         return None
@@ -124,69 +123,49 @@ def _named(numbers: Sequence[int]) -> str:
 def surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
     """Name views whose mask has labels for more ropes than there are: some may be pieces of one."""
     for number, view in enumerate(views):
-        if ropes is None or view.image is None or view.image.mask is None:
+        if ropes is None or view.image is None or view.image.labels is None:
             continue
-        mask = view.image.mask
-        labels = len(np.unique(mask[mask > 0]))
+        labels = len(np.unique(view.image.labels[view.image.mask]))
         if labels > ropes:
             message = f"view {number}: its mask has {labels} labels, more than ropes = {ropes}"
             yield ModelWarning("mask", message, amount=float(labels), view=number)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rope:
-    """Which pixels of an image are rope.
-
-    Attributes
-    ----------
-    image : DepthImage
-    mask : (H, W) ndarray of bool
-    pose : (4, 4) ndarray
-        Camera to world.
-    bounds : Box or None
-        The extraction range, metres.
-    """
-
-    image: DepthImage
-    mask: NDArray[np.bool_]
-    pose: Array
-    bounds: Box | None
-
-    def holds(self, rows: _Indices, columns: _Indices) -> NDArray[np.bool_]:
-        """Whether pixels are in the mask, have depth, and lie in the extraction range."""
-        z = self.image.depth[rows, columns]
-        inside = (z > 0) & self.mask[rows, columns]
-        if self.bounds is None:
-            return inside
-        x = (columns - self.image.centre[0]) / self.image.focal[0]
-        y = (rows - self.image.centre[1]) / self.image.focal[1]
-        world = moved(np.stack([x * z, y * z, z], axis=1), self.pose)
-        return inside & self.bounds.holds(world)
-
-
-def _rope(view: View, bounds: Box | None) -> _Rope | None:
-    """Return a view's mask with its image; None if there is none, or one of everything in bounds."""
-    mask = view.mask
+def _masked_image(view: View, bounds: Box | None) -> DepthImage | None:
+    """Return a view's image if it has a mask; None if there is none, or one of everything in bounds."""
+    image = view.image
     # within an extraction range a mask of everything is as good as none
-    if view.image is None or mask is None or (bounds is not None and mask.all()):
+    if image is None or image.labels is None or (bounds is not None and image.mask.all()):
         return None
-    return _Rope(view.image, mask, view.pose, bounds)
+    return image.masked(image.mask)
 
 
-def _why_misplaced(rope: _Rope, radii: Array) -> tuple[str | None, bool]:
+def _shows_rope(
+    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices
+) -> NDArray[np.bool_]:
+    """Tell which pixels are in the mask, have depth, and lie in the extraction range."""
+    z = image.depth[rows, columns]
+    inside = (z > 0) & image.mask[rows, columns]
+    if bounds is None:
+        return inside
+    world = moved(image.camera.rays(rows, columns) * z[:, None], image.pose)
+    return np.asarray(inside & bounds.holds(world))
+
+
+def _why_misplaced(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, bool]:
     """Say why a mask is likely not that of its image, None if it may be; and whether it shows no rope."""
-    flat = np.flatnonzero(rope.mask)
-    rows, columns = np.divmod(flat[:: max(len(flat) // _PIXELS, 1)], rope.mask.shape[1])
-    inside = rope.holds(rows, columns)
+    flat = np.flatnonzero(image.mask)
+    rows, columns = np.divmod(flat[:: max(len(flat) // _PIXELS, 1)], image.mask.shape[1])
+    inside = _shows_rope(image, bounds, rows, columns)
     if not inside.any():
         return None, False
-    share = float(inside.mean()) * len(flat) / rope.mask.size
-    heights = _heights(rope, rows[inside], columns[inside], _REACH * radii[-1])
+    share = float(inside.mean()) * len(flat) / image.mask.size
+    heights = _heights(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
     if len(heights) < _WIDE * len(_SIDES) * inside.sum() and share > _MOST:
         return f"its mask holds {share:.0%} of the image, and the background with it", False
     if len(heights) < _FEWEST:
         # next to the image's border nothing is seen on the other side
-        heights = _above_table(rope, rows[inside], columns[inside], float(radii[0]))
+        heights = _above_table(image, rows[inside], columns[inside], float(radii[0]))
     if len(heights) < _FEWEST:
         return None, False
     height = float(np.median(heights)) / radii[0]
@@ -201,24 +180,24 @@ def _why_misplaced(rope: _Rope, radii: Array) -> tuple[str | None, bool]:
     return reason, spread < _TOLD and low > _NOTHING
 
 
-def _above_table(rope: _Rope, rows: _Indices, columns: _Indices, radius: float) -> Array:
+def _above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
     """(N,) How high pixels are above the plane around the mask, metres; none if there is no plane."""
-    image = rope.image
-    seen = RopeImage(image.depth, rope.mask, image.focal, image.centre, rope.pose)
-    table = find_table_beside_ropes(seen, radius)
+    table = find_table_beside_ropes(image, radius)
     if table is None:
         return np.empty(0)
-    return table.heights(seen.world(rows, columns, image.depth[rows, columns]))
+    return table.heights(image.lift(rows, columns, image.depth[rows, columns]))
 
 
-def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Array:
+def _heights(image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, reach: float) -> Array:
     """How far pixels lie before the mean of what is to either side of them, if no rope is there.
 
     The mean of both sides leaves out how far a table is tilted.
 
     Parameters
     ----------
-    rope : _Rope
+    image : DepthImage
+    bounds : Box or None
+        The extraction range, metres.
     rows, columns : (N,) ndarray of int
         Pixels of the rope.
     reach : float
@@ -229,10 +208,10 @@ def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Ar
     (M,) ndarray
         Metres, for each pixel and each pair of sides that could be compared.
     """
-    depth = rope.image.depth
+    depth = image.depth
     height, width = depth.shape
     own = depth[rows, columns]
-    step = 1.0 + reach * max(rope.image.focal) / float(np.median(own))
+    step = 1.0 + reach * max(image.camera.focal) / float(np.median(own))
     heights = []
     for across, down in _SIDES:
         du, dv = round(step * across), round(step * down)
@@ -241,7 +220,7 @@ def _heights(rope: _Rope, rows: _Indices, columns: _Indices, reach: float) -> Ar
         seen = np.ones(len(v), dtype=bool)
         for sign in (-1, 1):
             beside = depth[v + sign * dv, u + sign * du]
-            seen &= (beside > 0) & ~rope.holds(v + sign * dv, u + sign * du)
+            seen &= (beside > 0) & ~_shows_rope(image, bounds, v + sign * dv, u + sign * du)
             sides += beside
         heights.append((0.5 * sides - own[in_image])[seen])
     return np.concatenate(heights)

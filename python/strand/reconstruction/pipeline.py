@@ -19,7 +19,6 @@ from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.images.depth_scatter import depth_scatter
 from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.pixel_errors import neighbours_alike
-from strand.reconstruction.images.rope_image import rope_images
 from strand.reconstruction.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
 from strand.reconstruction.mistakes.diagnosis import explained, thinnest
 from strand.reconstruction.mistakes.emptiness import mask_without_points, why_empty
@@ -33,6 +32,7 @@ from strand.ropes.doubt import Doubt
 from strand.ropes.model import Model, ModelWarning
 from strand.support.checks import check_bool, check_positive, round_to_millimeters
 from strand.views.box import Bounds, Box, extraction_range
+from strand.views.rope_images import rope_images
 from strand.views.view import View, checked_views, cropped
 
 # doubt of an answer for which something was left out

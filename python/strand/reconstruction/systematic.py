@@ -153,6 +153,5 @@ def depth_behind(view: View, pose: Array, chain: Chain) -> Array:
     image = view.image
     if image is None:
         return np.full(len(chain.points), np.nan)
-    camera = (image.focal, image.centre)
-    behind = _core.seen_behind(image.depth, camera, pose, chain.points, chain.radius)
+    behind = _core.seen_behind(image.depth, image.camera, pose, chain.points, chain.radius)
     return np.asarray(behind / chain.radius + 1.0)

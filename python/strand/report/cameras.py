@@ -9,6 +9,7 @@ import numpy as np
 
 from strand.ropes.model import Model
 from strand.support.checks import Array
+from strand.views.pinhole import Pinhole
 from strand.views.view import View
 
 # an image that is made of points: pixels on its longer side, and for each point
@@ -25,8 +26,7 @@ class Camera:
     ----------
     pose : (4, 4) ndarray
         Camera to world.
-    focal, centre : (float, float)
-        Focal lengths and principal point, pixels.
+    pinhole : Pinhole
     depth : (H, W) ndarray
         Metres; 0 where there is no return.
     imagined : bool
@@ -34,8 +34,7 @@ class Camera:
     """
 
     pose: Array
-    focal: tuple[float, float]
-    centre: tuple[float, float]
+    pinhole: Pinhole
     depth: Array
     imagined: bool
 
@@ -50,17 +49,14 @@ class Camera:
         Points that are not before the camera have NaN for pixels.
         """
         x, y, z = ((points - self.viewpoint) @ self.pose[:3, :3]).T
-        before = np.where(z > 0, z, np.nan)
-        (fx, fy), (cx, cy) = self.focal, self.centre
-        return np.column_stack([fx * x / before + cx, fy * y / before + cy]), z
+        return self.pinhole.project(np.column_stack([x, y, np.where(z > 0, z, np.nan)])), z
 
     def corners(self, distance: float) -> Array:
         """(4, 3) The image's corners at a depth, in order around it, world frame, metres."""
         height, width = self.depth.shape
-        (fx, fy), (cx, cy) = self.focal, self.centre
         columns = np.array([-0.5, width - 0.5, width - 0.5, -0.5])
         rows = np.array([-0.5, -0.5, height - 0.5, height - 0.5])
-        rays = np.column_stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(4)])
+        rays = self.pinhole.rays(rows, columns)
         return np.asarray(self.viewpoint + distance * rays @ self.pose[:3, :3].T)
 
 
@@ -81,7 +77,7 @@ def cameras_of(model: Model, views: Sequence[View]) -> list[Camera | None]:
 
 def _camera(view: View, pose: Array) -> Camera | None:
     if view.image is not None:
-        return Camera(pose, view.image.focal, view.image.centre, view.image.depth, False)
+        return Camera(pose, view.image.camera, view.image.depth, False)
     if not len(view.points):
         return None
     middle = np.median(view.points, axis=0)
@@ -110,7 +106,7 @@ def _camera(view: View, pose: Array) -> Camera | None:
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     np.minimum.at(depth, (rows[inside], columns[inside]), z[inside])
     depth[np.isinf(depth)] = 0.0
-    return Camera(pose @ turned, (focal, focal), (left, top), depth, True)
+    return Camera(pose @ turned, Pinhole((focal, focal), (left, top)), depth, True)
 
 
 def side_seen(points: Array, viewpoints: Array) -> Array:

@@ -245,7 +245,7 @@ def _views(model: Model, views: Sequence[View]) -> str:
             what = "points"
         else:
             height, width = view.image.depth.shape
-            masked = "" if view.image.mask is None else ", masked"
+            masked = "" if view.image.labels is None else ", masked"
             what = f"depth image, {width} x {height}{masked}"
         motion = pose @ np.linalg.inv(view.pose)
         turned = np.degrees(np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)))

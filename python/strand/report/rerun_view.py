@@ -106,7 +106,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
         if camera is None:
             continue
         height, width = camera.depth.shape
-        (fx, fy), (cx, cy) = camera.focal, camera.centre
+        (fx, fy), (cx, cy) = camera.pinhole
         away = float(np.linalg.norm(camera.viewpoint - middle))
         log(f"cameras/{i}", rerun.Transform3D(translation=camera.viewpoint, mat3x3=camera.pose[:3, :3]))
         log(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strand.support.checks import Array
+from strand.views.pinhole import Pinhole
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,8 @@ def cast(depth: Array, things: list[Thing], intrinsics: Array, pose: Array) -> A
     """
     height, width = depth.shape
     rows, columns = np.mgrid[:height, :width]
-    fx, fy, cx, cy = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2]
     # rays reach z = 1 in the camera frame, so that the parameter along one is the depth
-    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(depth.shape)], axis=-1)
-    rays = rays @ pose[:3, :3].T
+    rays = Pinhole.from_matrix(intrinsics).rays(rows, columns) @ pose[:3, :3].T
     found = np.where(depth > 0, depth, np.inf)
     for thing in things:
         found = np.minimum(found, _first(thing, pose[:3, 3], rays))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,37 +26,9 @@ from strand.support.checks import (
     to_array,
 )
 from strand.views.box import Bounds, Box, extraction_range
+from strand.views.depth_image import DepthImage
+from strand.views.pinhole import Pinhole
 from strand.views.pose import moved
-
-
-@dataclass(frozen=True, eq=False)
-class DepthImage:
-    """A checked depth image and its camera.
-
-    Attributes
-    ----------
-    depth : (H, W) ndarray
-        Depth along the camera's z axis, metres; 0 where there is no return.
-    focal, centre : (float, float)
-        Focal lengths and principal point of the pinhole, pixels.
-    mask : (H, W) ndarray of int32, or None
-        Where the ropes are: 0 is no rope, every other number a rope or a piece of one. None: anywhere.
-    """
-
-    depth: Array
-    focal: tuple[float, float]
-    centre: tuple[float, float]
-    mask: NDArray[np.int32] | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.depth, self.mask):
-            if array is not None:
-                array.setflags(write=False)
-
-    @property
-    def rope_depth(self) -> Array:
-        """(H, W) The depths inside the mask, metres; 0 outside."""
-        return self.depth if self.mask is None else np.where(self.mask != 0, self.depth, 0.0)
 
 
 class View:
@@ -162,20 +134,20 @@ class View:
             negative.
         """
         image = _in_metres(depth, depth_scale)
-        camera = check_intrinsics("intrinsics", intrinsics)
-        fx, fy, cx, cy = (float(camera[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        camera = Pinhole.from_matrix(check_intrinsics("intrinsics", intrinsics))
+        (fx, fy), (cx, cy) = camera
         height, width = image.shape
         aside = max(abs(cx), abs(width - 1.0 - cx), abs(cy), abs(height - 1.0 - cy), 1.0)
         # farther points are not finite
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
         labels = None if mask is None else check_mask("mask", mask, (height, width))
-        taken = DepthImage(copied, (fx, fy), (cx, cy), labels)
+        taken = DepthImage(copied, camera, _own_pose(pose), labels)
         seen = None
         if colors is not None:
             depths = taken.rope_depth
             seen = check_colors("colors", colors, (height, width, 3))[depths > 0]
-        return cls._of(None, taken, _own_pose(pose), dropped, seen)
+        return cls._of(None, taken, taken.pose, dropped, seen)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
@@ -224,7 +196,7 @@ class View:
         """(N, 3) Points in the camera frame, metres: those inside the mask, if there is one."""
         if self._points is None:
             assert self._image is not None
-            points = _core.unproject(self._image.rope_depth, self._image.focal, self._image.centre)
+            points = _core.unproject(self._image.rope_depth, *self._image.camera)
             points.setflags(write=False)
             self._points = points
         return self._points
@@ -252,7 +224,7 @@ class View:
     @property
     def mask(self) -> NDArray[np.bool_] | None:
         """(H, W) Which pixels of the depth image are rope; None if that is not known."""
-        return None if self._image is None or self._image.mask is None else self._image.mask != 0
+        return None if self._image is None or self._image.labels is None else self._image.mask
 
     @property
     def measured(self) -> Array | DepthImage:
@@ -261,7 +233,7 @@ class View:
         The image, if there is a mask or as long as nobody has asked for its points; else the points.
         """
         image = self._image
-        if image is not None and (self._points is None or image.mask is not None):
+        if image is not None and (self._points is None or image.labels is not None):
             return image
         return self.points
 
@@ -279,7 +251,7 @@ class View:
         where = round_to_millimeters(self.viewpoint)
         if isinstance(self.measured, DepthImage):
             height, width = self.measured.depth.shape
-            masked = "" if self.measured.mask is None else ", masked"
+            masked = "" if self.measured.labels is None else ", masked"
             return f"View(depth image of {width} x {height} pixels{masked}, camera at {where} m)"
         return f"View({len(self.points)} points, camera at {where} m)"
 
@@ -310,8 +282,7 @@ class View:
         ValueError
             If it is no rigid motion.
         """
-        pose = check_rigid_motion("motion", motion) @ self._pose
-        return self._of(self._points, self._image, pose, self._dropped, self._colors)
+        return placed(self, check_rigid_motion("motion", motion) @ self._pose)
 
     def crop(self, bounds: Bounds) -> View:
         """Keep the points inside the extraction range, and inside the mask if there is one.
@@ -376,7 +347,7 @@ def cropped(views: Sequence[View], bounds: Box) -> list[View]:
     }
     found = _core.crop_images(
         [image.rope_depth for image in images.values()],
-        [(image.focal, image.centre) for image in images.values()],
+        [image.camera for image in images.values()],
         [bounds.from_camera(views[i].pose) for i in images],
         bounds.low,
         bounds.high,
@@ -398,12 +369,13 @@ def masked(view: View, mask: NDArray[np.bool_]) -> View:
     assert image is not None
     if colors is not None:
         colors = colors[mask[image.depth > 0]]
-    return View._of(None, replace(image, mask=mask.astype(np.int32)), view.pose, view.dropped, colors)
+    return View._of(None, image.masked(mask), view.pose, view.dropped, colors)
 
 
 def placed(view: View, pose: Array) -> View:
     """Return a view as if it had come with another pose, (4, 4), camera to world."""
-    return View._of(view._points, view._image, pose, view.dropped, view.colors)
+    image = None if view.image is None else replace(view.image, pose=pose)
+    return View._of(view._points, image, pose, view.dropped, view.colors)
 
 
 def pictured(view: View, image: DepthImage) -> View:

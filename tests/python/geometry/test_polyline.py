@@ -5,10 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strand.geometry.polyline import runs, walk
+from strand.geometry.polyline import between, runs, walk
 
 
 @settings(deadline=None, max_examples=100)
@@ -40,3 +41,14 @@ def test_runs_are_the_stretches_that_are_marked(marked):
     assert again.tolist() == marked
     # none can be longer
     assert all(stop < start for (_, stop), (start, _) in pairwise(found.tolist()))
+
+
+def test_covariances_between_nodes_are_linear_and_at_nodes_their_own():
+    rng = np.random.default_rng(4)
+    roots = rng.normal(size=(5, 3, 3))
+    values = roots @ roots.transpose(0, 2, 1)
+    known = np.linspace(0.0, 1.0, 5)
+    assert between(known, known, values) == pytest.approx(values)
+    assert between(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
+    found = between(rng.uniform(size=100), known, values)
+    assert (np.linalg.eigvalsh(found) > 0).all()

@@ -206,7 +206,7 @@ def test_npz_scene_with_masks(tmp_path, kind):
     masks = np.stack([LABELS, LABELS[::-1]]).astype(kind)
     save_npz(tmp_path / "a.npz", mask=masks)
     for view, mask in zip(load_scene(tmp_path / "a.npz").views, masks, strict=True):
-        np.testing.assert_array_equal(view.image.mask, mask)
+        np.testing.assert_array_equal(view.image.labels, mask)
         assert 0 < len(view.points) == np.count_nonzero(mask) < mask.size
 
 
@@ -235,7 +235,7 @@ def test_some_views_of_a_description_may_have_masks(tmp_path):
             assert view.mask is None
             assert len(view.points) == DEPTH.size
         else:
-            np.testing.assert_array_equal(view.image.mask, LABELS > 0 if name == "m1.png" else LABELS)
+            np.testing.assert_array_equal(view.image.labels, LABELS > 0 if name == "m1.png" else LABELS)
             np.testing.assert_array_equal(view.points, want.points)
 
 
@@ -257,7 +257,7 @@ def test_mask_files_take_the_place_of_the_scenes_own(tmp_path, monkeypatch, kind
     monkeypatch.chdir(tmp_path)
     views = load_scene(path, masks=given).views
     for view, name in zip(views, given, strict=True):
-        np.testing.assert_array_equal(view.image.mask, LABELS > 0 if name == "m1.png" else LABELS)
+        np.testing.assert_array_equal(view.image.labels, LABELS > 0 if name == "m1.png" else LABELS)
     assert load_scene(path).views[0].mask.all()
     for wrong in ([], [*given, names[0]]):
         expected = rf"masks: expected one file for each of {len(views)} views, got {len(wrong)}"

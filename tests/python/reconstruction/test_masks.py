@@ -131,7 +131,7 @@ def test_labels_for_more_ropes_than_there_are_are_named():
     labels = MASKS["arc"] * (1 + (np.arange(480) > 240) + (np.arange(480) > 300)).astype(np.uint8)
     labels[1] = MASKS["arc"][1]
     views = masked("arc", labels)
-    assert [len(np.unique(view.image.mask)) - 1 for view in views] == [3, 1, 3]
+    assert [len(np.unique(view.image.labels)) - 1 for view in views] == [3, 1, 3]
     found = list(surplus_labels(views, 2))
     assert [(one.kind, one.view, one.amount) for one in found] == [("mask", 0, 3.0), ("mask", 2, 3.0)]
     assert str(found[0]) == "view 0: its mask has 3 labels, more than ropes = 2"

@@ -201,4 +201,4 @@ def test_a_scene_keeps_its_masks(tmp_path):
     masked.save(tmp_path / "with.npz")
     for views in (masked.views, load_scene(tmp_path / "with.npz").views):
         for view, mask in zip(views, labels, strict=True):
-            np.testing.assert_array_equal(view.image.mask, mask)
+            np.testing.assert_array_equal(view.image.labels, mask)

@@ -9,7 +9,8 @@ import pytest
 
 import strand
 from strand import View
-from strand.views.view import DepthImage, masked
+from strand.views.depth_image import DepthImage
+from strand.views.view import masked
 
 INTRINSICS = np.array([[200.0, 0.0, 31.5], [0.0, 210.0, 23.5], [0.0, 0.0, 1.0]])
 
@@ -327,7 +328,7 @@ def test_the_points_of_a_masked_view_are_those_inside_and_all_else_was_seen():
     assert view.measured is view.image
     np.testing.assert_array_equal(view.image.depth, np.where(np.isnan(depth), 0.0, depth))
     np.testing.assert_array_equal(view.mask, mask)
-    np.testing.assert_array_equal(view.image.mask, mask.astype(np.int32))
+    np.testing.assert_array_equal(view.image.labels, mask.astype(np.int32))
     assert repr(view).startswith("View(depth image of 64 x 48 pixels, masked, camera at")
     centre = view.world_points.mean(axis=0)
     bounds = (centre - 0.1, centre + 0.1)
@@ -376,9 +377,9 @@ def test_labels_are_kept_as_they_are_given(kind):
     labels = np.where(mask, 1 + np.arange(64) % 200, 0)
     given = labels.tolist() if kind is list else np.asfortranarray(labels.astype(kind))
     view = View.from_depth(depth, INTRINSICS, mask=given)
-    np.testing.assert_array_equal(view.image.mask, labels)
-    assert view.image.mask.dtype == np.int32
-    assert view.image.mask.flags.c_contiguous
+    np.testing.assert_array_equal(view.image.labels, labels)
+    assert view.image.labels.dtype == np.int32
+    assert view.image.labels.flags.c_contiguous
     np.testing.assert_array_equal(view.mask, mask)
 
 
@@ -416,7 +417,7 @@ def test_a_mask_of_another_shape_or_kind_is_refused(mask, error, message):
 def test_a_view_without_a_mask_has_none():
     view = View.from_depth(np.ones((3, 4)), INTRINSICS)
     assert view.mask is None
-    assert view.image.mask is None
+    assert view.image.labels is None
     assert View(np.ones((4, 3))).mask is None
 
 

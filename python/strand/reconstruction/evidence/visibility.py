@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from strand._core import Visibility
 from strand.support.checks import Array
-from strand.views.view import DepthImage, View
+from strand.views.depth_image import DepthImage
+from strand.views.view import View
 
 __all__ = ["Visibility", "visibility_from"]
 
@@ -34,4 +35,4 @@ def visibility_from(views: Sequence[View], poses: Sequence[Array], about: Sequen
 def _rays(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
     """Return where a view's rays ended: its points, or its depth image with focal lengths and centre."""
     measured = view.measured
-    return (measured.depth, measured.focal, measured.centre) if isinstance(measured, DepthImage) else measured
+    return (measured.depth, *measured.camera) if isinstance(measured, DepthImage) else measured

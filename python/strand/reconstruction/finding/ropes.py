@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,11 @@ from strand._core import NotEnoughDataError
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
-from strand.reconstruction.images.rope_image import RopeImage, rope_images
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
 from strand.views.box import Bounds, Box, extraction_range
+from strand.views.depth_image import DepthImage
+from strand.views.rope_images import rope_images
 from strand.views.view import View, checked_views, masked
 
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
@@ -113,16 +114,14 @@ def find_ropes(
     if not tops:
         return FoundRopes(tuple(views), None, tuple(tables), ())
     inside = {k: True if box is None else _select_inside(top.image, box) for k, top in tops.items()}
-    width = estimate_strip_radius(
-        [replace(top.image, mask=top.image.mask & inside[k]) for k, top in tops.items()]
-    )
+    width = estimate_strip_radius([top.image.masked(top.image.mask & inside[k]) for k, top in tops.items()])
     thin, thick = (width, width) if given is None else (float(given.min()), float(given.max()))
     others: list[OtherObject] = []
     shown = []
     for k, top in tops.items():
         mask, things = segment_ropes(top, thin, thick, k)
         others += [thing for thing in things if box is None or box.holds(thing.place)]
-        shown.append(replace(top.image, mask=mask & inside[k]))
+        shown.append(top.image.masked(mask & inside[k]))
         tables[k] = top.plane
         found[k] = _mask_view(views[k], shown[-1])
     own = estimate_strip_radius(shown)
@@ -133,19 +132,19 @@ def find_ropes(
     return FoundRopes(tuple(found), width, tuple(tables), tuple(others))
 
 
-def _select_inside(image: RopeImage, box: Box) -> NDArray[np.bool_]:
+def _select_inside(image: DepthImage, box: Box) -> NDArray[np.bool_]:
     """(H, W) Return which pixels show points in an extraction range."""
     rows, columns = np.nonzero(image.depth > 0)
     found = np.zeros_like(image.mask)
-    found[rows, columns] = box.holds(image.world(rows, columns, image.depth[rows, columns]))
+    found[rows, columns] = box.holds(image.lift(rows, columns, image.depth[rows, columns]))
     return found
 
 
-def _mask_view(view: View, image: RopeImage) -> View:
+def _mask_view(view: View, image: DepthImage) -> View:
     """Return a view with only the points that an image's mask shows."""
     if view.image is not None:
         return masked(view, image.mask)
-    columns, rows = np.rint(image.projected(view.world_points)).astype(np.int64).T
+    columns, rows = np.rint(image.project(view.world_points)).astype(np.int64).T
     height, width = image.mask.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     inside[inside] = image.mask[rows[inside], columns[inside]]
@@ -153,9 +152,9 @@ def _mask_view(view: View, image: RopeImage) -> View:
     return View(view.points[inside], view.pose, colors=colors)
 
 
-def _measure_area(image: RopeImage) -> float:
+def _measure_area(image: DepthImage) -> float:
     """Return the area that a mask shows, across the rays, square metres."""
-    return float(np.sum(image.depth[image.mask] ** 2) / (image.focal[0] * image.focal[1]))
+    return float(np.sum(image.depth[image.mask] ** 2) / (image.camera.focal[0] * image.camera.focal[1]))
 
 
 def _explain_none(others: list[OtherObject], longest: float, radius: float, box: Box | None) -> str:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.reconstruction.images.above_table import smooth_where_seen
-from strand.reconstruction.images.rope_image import RopeImage, rope_images
 from strand.reconstruction.images.table_plane import Plane, find_table
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
+from strand.views.depth_image import DepthImage
+from strand.views.rope_images import rope_images
 from strand.views.view import View
 
 _MAX_POINTS = 30_000  # points that the table is sought in
@@ -34,7 +35,7 @@ class Tabletop:
 
     Attributes
     ----------
-    image : RopeImage
+    image : DepthImage
         Its mask is what stands above the table.
     plane : Plane
         The table in the world frame.
@@ -42,25 +43,25 @@ class Tabletop:
         How far each pixel is above the table, metres; 0 where there is no depth.
     """
 
-    image: RopeImage
+    image: DepthImage
     plane: Plane
     above: Array
 
 
-def find_tabletop(image: RopeImage) -> Tabletop | None:
+def find_tabletop(image: DepthImage) -> Tabletop | None:
     """Find the table in all depth of an image, and what stands above it; None if there is no table."""
     seen = image.depth > 0
     rows, columns = np.nonzero(seen)
     step = max(len(rows) // _MAX_POINTS, 1)
     rows, columns = rows[::step], columns[::step]
     camera = image.pose[:3, 3]
-    found = find_table(image.world(rows, columns, image.depth[rows, columns]) - camera)
+    found = find_table(image.lift(rows, columns, image.depth[rows, columns]) - camera)
     if found is None:
         return None
     plane = Plane(found.normal, found.offset + float(found.normal @ camera))
     v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
-    above = np.where(seen, plane.heights(image.world(v, u, image.depth)), 0.0)
-    return Tabletop(replace(image, mask=_segment_standing(above, seen, -found.offset)), plane, above)
+    above = np.where(seen, plane.heights(image.lift(v, u, image.depth)), 0.0)
+    return Tabletop(image.masked(_segment_standing(above, seen, -found.offset)), plane, above)
 
 
 def holds_table(views: Sequence[View], within: Sequence[View]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ import strand._core as _core
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
 from strand.reconstruction.images.above_table import segment_above_table
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 _WIDE = 1.6  # radii: what has a larger half width is wider than crossing strands
 _MAX_PILE = 5.5  # radii: ropes pile up no higher
@@ -69,7 +69,7 @@ def segment_ropes(
         Pixels that may be ropes.
     others : list of OtherObject
     """
-    image = replace(top.image, mask=segment_above_table(top.image, top.plane, None, thin))
+    image = top.image.masked(segment_above_table(top.image, top.plane, None, thin))
     wide = _open_mask(image, thick)
     things, numbers = np.zeros_like(wide), _core.blob_numbers(wide)
     others = []
@@ -82,7 +82,7 @@ def segment_ropes(
     things |= wide & _select_around(image, things, top.plane, thick)
     near = _core.edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
-    lengths = measure_strip_lengths(replace(image, mask=mask)) / thick
+    lengths = measure_strip_lengths(image.masked(mask.copy())) / thick
     for number, (rows, columns) in enumerate(_split_blobs(_core.blob_numbers(mask)), 1):
         length = float(lengths[number]) if number < len(lengths) else 0.0
         height = float(np.median(top.above[rows, columns])) / thick
@@ -106,16 +106,16 @@ def _split_blobs(numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64]
             yield rows[part], columns[part]
 
 
-def _find_middle(image: RopeImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+def _find_middle(image: DepthImage, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
     """(3,) Return the median of the points that pixels show, world frame."""
     z = image.depth[rows, columns]
-    return np.asarray(np.median(image.world(rows, columns, z)[z > 0], axis=0))
+    return np.asarray(np.median(image.lift(rows, columns, z)[z > 0], axis=0))
 
 
-def _open_mask(image: RopeImage, radius: float) -> NDArray[np.bool_]:
+def _open_mask(image: DepthImage, radius: float) -> NDArray[np.bool_]:
     """Return the pixels in discs that fit into the mask and are wider than crossing strands."""
     with np.errstate(divide="ignore"):
-        reach = _WIDE * radius * image.focal[0] / image.depth
+        reach = _WIDE * radius * image.camera.focal[0] / image.depth
     core = image.mask & (_core.edge_distances(image.mask, sum(image.mask.shape)) - 0.5 > reach)
     if not core.any():
         return core
@@ -123,14 +123,14 @@ def _open_mask(image: RopeImage, radius: float) -> NDArray[np.bool_]:
 
 
 def _select_around(
-    image: RopeImage, things: NDArray[np.bool_], table: Plane, radius: float
+    image: DepthImage, things: NDArray[np.bool_], table: Plane, radius: float
 ) -> NDArray[np.bool_]:
     """Return the mask's pixels that lie below or beside things, seen from straight above the table."""
     found = np.zeros_like(things)
     if not things.any():
         return found
     rows, columns = np.nonzero(image.mask & (image.depth > 0))
-    plan = image.world(rows, columns, image.depth[rows, columns]) @ table.axes()
+    plan = image.lift(rows, columns, image.depth[rows, columns]) @ table.axes()
     margin = int(_BESIDE) + 1
     low, high = plan.min(axis=0), plan.max(axis=0)
     # a wrong unit may spread a view over kilometres

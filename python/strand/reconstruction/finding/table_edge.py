@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import Plane
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -65,17 +64,16 @@ def _select_near(view: View, place: Array, reach: float) -> Array:
     if view.image is None:
         points = view.world_points
     else:
-        depth, focal, centre = view.image.depth, view.image.focal, view.image.centre
-        image = RopeImage(depth, depth > 0, focal, centre, view.pose)
+        image, depth = view.image, view.image.depth
         z = float((place - view.pose[:3, 3]) @ view.pose[:3, 2])
         if z <= reach:
             return np.empty((0, 3))
-        column, row = image.projected(place[None])[0]
-        across, down = (length * reach / (z - reach) for length in focal)
+        column, row = image.project(place[None])[0]
+        across, down = (length * reach / (z - reach) for length in image.camera.focal)
         height, width = depth.shape
         top, left = (max(int(low), 0) for low in (row - down, column - across))
         bottom, right = min(int(row + down) + 1, height), min(int(column + across) + 1, width)
         window = depth[top : max(bottom, top), left : max(right, left)]
         rows, columns = np.nonzero(window > 0)
-        points = image.world(rows + top, columns + left, window[rows, columns])
+        points = image.lift(rows + top, columns + left, window[rows, columns])
     return np.asarray(points[np.linalg.norm(points - place, axis=1) < reach])

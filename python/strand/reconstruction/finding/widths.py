@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 _MIN_RADIUS = 0.0008  # metres
 _MAX_RADIUS = 0.03  # metres
@@ -18,7 +18,7 @@ _SAME_WIDTH = 0.2  # logarithm of half widths: strips of one width differ by les
 _MIN_DISTANCE = 1.5  # pixels from a strip's middle to its edge
 
 
-def estimate_strip_radius(images: Sequence[RopeImage]) -> float:
+def estimate_strip_radius(images: Sequence[DepthImage]) -> float:
     """Return the half width, metres, of the strips in masks that are longest for their width."""
     radii = np.exp(np.linspace(np.log(_MIN_RADIUS), np.log(_MAX_RADIUS), _RADII))
     logs, lengths = (
@@ -28,7 +28,7 @@ def estimate_strip_radius(images: Sequence[RopeImage]) -> float:
     return float(radii[int(np.argmax(scores))])
 
 
-def measure_strip_lengths(image: RopeImage, radius: float | None = None) -> Array:
+def measure_strip_lengths(image: DepthImage, radius: float | None = None) -> Array:
     """(B + 1,) Return the lengths of the strips in each blob of a mask along their middle, metres.
 
     With a radius, metres, only strips of about this half width count.
@@ -40,7 +40,7 @@ def measure_strip_lengths(image: RopeImage, radius: float | None = None) -> Arra
     return np.asarray(np.bincount(own, lengths), dtype=np.float64)
 
 
-def _find_middles(image: RopeImage) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _find_middles(image: DepthImage) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return logarithms of half widths, and lengths, metres, at the pixels of strips' middles; and these."""
     away = _core.edge_distances(image.mask, sum(image.mask.shape))
     around = np.pad(away, 1)
@@ -50,6 +50,6 @@ def _find_middles(image: RopeImage) -> tuple[Array, Array, NDArray[np.bool_]]:
         for right in range(3):
             np.maximum(most, around[down : down + height, right : right + width], out=most)
     middle = (away >= most) & (away > _MIN_DISTANCE) & (image.depth > 0)
-    pixel = image.depth[middle] / image.focal[0]
+    pixel = image.depth[middle] / image.camera.focal[0]
     # the edge runs between the pixels
     return np.log((away[middle] - 0.5) * pixel), pixel, middle

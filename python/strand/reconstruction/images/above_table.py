@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.reconstruction.images.pixel_errors import neighbours_alike
-from strand.reconstruction.images.rope_image import RopeImage, rope_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
+from strand.views.rope_images import rope_images
 from strand.views.view import View, cropped, masked
 
 MIN_HEIGHT = -2.0  # radii: lower heights of single pixels are cut off
@@ -86,7 +87,7 @@ def add_masks(observed: Observed) -> Observed:
     return replace(observed, views=tuple(views), whole=tuple(whole))
 
 
-def _see_beside_masks(observed: Observed) -> tuple[list[bool], float, list[RopeImage], Plane | None] | None:
+def _see_beside_masks(observed: Observed) -> tuple[list[bool], float, list[DepthImage], Plane | None] | None:
     """Return which views have a mask, the ropes' radius, all images, and the table in the middle mask's view.
 
     None if all views have a mask, or none.
@@ -107,8 +108,8 @@ def _shows_table(view: View, table: Plane, radius: float) -> bool:
 
 
 def mask_above_table(
-    images: Sequence[RopeImage], table: Plane | None, bounds: Box | None, radius: float
-) -> list[RopeImage]:
+    images: Sequence[DepthImage], table: Plane | None, bounds: Box | None, radius: float
+) -> list[DepthImage]:
     """Return images with masks of what stands out from a table, as `segment_above_table` finds it.
 
     Images in which nothing stands out stay as they are. Without a table, all images do.
@@ -118,12 +119,12 @@ def mask_above_table(
     found = []
     for image in images:
         mask = segment_above_table(image, table, bounds, radius)
-        found.append(replace(image, mask=mask) if mask.any() else image)
+        found.append(image.masked(mask) if mask.any() else image)
     return found
 
 
 def segment_above_table(
-    image: RopeImage, table: Plane, bounds: Box | None, radius: float
+    image: DepthImage, table: Plane, bounds: Box | None, radius: float
 ) -> NDArray[np.bool_]:
     """(H, W) Return the pixels in bounds whose smoothed height is that of a rope of a radius, metres."""
     above, seen, pixels = measure_heights(image, table, bounds, radius)
@@ -135,13 +136,13 @@ def segment_above_table(
 
 
 def measure_heights(
-    image: RopeImage, table: Plane, bounds: Box | None, radius: float
+    image: DepthImage, table: Plane, bounds: Box | None, radius: float
 ) -> tuple[Array, NDArray[np.bool_], float]:
     """Return how far above a table each pixel shows something.
 
     Parameters
     ----------
-    image : RopeImage
+    image : DepthImage
     table : Plane
     bounds : Box or None
         The extraction range, metres.
@@ -161,13 +162,13 @@ def measure_heights(
     z = image.depth
     seen = z > 0
     rows, columns = np.mgrid[:height, :width]
-    world = image.world(rows, columns, z)
+    world = image.lift(rows, columns, z)
     above = table.heights(world)
     if bounds is not None:
         # where a rope's axis would be, whatever the noise
         axis = world + (radius - above)[..., None] * table.normal
         seen &= bounds.holds(axis, radius)
-    pixels = radius * image.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
+    pixels = radius * image.camera.focal[0] / float(np.median(z[seen])) if seen.any() else 0.0
     return above, seen, pixels
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 import strand._core as _core
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 # places beyond an end and inside of it, and how far beside the axis the surroundings are, in radii
 _AHEAD, _ASIDE = np.arange(1.5, 4.1, 0.5), 3.0
@@ -24,7 +24,7 @@ _CHANCE, _SHARES, _GOES_ON = 2.0, (0.2, 0.6), 1.2
 
 
 def ends_that_go_on(
-    views: Sequence[RopeImage],
+    views: Sequence[DepthImage],
     chains: Sequence[Array],
     noise: float,
     radius: float,
@@ -33,7 +33,7 @@ def ends_that_go_on(
 
     Parameters
     ----------
-    views : sequence of RopeImage
+    views : sequence of DepthImage
         With poses as corrected.
     chains : sequence of (M, 3) ndarray
         Nodes of the ropes, metres.
@@ -77,7 +77,7 @@ def ends_that_go_on(
                 yield Doubt("end", amount, "where the rope ends", reason, way[0])
 
 
-def _height(view: RopeImage, places: Array, along: Array, radius: float) -> Array:
+def _height(view: DepthImage, places: Array, along: Array, radius: float) -> Array:
     """(K,) How far depth at places is before that beside them, radii; NaN where not all is seen."""
     aside = np.cross(along, places - view.pose[:3, 3])
     aside *= _ASIDE * radius / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -85,9 +85,9 @@ def _height(view: RopeImage, places: Array, along: Array, radius: float) -> Arra
     return np.asarray((0.5 * (left + right) - middle) / radius)
 
 
-def _depth(view: RopeImage, places: Array) -> Array:
+def _depth(view: DepthImage, places: Array) -> Array:
     """(K,) The depth of places' pixels, metres; NaN where there is none."""
-    columns, rows = np.rint(view.projected(places)).astype(np.int64).T
+    columns, rows = np.rint(view.project(places)).astype(np.int64).T
     height, width = view.depth.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     found = np.full(len(places), np.nan)

@@ -210,9 +210,9 @@ def _too_sharp(fit: ImageFit, radius: float) -> float:
 
 def _label_changes(reading: Reading, observed: Observed) -> int:
     image = observed.whole[reading.view].image
-    if image is None or image.mask is None:
+    if image is None or image.labels is None:
         return 0
-    return label_changes(image.mask, reading.chains)
+    return label_changes(image.labels, reading.chains)
 
 
 def contradiction_of(fit: ImageFit, observed: Observed) -> float:

@@ -36,7 +36,7 @@ def depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> 
         return 0.0
     bends = _core.depth_bends(
         [image.depth for image in images],
-        [(image.focal, image.centre) for image in images],
+        [image.camera for image in images],
         [view.points for view in views],
         _EVERY,
     )

@@ -13,10 +13,10 @@ from strand.geometry.polyline import runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import SCALE
 from strand.reconstruction.images.comparison import Explanation
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 # doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
 # this much more for the other order is worth a factor of e in the odds
@@ -69,7 +69,7 @@ def doubts(
     rivals: Sequence[Explanation],
     fit: ImageFit,
     chains: Sequence[Chain],
-    views: Sequence[RopeImage],
+    views: Sequence[DepthImage],
     radius: float,
     others: Iterable[Doubt],
 ) -> tuple[Doubt, ...]:
@@ -87,7 +87,7 @@ def doubts(
         The last fit of the best.
     chains : sequence of Chain
         Made of it.
-    views : sequence of RopeImage
+    views : sequence of DepthImage
         With poses as corrected.
     radius : float
         Metres.
@@ -125,26 +125,26 @@ def doubts(
     return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
 
 
-def _farthest_uncovered(views: Sequence[RopeImage], chains: Sequence[Array], radius: float) -> Array | None:
+def _farthest_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Array | None:
     """Return what a mask's pixel with depth shows that is farthest from the ropes; None if they cover all."""
     nodes = np.vstack(chains)
     farthest: tuple[float, Array | None] = 1.5, None
     for view in views:
         rows, columns = np.nonzero(view.mask & (view.depth > 0))
-        seen = view.projected(nodes)
+        seen = view.project(nodes)
         pixels = np.column_stack([columns, rows, np.zeros(len(rows))])
         away = _core.squared_distances(pixels, np.column_stack([seen, np.zeros(len(seen))]))
         k = int(away.argmax())
-        across = np.sqrt(away[k]) * view.distance / (radius * view.focal[0])
+        across = np.sqrt(away[k]) * view.distance / (radius * view.camera.focal[0])
         if across > farthest[0]:
-            farthest = float(across), view.world(rows[k], columns[k], view.depth[rows[k], columns[k]])
+            farthest = float(across), view.lift(rows[k], columns[k], view.depth[rows[k], columns[k]])
     return farthest[1]
 
 
-def wide_masks(taken: Sequence[RopeImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
+def wide_masks(taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
     """Doubt a radius, metres, for which masks are too wide: it may be wrong, or they may."""
     wider = [
-        pixels - radius * image.focal[0] / image.distance
+        pixels - radius * image.camera.focal[0] / image.distance
         for image, pixels in zip(taken, images.radii, strict=True)
     ]
     more = float(np.median(wider))

@@ -13,7 +13,7 @@ from strand.support.checks import Array
 _RUN = 8
 
 
-def label_changes(labels: NDArray[np.int32], chains: Sequence[Array]) -> int:
+def label_changes(labels: NDArray[np.int32] | NDArray[np.bool_], chains: Sequence[Array]) -> int:
     """Count how often ropes go from one label to another.
 
     Labels of pieces change along ropes whichever way they run, and those of ropes that were merged never:

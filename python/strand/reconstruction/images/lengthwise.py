@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.reconstruction.images.above_table import MIN_HEIGHT, make_gaussian_kernel, measure_heights
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
 
 # standard deviations of the means, along a rope and across, and of what tells where it runs: of heights and
 # of their slopes; radii
@@ -21,7 +21,7 @@ _FINEST = 0.5
 _HIGHEST = 8.0
 
 
-def points_along(image: RopeImage, table: Plane, bounds: Box | None, radius: float) -> Array:
+def points_along(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Array:
     """Return a mask's pixels as points, whose heights are means along the rope.
 
     A rope runs where heights change least: across the strongest direction of the structure tensor (Förstner
@@ -30,7 +30,7 @@ def points_along(image: RopeImage, table: Plane, bounds: Box | None, radius: flo
 
     Parameters
     ----------
-    image : RopeImage
+    image : DepthImage
     table : Plane
     bounds : Box or None
         The extraction range, metres.
@@ -73,8 +73,7 @@ def points_along(image: RopeImage, table: Plane, bounds: Box | None, radius: flo
         weight += share * weights[v, u]
     height = radius * total / weight
     normal, offset = table
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(len(rows))], axis=1)
+    rays = image.camera.rays(rows, columns)
     steep = rays @ image.pose[:3, :3].T @ normal
     z = (offset + height - image.pose[:3, 3] @ normal) / np.where(steep < 0.0, steep, -np.inf)
     return np.asarray(rays[z > 0.0] * z[z > 0.0, None])

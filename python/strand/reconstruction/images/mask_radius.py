@@ -8,9 +8,10 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
-from strand.reconstruction.images.rope_image import RopeImage, prepared
+from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
 
 # a rope's top is seen this much lower above its table than it is: matchers and mixed pixels pull it down
 _SEEN_HEIGHT = 0.85
@@ -20,7 +21,7 @@ _SD = 0.15
 _ROUNDS, _SAME = 3, 0.05
 
 
-def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
+def shown_radius(images: Sequence[DepthImage]) -> tuple[Array, Array]:
     """Estimate the radius of ropes in masks.
 
     A mask's area over twice the length of the ropes in it is their radius in the image. Where they lie on a
@@ -28,7 +29,7 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    images : sequence of RopeImage
+    images : sequence of DepthImage
 
     Returns
     -------
@@ -45,12 +46,14 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
     across = _core.shown_radius(image.mask)
     if across is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
-    scale = image.distance / image.focal[0]
+    scale = image.distance / image.camera.focal[0]
     radius = across * scale
     chains: list[Array] = []
     for _ in range(_ROUNDS):
         chains = [
-            nodes for _, _, chains, _ in prepared([image], radius).readings(None, 1, [0]) for nodes in chains
+            nodes
+            for _, _, chains, _ in prepare_images([image], radius).readings(None, 1, [0])
+            for nodes in chains
         ]
         if not chains:
             break
@@ -65,7 +68,7 @@ def shown_radius(images: Sequence[RopeImage]) -> tuple[Array, Array]:
     return np.array([radius]), np.array([_SD * radius])
 
 
-def _height(image: RopeImage, axis: Array, table: Plane) -> float:
+def _height(image: DepthImage, axis: Array, table: Plane) -> float:
     """How high above the table the pixels along a rope's axis in the image are, in the median, metres."""
     columns, rows = np.rint(axis).astype(np.int64).T
     height, width = image.depth.shape
@@ -73,5 +76,5 @@ def _height(image: RopeImage, axis: Array, table: Plane) -> float:
     columns, rows = columns[inside], rows[inside]
     z = image.depth[rows, columns]
     seen = z > 0
-    world = image.world(rows[seen], columns[seen], z[seen])
+    world = image.lift(rows[seen], columns[seen], z[seen])
     return float(np.median(table.heights(world))) if len(world) else 0.0

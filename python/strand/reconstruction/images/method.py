@@ -23,12 +23,14 @@ from strand.reconstruction.images.pixel_errors import (
     neighbours_alike,
     sensor_of,
 )
-from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
+from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Alternative
 from strand.support.lazy import lazy_property
+from strand.views.depth_image import DepthImage
 from strand.views.pose import moved
+from strand.views.rope_images import rope_images
 from strand.views.sensor import Sensor
 
 PLAIN = 0.1
@@ -49,7 +51,7 @@ class Read:
         The view whose pose is held.
     explanations : list of Explanation
         The best first.
-    taken : list of RopeImage
+    taken : list of DepthImage
     errors : Errors
         The usual ones, or those of the sensor that is known.
     averaged : int
@@ -62,7 +64,7 @@ class Read:
     table: Plane | None
     held: int
     explanations: list[Explanation]
-    taken: list[RopeImage]
+    taken: list[DepthImage]
     errors: Errors
     averaged: int = 1
     scatter: float | None = None
@@ -91,7 +93,7 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
         if not any(observed.masked):
             taken = mask_above_table(taken, table, observed.bounds, radius)
         try:
-            images = prepared(taken, radius)
+            images = prepare_images(taken, radius)
         except ValueError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
     with run.stage("readings"):

@@ -31,10 +31,12 @@ from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.method import Read
 from strand.reconstruction.images.outlined import averaged, mean_noise, outlined
 from strand.reconstruction.images.pixel_errors import Errors
-from strand.reconstruction.images.rope_image import RopeImage, prepared, rope_images
+from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
+from strand.views.depth_image import DepthImage
+from strand.views.rope_images import rope_images
 from strand.views.view import View
 
 # weights of the outline's length, one for each mask
@@ -160,7 +162,7 @@ def read_scattered(
             tubes = _tubes(observed, masked[_TUBES], table, config, run, find_tubes)
     read = [reading for those in readings for reading in those]
     for ropes in (others, tubes):
-        found = Reading(0.0, held, [first[held].projected(points) for points in ropes])
+        found = Reading(0.0, held, [first[held].project(points) for points in ropes])
         if may_be_ropes(found.chains, read):
             readings = [[*those, found] for those in readings]
     scene = _Scene(table, held, noise, radius, Errors(), config)
@@ -195,7 +197,7 @@ def _without_bits(found: Sequence[_Candidate], radius: float) -> list[_Candidate
 
 def _tubes(
     observed: Observed,
-    taken: Sequence[RopeImage],
+    taken: Sequence[DepthImage],
     table: Plane,
     config: Config,
     run: Run,
@@ -220,7 +222,7 @@ def _tubes(
 
 def _best(
     scene: _Scene,
-    known: list[tuple[RopeImages, list[RopeImage]]],
+    known: list[tuple[RopeImages, list[DepthImage]]],
     readings: Sequence[Sequence[Reading]],
     run: Run,
 ) -> list[_Candidate]:
@@ -261,13 +263,13 @@ def _best(
 
 
 def _fitted_again(
-    scene: _Scene, images: RopeImages, taken: Sequence[RopeImage], one: Explanation
+    scene: _Scene, images: RopeImages, taken: Sequence[DepthImage], one: Explanation
 ) -> list[Explanation]:
     """Fit an explanation once more from where its view sees the ropes, and look for their ends."""
     view = one.reading.view
     poses = corrected_poses([image.pose for image in taken], one.fit.corrections)
     image = replace(taken[view], pose=poses[view])
-    reading = replace(one.reading, chains=[image.projected(nodes) for nodes in one.fit.nodes])
+    reading = replace(one.reading, chains=[image.project(nodes) for nodes in one.fit.nodes])
     again = [scene.again(images, each) for each in scene.fitted(images, [reading])]
     return [scene.with_ends(images, each) for each in again]
 
@@ -288,8 +290,8 @@ def _within(chains: Sequence[Array], radius: float) -> float:
     return 0.5 * within
 
 
-def _prepared(taken: Sequence[RopeImage], radius: float) -> RopeImages | None:
+def _prepared(taken: Sequence[DepthImage], radius: float) -> RopeImages | None:
     try:
-        return prepared(taken, radius)
+        return prepare_images(taken, radius)
     except ValueError:
         return None

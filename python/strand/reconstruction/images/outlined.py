@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
 from strand.reconstruction.images.above_table import MIN_HEIGHT, measure_heights
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
 
 # pixels are averaged until a rope's radius is about this many of them: what is finer is lost in the noise
 _FINE = 3.0
@@ -27,24 +26,24 @@ _STEPS = 80
 _MARGIN = 3.0, 4
 
 
-def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
+def averaged(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
     """Average squares of pixels until ropes are not finer than noise lets them be seen.
 
     Parameters
     ----------
-    image : RopeImage
+    image : DepthImage
     radius : float
         Metres.
 
     Returns
     -------
-    RopeImage, int
+    DepthImage, int
         And how many pixels a side of a square is.
     """
     seen = image.depth > 0
     if not seen.any():
         return image, 1
-    side = round(radius * image.focal[0] / float(np.median(image.depth[seen])) / _FINE)
+    side = round(radius * image.camera.focal[0] / float(np.median(image.depth[seen])) / _FINE)
     if side < 2:
         return image, 1
     height, width = (count // side for count in image.depth.shape)
@@ -56,16 +55,8 @@ def averaged(image: RopeImage, radius: float) -> tuple[RopeImage, int]:
     counts = sums(seen)
     depth = sums(image.depth) / np.maximum(counts, 1.0)
     depth[2 * counts < side**2] = 0.0
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    shift = 0.5 * (side - 1)
-    coarse = RopeImage(
-        depth,
-        2 * sums(image.mask) > side**2,
-        (fx / side, fy / side),
-        ((cx - shift) / side, (cy - shift) / side),
-        image.pose,
-    )
-    return coarse, side
+    mask = 2 * sums(image.mask) > side**2
+    return DepthImage(depth, image.camera.averaged(side), image.pose, mask), side
 
 
 def mean_noise(scatter: float, side: int, radius: float) -> float:
@@ -74,20 +65,20 @@ def mean_noise(scatter: float, side: int, radius: float) -> float:
 
 
 def outlined(
-    image: RopeImage,
+    image: DepthImage,
     table: Plane,
     bounds: Box | None,
     radius: float,
     noise: float,
     weights: Sequence[float],
-) -> list[RopeImage]:
+) -> list[DepthImage]:
     """Return an image with the likeliest masks, whose outlines cost.
 
     What a pixel says for a rope is its height over half of a rope's there, in units of the noise.
 
     Parameters
     ----------
-    image : RopeImage
+    image : DepthImage
         With a first mask, around which ropes are looked for.
     table : Plane
     bounds : Box or None
@@ -101,7 +92,7 @@ def outlined(
 
     Returns
     -------
-    list of RopeImage
+    list of DepthImage
         For each weight; the same image where nothing is left of its mask.
     """
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
@@ -121,5 +112,5 @@ def outlined(
     for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):
         mask = np.zeros_like(image.mask)
         mask[part] = outline
-        found.append(replace(image, mask=mask) if outline.any() else image)
+        found.append(image.masked(mask) if outline.any() else image)
     return found

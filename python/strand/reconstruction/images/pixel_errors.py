@@ -10,7 +10,7 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.reconstruction.evidence.depth_errors import correlate_on_planes, find_depth_step
-from strand.reconstruction.images.rope_image import RopeImage
+from strand.views.depth_image import DepthImage
 from strand.views.sensor import Sensor
 
 # depth is taken from discs of this part of the rope's radius
@@ -55,18 +55,18 @@ class Errors:
         return self.noise, self.correlation, self.lateral, self.bias
 
 
-def neighbours_alike(taken: Sequence[RopeImage]) -> float:
+def neighbours_alike(taken: Sequence[DepthImage]) -> float:
     """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
     surroundings = [(image.depth, image.distance) for image in taken if np.isfinite(image.distance)]
     correlations, followed = correlate_on_planes(surroundings, 1)
     return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
 
 
-def expected_errors(sensor: Sensor, taken: Sequence[RopeImage], images: RopeImages, radius: float) -> Errors:
+def expected_errors(sensor: Sensor, taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Errors:
     """Return the errors of a known sensor's images of ropes of one radius, metres."""
     found = []
     for image, pixels in zip(taken, images.radii, strict=True):
-        error = sensor.at(image.distance, image.focal[0])
+        error = sensor.at(image.distance, image.camera.focal[0])
         share, length = _of_discs(error.correlation, float(pixels))
         found.append((error.sd * share / radius, length))
     noise, length = np.median(found, axis=0).tolist()
@@ -98,7 +98,7 @@ def sensor_of(
     errors: Errors,
     fit: ImageFit,
     correlation: float | None,
-    taken: Sequence[RopeImage],
+    taken: Sequence[DepthImage],
     images: RopeImages,
     radius: float,
 ) -> Sensor:

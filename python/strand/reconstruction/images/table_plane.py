@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.rope_image import RopeImage
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
+from strand.views.depth_image import DepthImage
 
 _SEED = 0  # of the draws of three points that planes are tried through
 _PLANES_AT_ONCE = 20  # planes that are compared with points in one step
@@ -124,7 +124,7 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     return plane, float(np.mean(np.abs(plane.heights(points)) < width))
 
 
-def find_table_beside_ropes(image: RopeImage, radius: float) -> Plane | None:
+def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
     """Return the table that ropes of a radius, metres, lie on, world frame; None if the image shows none.
 
     It is the plane that most points beside the mask lie on, to within a rope's radius.
@@ -198,14 +198,14 @@ def _is_wide(points: Array, plane: Plane) -> bool:
     return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
 
 
-def _points_beside(image: RopeImage, radius: float) -> Array:
+def _points_beside(image: DepthImage, radius: float) -> Array:
     """(N, 3) Points, world frame, of pixels around the ropes but not next to them."""
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     far = float(np.median(image.depth[image.mask]))
     height, width = image.mask.shape
     reach = _MARGIN
     if far > 0:
-        reach = int(min(_REACH * radius * image.focal[0] / max(far, 1e-9), height + width))
+        reach = int(min(_REACH * radius * image.camera.focal[0] / max(far, 1e-9), height + width))
     top, bottom = max(rows[0] - reach, 0), min(rows[-1] + reach + 1, height)
     left, right = max(columns[0] - reach, 0), min(columns[-1] + reach + 1, width)
     step = max(int(np.sqrt((bottom - top) * (right - left) / (2.0 * _POINTS_BESIDE))), 1)
@@ -218,4 +218,4 @@ def _points_beside(image: RopeImage, radius: float) -> Array:
         for chosen in down:
             kept &= ~beside[chosen]
     v, u = np.nonzero(kept)
-    return image.world(top + step * v, left + step * u, z[kept])
+    return image.lift(top + step * v, left + step * u, z[kept])

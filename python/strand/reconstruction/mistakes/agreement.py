@@ -106,12 +106,10 @@ def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
         own, asked = _directions(view.points), _directions(seen)
         middle = own.sum(axis=0)
         return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
-    x, y, z = seen.T
     height, width = image.depth.shape
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        u = x / z * image.focal[0] + image.centre[0]
-        v = y / z * image.focal[1] + image.centre[1]
-    return np.asarray((z > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
+        u, v = image.camera.project(seen).T
+    return np.asarray((seen[:, 2] > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
 
 
 def _directions(points: Array) -> Array:

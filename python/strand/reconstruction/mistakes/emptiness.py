@@ -89,7 +89,7 @@ def _some_points(view: View) -> Array:
 def _outside_mask(cloud: Array, view: View) -> Array:
     """As many points of the whole image as lie in its mask."""
     image = view.image
-    if image is None or image.mask is None or not len(cloud):
+    if image is None or image.labels is None or not len(cloud):
         return np.empty((0, 3))
-    points = _core.unproject(image.depth, image.focal, image.centre)
+    points = _core.unproject(image.depth, *image.camera)
     return moved(points[:: max(len(points) // len(cloud), 1)], view.pose)

@@ -103,8 +103,7 @@ def _some_points(view: View) -> Array:
     flat: NDArray[np.intp] = np.flatnonzero(image.depth)
     rows, columns = np.divmod(flat[:: max(len(flat) // _POINTS, 1)], image.depth.shape[1])
     z = image.depth[rows, columns]
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    return np.column_stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z])
+    return image.camera.unproject(rows, columns, z)
 
 
 def _scatter(slopes: Array, inverse: Array, depth: Array) -> float:

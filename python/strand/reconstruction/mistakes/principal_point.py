@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from strand.ropes.doubt import Doubt
-from strand.views.view import DepthImage, View
+from strand.views.depth_image import DepthImage
+from strand.views.view import View
 
 # how far the principal point is from the middle of an image, as a share of it: of the other image at most, of
 # its own at least
@@ -26,7 +27,7 @@ def off_centre(views: Sequence[View]) -> Doubt | None:
     Doubt or None
     """
     images = {
-        (view.image.centre, view.image.depth.shape): view.image
+        (view.image.camera.center, view.image.depth.shape): view.image
         for view in views
         if view.image is not None and view.image.depth.size
     }
@@ -38,11 +39,12 @@ def off_centre(views: Sequence[View]) -> Doubt | None:
 
 def _why_off_centre(image: DepthImage) -> str | None:
     height, width = image.depth.shape
-    across, down = (2.0 * image.centre[0] + 1.0) / width, (2.0 * image.centre[1] + 1.0) / height
+    cx, cy = image.camera.center
+    across, down = (2.0 * cx + 1.0) / width, (2.0 * cy + 1.0) / height
     if min(across, down) <= 0.0 or max(abs(across - 1.0), abs(down - 1.0)) < _OTHER:
         return None
     where = (
-        f"the principal point ({image.centre[0]:.0f}, {image.centre[1]:.0f}) is the middle of an image of "
+        f"the principal point ({cx:.0f}, {cy:.0f}) is the middle of an image of "
         f"{across * width:.0f} x {down * height:.0f} pixels, depth has {width} x {height}"
     )
     shape = width / height

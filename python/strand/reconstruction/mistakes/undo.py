@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.support.checks import Array
-from strand.views.view import DepthImage, View, pictured, placed
+from strand.views.depth_image import DepthImage
+from strand.views.pinhole import Pinhole
+from strand.views.view import View, pictured, placed
 
 # camera frames of other conventions, as rotations into x right, y down, z forward
 _AXES = {
@@ -81,8 +83,8 @@ def _image(change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[View], V
         image = view.image
         if image is None:
             return None
-        mask = None if image.mask is None else np.ascontiguousarray(change(image.mask))
-        return pictured(view, replace(image, depth=np.ascontiguousarray(change(image.depth)), mask=mask))
+        labels = None if image.labels is None else np.ascontiguousarray(change(image.labels))
+        return pictured(view, replace(image, depth=np.ascontiguousarray(change(image.depth)), labels=labels))
 
     return undone
 
@@ -90,12 +92,13 @@ def _image(change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[View], V
 def _centred(view: View) -> View | None:
     """Scale intrinsics so that their centre is the image's."""
     image = view.image
-    if image is None or min(image.centre) <= 0:
+    if image is None or min(image.camera.center) <= 0:
         return None
     height, width = image.depth.shape
-    across, down = width / (2.0 * image.centre[0]), height / (2.0 * image.centre[1])
-    focal = image.focal[0] * across, image.focal[1] * down
-    return pictured(view, replace(image, focal=focal, centre=(0.5 * (width - 1), 0.5 * (height - 1))))
+    (fx, fy), (cx, cy) = image.camera
+    focal = fx * (width / (2.0 * cx)), fy * (height / (2.0 * cy))
+    centered = Pinhole(focal, (0.5 * (width - 1), 0.5 * (height - 1)))
+    return pictured(view, replace(image, camera=centered))
 
 
 def _over_rays(view: View) -> View | None:
@@ -107,9 +110,8 @@ def _over_rays(view: View) -> View | None:
 
 def ray_lengths(image: DepthImage) -> Array:
     """(H, W) How long the ray of each pixel is up to a depth of one."""
-    v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
-    (fx, fy), (cx, cy) = image.focal, image.centre
-    return np.asarray(np.sqrt(1.0 + ((u - cx) / fx) ** 2 + ((v - cy) / fy) ** 2))
+    x, y, _ = np.moveaxis(image.camera.rays(*np.indices(image.depth.shape)), -1, 0)
+    return np.asarray(np.sqrt(1.0 + x**2 + y**2))
 
 
 def _of_neighbours(step: int) -> Callable[[Sequence[View]], list[View | None]]:

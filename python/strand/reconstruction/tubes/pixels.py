@@ -82,7 +82,7 @@ class Cameras:
         for number in np.linspace(0, len(counts) - 1, some).round().astype(np.int64).tolist():
             image = self.whole[number].image
             like = next(iter(grids.values())).focal if grids else None
-            grid = _grid(self.views[number].points, None if image is None else image.focal, like)
+            grid = _grid(self.views[number].points, None if image is None else image.camera.focal, like)
             if grid is not None:
                 grids[number] = grid
         return grids

@@ -13,11 +13,11 @@ from strand._core import NotEnoughDataError, convolved
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.images.above_table import add_masks, mask_above_table
 from strand.reconstruction.images.mask_radius import shown_radius
-from strand.reconstruction.images.rope_image import rope_images
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
 from strand.synthetic import Segmentation, scene
+from strand.views.rope_images import rope_images
 from strand.views.view import cropped
 
 
@@ -35,7 +35,7 @@ def test_a_mask_without_rope_shows_no_radius():
     made = scene("arc", views=1, camera="zed", mask=Segmentation(), size=(320, 240))
     (image,) = rope_images(made.views, made.views, None)
     with pytest.raises(NotEnoughDataError, match="no rope"):
-        shown_radius([dataclasses.replace(image, mask=np.zeros_like(image.mask))])
+        shown_radius([image.masked(np.zeros_like(image.mask))])
 
 
 @pytest.mark.parametrize("columns", [200, 500, 640])
@@ -77,7 +77,7 @@ def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes
     made = scene("loop", seed=1, views=2, camera="zed", mask=Segmentation(), size=(320, 240))
     first, true = made.views
     image = true.image
-    (fx, fy), (cx, cy) = image.focal, image.centre
+    (fx, fy), (cx, cy) = image.camera
     camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     bare = strand.View.from_depth(image.depth, camera, true.pose, np.full((*image.depth.shape, 3), 0.5))
     whole, box = (first, bare), strand.Box(*made.bounds)

@@ -14,9 +14,9 @@ from strand.reconstruction.images.image_ends import _changed
 from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.noisy_depth import _within
 from strand.reconstruction.images.outlined import averaged, outlined
-from strand.reconstruction.images.rope_image import pixels_of, rope_images
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import scene
+from strand.views.rope_images import pixels_of, rope_images
 
 RADIUS = 0.004
 
@@ -63,7 +63,7 @@ def test_an_end_on_another_strand_is_found_in_wide_noise(past, views, seed, meas
 def test_means_along_a_rope_leave_little_of_the_noise():
     made, clear = (noisy("figure8", relative, views=1, seed=9) for relative in (0.8, 0.0))
     true = image_of(clear)
-    image = dataclasses.replace(image_of(made), mask=true.mask)
+    image = image_of(made).masked(true.mask)
     table = find_table_beside_ropes(image, RADIUS)
     points = points_along(image, table, strand.Box(*made.bounds), RADIUS)
     rows, columns = pixels_of(points, made.views[0].image)
@@ -126,10 +126,10 @@ def test_averaged_pixels_see_the_same_places():
     coarse, side = averaged(image, RADIUS)
     assert side > 2
     nodes = made.truth[0]
-    fine = image.projected(nodes)
+    fine = image.project(nodes)
     # a square's middle is half a pixel less than half its side from its first pixel
-    assert np.allclose(coarse.projected(nodes) * side + 0.5 * (side - 1), fine)
-    column, row = np.rint(coarse.projected(nodes[len(nodes) // 2 :][:1])[0]).astype(int)
+    assert np.allclose(coarse.project(nodes) * side + 0.5 * (side - 1), fine)
+    column, row = np.rint(coarse.project(nodes[len(nodes) // 2 :][:1])[0]).astype(int)
     column_there, row_there = np.rint(fine[len(nodes) // 2]).astype(int)
     assert coarse.depth[row, column] == pytest.approx(image.depth[row_there, column_there], abs=RADIUS)
 
@@ -159,7 +159,7 @@ def test_a_bare_table_in_wide_noise_shows_no_rope(seed):
     rng = np.random.default_rng(seed)
     views = []
     for view in made.views:
-        (fx, fy), (cx, cy) = view.image.focal, view.image.centre
+        (fx, fy), (cx, cy) = view.image.camera.focal, view.image.centre
         v, u = np.mgrid[: view.image.depth.shape[0], : view.image.depth.shape[1]]
         down = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.shape)], axis=-1) @ view.pose[2, :3]
         depth = np.maximum(-view.pose[2, 3] / down, 0.0)
@@ -182,7 +182,7 @@ def test_a_radius_in_millimetres_is_refused_at_once():
 def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
     made = noisy("arc", 0.8, views=1, seed=8)
     (view,) = made.views
-    (fx, fy), (cx, cy) = view.image.focal, view.image.centre
+    (fx, fy), (cx, cy) = view.image.camera.focal, view.image.centre
     depth = view.image.depth.copy()
     depth[:40] = np.inf
     endless = strand.View.from_depth(depth, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], view.pose)

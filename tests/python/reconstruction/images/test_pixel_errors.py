@@ -8,8 +8,9 @@ import pytest
 import strand
 from limits import Truth, calibration
 from strand.reconstruction.images.pixel_errors import Errors, _of_discs, expected_errors
-from strand.reconstruction.images.rope_image import prepared, rope_images
+from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Segmentation, scene
+from strand.views.rope_images import rope_images
 
 SIZE = (320, 240)
 
@@ -63,7 +64,7 @@ def test_errors_of_the_widest_ropes_and_correlations_take_no_longer():
 @pytest.mark.parametrize("correlation", [0.0, 1.0, 2.5])
 def test_errors_of_discs_are_those_of_smoothed_noise(made, correlation):
     (image,) = rope_images(made.views, made.views, None)
-    images = prepared([image], made.radius)
+    images = prepare_images([image], made.radius)
     pixels = float(images.radii[0])
     sd = 0.2 * made.radius
     found = expected_errors(strand.Sensor(sd=sd, correlation=correlation), [image], images, made.radius)

@@ -1,12 +1,16 @@
-"""The plane that most points lie on."""
+"""The plane that most points lie on, and the one that ropes lie on."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import open3d as o3d
 import pytest
 
-from strand.reconstruction.images.table_plane import Plane, find_largest_plane
+from strand.reconstruction.images.table_plane import Plane, find_largest_plane, find_table_beside_ropes
+from strand.synthetic import Segmentation, scene
+from strand.views.rope_images import rope_images
 
 
 def tilted(seed, count=6000, things=2000, noise=0.001):
@@ -53,3 +57,23 @@ def test_points_that_fix_no_plane_have_none():
     line = np.linspace(1.0, 2.0, 50)[:, None] * [0.1, 0.2, 1.0]
     for points in (np.empty((0, 3)), line[:2], line, np.tile(line[:1], (40, 1))):
         assert find_largest_plane(points) is None
+
+
+def test_the_table_is_found_where_it_is_and_nowhere_else():
+    made = scene("loop", seed=2, views=3, camera="zed", mask=Segmentation(), size=(320, 240))
+    images = rope_images(made.views, made.views, None)
+    normal, offset = find_table_beside_ropes(images[1], made.radius)
+    assert np.linalg.norm(normal) == pytest.approx(1.0)
+    assert normal[2] > np.cos(0.03)
+    centre = made.truth[0].mean(axis=0)
+    assert abs(normal @ [centre[0], centre[1], 0.0] - offset) < 0.5 * made.radius
+    bare = [dataclasses.replace(image, depth=np.where(image.mask, image.depth, 0.0)) for image in images]
+    assert find_table_beside_ropes(bare[1], made.radius) is None
+    rng = np.random.default_rng(0)
+    rough = [
+        dataclasses.replace(
+            image, depth=np.where(image.mask, image.depth, rng.uniform(0.2, 2.0, image.depth.shape))
+        )
+        for image in images
+    ]
+    assert find_table_beside_ropes(rough[1], made.radius) is None

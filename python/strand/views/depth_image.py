@@ -1,0 +1,70 @@
+"""A depth image: what a camera measured, its pinhole, where it stood, and which pixels are rope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.support.checks import Array
+from strand.support.lazy import lazy_property
+from strand.views.pinhole import Pinhole, Pixels
+from strand.views.pose import moved
+
+
+@dataclass(frozen=True, eq=False)
+class DepthImage:
+    """A checked depth image and its camera. Its arrays are read-only.
+
+    Attributes
+    ----------
+    depth : (H, W) ndarray
+        Depth along the camera's z axis, metres; 0 where there is no return.
+    camera : Pinhole
+    pose : (4, 4) ndarray
+        Camera to world.
+    labels : (H, W) ndarray of int32 or bool, or None
+        Where the ropes are: 0 is no rope, every other number a rope or a piece of one. None: anywhere.
+    """
+
+    depth: Array
+    camera: Pinhole
+    pose: Array
+    labels: NDArray[np.int32] | NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.depth, self.labels):
+            if array is not None:
+                array.setflags(write=False)
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """(H, W) The ropes' pixels: those that have a label, all if there are no labels."""
+        if self.labels is None:
+            return np.ones(self.depth.shape, dtype=np.bool_)
+        return self.labels.astype(np.bool_, copy=False)
+
+    @property
+    def rope_depth(self) -> Array:
+        """(H, W) The depths of the ropes' pixels, metres; 0 elsewhere."""
+        return self.depth if self.labels is None else np.where(self.mask, self.depth, 0.0)
+
+    @lazy_property
+    def distance(self) -> float:
+        """The median depth of the ropes' pixels, metres; NaN if none has depth."""
+        depths = self.depth[self.mask]
+        depths = depths[depths > 0]
+        return float(np.median(depths)) if len(depths) else float("nan")
+
+    def masked(self, mask: NDArray[np.bool_]) -> DepthImage:
+        """Return the image with other pixels as the ropes', (H, W)."""
+        return replace(self, labels=mask)
+
+    def project(self, points: Array) -> Array:
+        """Return the (N, 2) columns and rows of points (N, 3) of the world, pixels."""
+        return self.camera.project((points - self.pose[:3, 3]) @ self.pose[:3, :3])
+
+    def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
+        """Return the points (..., 3) of the world that pixels show at depths z, metres."""
+        return moved(self.camera.unproject(rows, columns, z), self.pose)

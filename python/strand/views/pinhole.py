@@ -1,0 +1,56 @@
+"""A pinhole camera: where a point of the camera frame is seen, and where a pixel looks."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strand.support.checks import Array
+
+Pixels = Array | NDArray[np.integer[Any]]
+"""Rows or columns of pixels."""
+
+
+class Pinhole(NamedTuple):
+    """A pinhole camera, pixels. An integer pixel is a pixel centre.
+
+    Attributes
+    ----------
+    focal : (float, float)
+        Focal lengths.
+    center : (float, float)
+        Principal point: column and row.
+    """
+
+    focal: tuple[float, float]
+    center: tuple[float, float]
+
+    @classmethod
+    def from_matrix(cls, matrix: Array) -> Pinhole:
+        """Return the camera of a (3, 3) matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."""
+        fx, fy, cx, cy = (float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        return cls((fx, fy), (cx, cy))
+
+    def project(self, points: Array) -> Array:
+        """Return the (N, 2) columns and rows at which points (N, 3) of the camera frame are seen."""
+        (fx, fy), (cx, cy) = self
+        x, y, z = points.T
+        return np.column_stack([fx * x / z + cx, fy * y / z + cy])
+
+    def unproject(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
+        """Return the points (..., 3) of the camera frame that pixels show at depths z, metres."""
+        (fx, fy), (cx, cy) = self
+        return np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=-1)
+
+    def rays(self, rows: Pixels, columns: Pixels) -> Array:
+        """Return the rays (..., 3) of pixels in the camera frame, as far as a depth of one."""
+        (fx, fy), (cx, cy) = self
+        return np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(np.shape(rows))], axis=-1)
+
+    def averaged(self, side: int) -> Pinhole:
+        """Return the camera of an image whose pixels are squares of `side` by `side` pixels of this one."""
+        (fx, fy), (cx, cy) = self
+        shift = 0.5 * (side - 1)
+        return Pinhole((fx / side, fy / side), ((cx - shift) / side, (cy - shift) / side))
