@@ -1,14 +1,12 @@
 //! The checks of arguments that all kernels share.
 
-use crate::Point;
 use crate::error::{Error, Result};
-use crate::geometry::dot;
 
 /// Coordinates and lengths stay below this, so that squared distances stay well inside f64.
 const LARGEST: f64 = 1e100;
 
 /// Refuses coordinates that are NaN, infinite or so large that their squares overflow.
-pub(crate) fn check_finite(name: &'static str, points: &[Point]) -> Result<()> {
+pub(crate) fn check_finite(name: &'static str, points: &[[f64; 3]]) -> Result<()> {
     match points.iter().position(|p| !p.iter().all(|x| x.abs() < LARGEST)) {
         None => Ok(()),
         Some(row) => Err(Error::invalid(
@@ -28,8 +26,8 @@ pub(crate) fn check_positive(name: &'static str, value: f64) -> Result<()> {
 }
 
 /// Refuses a direction that is not of unit length.
-pub(crate) fn check_unit(name: &'static str, direction: Point) -> Result<()> {
-    let length = dot(direction, direction).sqrt();
+pub(crate) fn check_unit(name: &'static str, direction: [f64; 3]) -> Result<()> {
+    let length = squared_length(direction).sqrt();
     if (length - 1.0).abs() <= 1e-6 {
         Ok(())
     } else {
@@ -38,9 +36,9 @@ pub(crate) fn check_unit(name: &'static str, direction: Point) -> Result<()> {
 }
 
 /// Refuses normals that are neither of unit length, to single precision and a little more, nor zero.
-pub(crate) fn check_normals(name: &'static str, normals: &[Point]) -> Result<()> {
+pub(crate) fn check_normals(name: &'static str, normals: &[[f64; 3]]) -> Result<()> {
     check_finite(name, normals)?;
-    match normals.iter().position(|&n| n != [0.0; 3] && (dot(n, n) - 1.0).abs() >= 1e-3) {
+    match normals.iter().position(|&n| n != [0.0; 3] && (squared_length(n) - 1.0).abs() >= 1e-3) {
         None => Ok(()),
         Some(row) => Err(Error::invalid(
             name,
@@ -56,4 +54,9 @@ pub(crate) fn check_same_length(name: &'static str, got: usize, other: &str, wan
     } else {
         Err(Error::invalid(name, format!("expected one row for each of the {want} {other}, got {got}")))
     }
+}
+
+/// x² + y² + z².
+fn squared_length([x, y, z]: [f64; 3]) -> f64 {
+    x * x + y * y + z * z
 }

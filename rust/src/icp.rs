@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
 use crate::checks::{check_finite, check_normals, check_positive, check_same_length};
 use crate::error::{Error, Result};
-use crate::geometry::{RigidMotion, dot, sub};
-use crate::{Point, parallel};
+use crate::geometry::{Point, RigidMotion, dot, sub};
+use crate::parallel;
 use pairing::{Pairing, Pairs};
 
 /// What is minimised.

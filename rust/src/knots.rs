@@ -21,12 +21,11 @@ mod table;
 mod tests;
 mod thinning;
 
-use crate::Point;
-use crate::boxes::Bounds;
 use crate::checks::{check_finite, check_unit};
 use crate::error::{Error, Result};
-use crate::geometry::{normalized, sub};
-use crate::polyline::arc_length;
+use crate::geometry::boxes::Bounds;
+use crate::geometry::polyline::arc_length;
+use crate::geometry::{Point, normalized, sub};
 use closure::{Answer, closures};
 pub(crate) use code::{GaussCode, Visit};
 use identity::{Identity, Kind, Known};

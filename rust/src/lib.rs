@@ -30,66 +30,36 @@
 // the bindings use more of the crate than it exports
 #![cfg_attr(not(feature = "python"), allow(dead_code, unused_imports))]
 
-mod apparent_radius;
-mod arclength;
-mod banded;
-mod boxes;
-mod bridge;
-mod centerline;
-mod chain;
 mod checks;
-mod crop;
-mod density;
-mod depth;
-mod ends;
+mod clouds;
 mod error;
-mod filter;
 mod geometry;
 mod icp;
-mod image;
-mod imagefit;
+mod images;
 mod index;
 mod knots;
-mod median;
-mod mending;
 mod normals;
-mod outline;
-mod overlap;
 mod parallel;
-mod plan;
-mod polyline;
-mod proximity;
+mod published;
 #[cfg(feature = "python")]
 mod python;
 mod queries;
-mod readings;
-mod relief;
-mod silhouette;
 mod simd;
-mod spline;
-mod straighten;
-mod surroundings;
-mod tubefit;
-mod tubelet;
 mod tubes;
-mod visibility;
 
-/// A point or vector: x, y, z.
-pub type Point = [f64; 3];
-
-pub use centerline::{Centerline, centerline};
-pub use chain::trace_chains;
-pub use crop::{DepthView, crop_images};
-pub use depth::Pinhole;
+pub use clouds::crop::{DepthView, crop_images};
+pub use clouds::depth::Pinhole;
+pub use clouds::filter::{count_neighbors, radius_outlier_mask};
 pub use error::{Error, Result};
-pub use filter::{count_neighbors, radius_outlier_mask};
-pub use geometry::RigidMotion;
+pub use geometry::spline::{Place, Spline};
+pub use geometry::{Point, RigidMotion};
 pub use icp::{IcpOptions, IcpResult, Objective, Stop, icp, register_in_turn};
 pub use normals::{Neighbors, Normals, Viewpoints, estimate_normals};
 pub use parallel::{num_threads, set_num_threads};
-pub use spline::{Place, Spline};
-pub use tubefit::{
+pub use published::centerline::{Centerline, centerline};
+pub use published::chain::trace_chains;
+pub use tubes::tracing::{Arc, MIN_NODES, trace_tubes};
+pub use tubes::tubefit::{
     EndObservation, FootPoint, OnCurve, Residual, Tube, TubeFit, TubeFitOptions, TubeView, Uncertainty,
     fit_tubes,
 };
-pub use tubes::{Arc, MIN_NODES, trace_tubes};

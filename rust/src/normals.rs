@@ -4,13 +4,13 @@
 
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::Result;
-use crate::geometry::{Moments, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
+use crate::geometry::{Moments, Point, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::cells::Cells;
 use crate::index::hierarchy::Crowded;
+use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, LANES, Simd, Singles, kernel};
-use crate::{Point, parallel};
 use mass::Mass;
 
 mod mass;

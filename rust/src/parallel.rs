@@ -193,8 +193,8 @@ pub(crate) fn was_given_up(panic: &(dyn Any + Send)) -> bool {
 #[cfg(feature = "python")]
 pub(crate) fn each<T: Sync, R: Send>(
     things: &[T],
-    work: impl Fn(&T) -> crate::Result<R> + Sync + Send,
-) -> crate::Result<Vec<R>> {
+    work: impl Fn(&T) -> crate::error::Result<R> + Sync + Send,
+) -> crate::error::Result<Vec<R>> {
     let work = |thing: &T| {
         go_on();
         work(thing)

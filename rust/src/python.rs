@@ -23,7 +23,7 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 
-use crate::Error;
+use crate::error::Error;
 
 create_exception!(strand, StrandError, PyException, "Base of the errors that strand raises of its own.");
 create_exception!(strand, NotEnoughDataError, StrandError, "The data cannot support an answer.");

@@ -12,10 +12,9 @@ mod rays;
 
 use rayon::prelude::*;
 
-use crate::Point;
 use crate::checks::{check_finite, check_positive, check_same_length};
 use crate::error::{Error, Result};
-use crate::geometry::{RigidMotion, normalized, squared_distance, sub};
+use crate::geometry::{Point, RigidMotion, normalized, squared_distance, sub};
 use crate::parallel::{self, go_on};
 use boxes::BoxMotion;
 use capsule::Capsule;

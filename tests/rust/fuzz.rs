@@ -17,7 +17,7 @@ use strand::{
     radius_outlier_mask, trace_chains, trace_tubes,
 };
 
-use crate::clouds::{Random, sine_between};
+use crate::fixtures::{Random, sine_between};
 
 /// Seeds that once failed.
 const FOUND: [u64; 9] = [3, 115, 124, 222, 228, 1_000_000_024, 1_000_000_029, 1_000_000_306, 7_000_005_269];

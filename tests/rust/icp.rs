@@ -1,6 +1,6 @@
 //! Registration against brute force and against known motions.
 
-use crate::clouds::{
+use crate::fixtures::{
     FAR_AWAY, Random, any_motion, cases, distance, free_cloud, hills, inverse, motion, moved, order,
     reordered, scaled, shifted, tube,
 };

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::clouds::{
+use crate::fixtures::{
     FAR_AWAY, Random, any_cloud, any_motion, cases, distance, free_cloud, hills, moved, order, reordered,
     scaled, shifted, sine_between, tube,
 };

@@ -1,9 +1,9 @@
 //! Every kernel's answer is the same bits for any number of threads. Alone in its binary: the number of
 //! threads belongs to the process.
 
-mod clouds;
+mod fixtures;
 
-use clouds::{Random, hills, motion, moved, tube};
+use fixtures::{Random, hills, motion, moved, tube};
 use strand::{
     IcpOptions, Neighbors, Objective, Point, RigidMotion, Viewpoints, centerline, count_neighbors,
     estimate_normals, icp, num_threads, radius_outlier_mask, set_num_threads, trace_chains,

@@ -15,8 +15,7 @@ use rayon::prelude::*;
 use crate::parallel::go_on;
 
 use super::IcpOptions;
-use crate::Point;
-use crate::geometry::{RigidMotion, centroid, squared_distance};
+use crate::geometry::{Point, RigidMotion, centroid, squared_distance};
 use crate::index::around::Around;
 use crate::index::bounds::{Bounds, bounds};
 use crate::index::cells::Cells;

@@ -8,7 +8,7 @@ use super::CROWDED;
 use super::bounds::Bounds;
 use super::cells::Cells;
 use super::cells::sweep::Sweep;
-use crate::Point;
+use crate::geometry::Point;
 use crate::simd::{BATCH, Simd, Singles};
 
 /// Points around a batch, and what a task keeps from batch to batch.

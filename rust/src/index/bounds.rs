@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 
 use super::POINTS_PER_PART;
-use crate::Point;
-use crate::geometry::dot;
+use crate::geometry::{Point, dot};
 use crate::simd::LANES;
 
 /// A box around points.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::bounds::{Bounds, bounds};
 use super::sort::sort_words;
 use super::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
-use crate::Point;
+use crate::geometry::Point;
 use crate::simd::BATCH;
 
 /// Most bits of a cell's coordinate along one axis; three of them make a key.

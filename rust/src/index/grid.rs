@@ -8,8 +8,7 @@ use rayon::prelude::*;
 use super::CROWDED;
 use super::hierarchy::Hierarchy;
 use super::sort::sort_words;
-use crate::Point;
-use crate::geometry::squared_distance;
+use crate::geometry::{Point, squared_distance};
 
 /// Bits of a cell's coordinate along one axis; three of them make a key.
 const AXIS_BITS: u32 = 21;

@@ -11,8 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
-use crate::Point;
-use crate::geometry::squared_distance;
+use crate::geometry::{Point, squared_distance};
 use crate::parallel::go_on;
 
 /// Boxes of so few points, or of points in one place, are not divided.

@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 
 use super::{POINTS_PER_PART, SHORTEST};
-use crate::Point;
-use crate::geometry::squared_distance;
+use crate::geometry::{Point, squared_distance};
 use crate::simd::kernel;
 
 /// Points from which distances between neighbours are estimated.

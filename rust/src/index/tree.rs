@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::Point;
+use crate::geometry::Point;
 
 /// A k-d tree over the places of finite points: points in one place share it, however many they are.
 ///

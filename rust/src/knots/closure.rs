@@ -7,9 +7,8 @@
 use super::identity::{Identity, Kind, Known};
 use super::projection::{NoDiagram, frame};
 use super::thinning::{Thinned, thin};
-use crate::Point;
-use crate::boxes::Bounds;
-use crate::geometry::{advance, dot, squared_distance, sub};
+use crate::geometry::boxes::Bounds;
+use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
 /// Directions that are tried before chains that are too tangled for an answer are given up.

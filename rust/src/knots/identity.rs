@@ -9,8 +9,7 @@ use super::projection::{Diagram, Lid, NoDiagram, diagram};
 use super::reidemeister::reduced;
 use super::table::{Chirality, has_alexander, named};
 use super::thinning::thin;
-use crate::Point;
-use crate::geometry::normalized;
+use crate::geometry::{Point, normalized};
 
 /// Where thinned polylines are looked at from: no direction that a person or a program would choose.
 const VIEWPOINTS: [Point; 9] = [

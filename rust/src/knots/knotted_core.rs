@@ -4,8 +4,8 @@ use super::alexander::mark;
 use super::code::GaussCode;
 use super::stretches::Stretches;
 use super::thinning::thin;
-use crate::Point;
-use crate::polyline::arc_length;
+use crate::geometry::Point;
+use crate::geometry::polyline::arc_length;
 
 /// In the search a stretch is taken for knotted, or for not, when so many more closures say so than do not.
 const LEAD: usize = 2;

@@ -4,8 +4,7 @@
 //! integral. It is the linking number of closed curves. (K. Klenin and J. Langowski: Computation of writhe in modeling of
 //! supercoiled DNA, Biopolymers 54, 2000; areas of triangles by A. van Oosterom and J. Strackee, 1983.)
 
-use crate::Point;
-use crate::geometry::{cross, dot, sub};
+use crate::geometry::{Point, cross, dot, sub};
 use crate::parallel::go_on;
 
 /// The integral over two lists of segments.

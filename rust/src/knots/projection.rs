@@ -1,9 +1,8 @@
 //! The diagram of a closed polyline: its signed crossings seen from far away.
 
 use super::code::{GaussCode, Visit};
-use crate::Point;
-use crate::boxes::{Bounds, BoxTree};
-use crate::geometry::{cross, dot, normalized};
+use crate::geometry::boxes::{Bounds, BoxTree};
+use crate::geometry::{Point, cross, dot, normalized};
 use crate::parallel::go_on;
 
 /// Most crossings that a diagram may have.

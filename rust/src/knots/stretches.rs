@@ -7,7 +7,7 @@ use super::alexander::mark;
 use super::closure::directions;
 use super::projection::Look;
 use super::reidemeister::reduced;
-use crate::Point;
+use crate::geometry::Point;
 use crate::parallel::go_on;
 
 /// Between directions that are asked one after the other; no divisor in common with the number of directions.

@@ -12,7 +12,7 @@ use super::reidemeister::{reduced, twists};
 use super::table::{Chirality, TABLE};
 use super::thinning::thin;
 use super::*;
-use crate::boxes::{Bounds, BoxTree};
+use crate::geometry::boxes::{Bounds, BoxTree};
 
 /// By entry of the table: a braid whose closure is the right knot (KnotInfo, knotinfo.org).
 const BRAIDS: [&[i32]; 18] = [

@@ -6,9 +6,8 @@
 //! K. Koniaris, M. Muthukumar: Knottedness in ring polymers, Phys. Rev. Lett. 66 (1991);
 //! W. R. Taylor: A deeply knotted protein structure and how it might fold, Nature 406 (2000).
 
-use crate::Point;
-use crate::boxes::{Bounds, BoxTree};
-use crate::geometry::{cross, dot, squared_distance, sub};
+use crate::geometry::boxes::{Bounds, BoxTree};
+use crate::geometry::{Point, cross, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
 /// Most pairs of a triangle and a segment that are looked at: fewer nodes go than could.

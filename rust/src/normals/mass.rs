@@ -1,7 +1,6 @@
 //! Points summed up so that sums can be put together.
 
-use crate::Point;
-use crate::geometry::{Symmetric3, advance, sub};
+use crate::geometry::{Point, Symmetric3, advance, sub};
 use crate::index::hierarchy::Sum;
 
 /// How many points, their mean, and the sums of the products of their differences from it.

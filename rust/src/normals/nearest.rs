@@ -5,13 +5,13 @@ use std::sync::OnceLock;
 
 use super::{Answers, Covariances, Sums, covariance};
 use crate::error::{Error, Result};
-use crate::geometry::{Moments, Symmetric3, squared_distance, sub};
+use crate::geometry::{Moments, Point, Symmetric3, squared_distance, sub};
 use crate::index::Tree;
 use crate::index::around::Around;
 use crate::index::cells::Cells;
 use crate::index::reach::reach_of;
+use crate::parallel;
 use crate::simd::{BATCH, Simd, Singles, kernel};
-use crate::{Point, parallel};
 
 /// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
 const WIDTH: f64 = 1.3;

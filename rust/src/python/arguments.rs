@@ -11,7 +11,8 @@ use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError
 use pyo3::prelude::*;
 
 use super::arrays::Constant;
-use crate::{Point, RigidMotion, Viewpoints};
+use crate::geometry::{Point, RigidMotion};
+use crate::normals::Viewpoints;
 
 /// A C-ordered array made of an argument.
 #[derive(Clone)]

@@ -16,7 +16,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::intern;
 use pyo3::prelude::*;
 
-use crate::Point;
+use crate::geometry::Point;
 
 /// An (N, 3) array that is handed back.
 pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;

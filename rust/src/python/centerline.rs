@@ -9,7 +9,7 @@ use pyo3::types::PyList;
 use super::arguments::{Points, Rows, count, number, require_same_length};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::released;
-use crate::Error;
+use crate::error::Error;
 
 /// After so many chains are made arrays, signals are looked at.
 const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14;

@@ -7,9 +7,10 @@ use pyo3::prelude::*;
 use super::arguments::{Array, FloatArray, Points, point, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, array, list, points_array};
 use super::released::{guarded, released_if_many};
-use crate::arclength::ByLength;
-use crate::overlap::{self, Along};
-use crate::{Point, Spline, bridge, plan, polyline, straighten};
+use crate::geometry::arclength::ByLength;
+use crate::geometry::overlap::{self, Along};
+use crate::geometry::spline::Spline;
+use crate::geometry::{Point, bridge, plan, polyline, straighten};
 
 /// Numbers of both segments, shares along them, and turns.
 type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i8>>);

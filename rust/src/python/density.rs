@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use super::arguments::{Points, slices};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
-use crate::{density, proximity};
+use crate::clouds::{density, proximity};
 
 /// The median number of other points within a radius of a point; 0 for no points.
 #[pyfunction]

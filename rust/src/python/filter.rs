@@ -6,7 +6,8 @@ use pyo3::prelude::*;
 use super::arguments::{Points, Rows, count, number};
 use super::arrays::list;
 use super::released::released;
-use crate::{Error, parallel};
+use crate::error::Error;
+use crate::parallel;
 
 /// Tell outliers: which points have enough neighbours within a searching radius (section IV-A).
 ///

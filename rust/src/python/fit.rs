@@ -16,9 +16,11 @@ use super::arguments::{
 use super::arrays::{constant, constant_list, constant_points};
 use super::curves::checked_spline;
 use super::released::{CHEAP, released, released_if_many};
-use crate::ends::{self, OnTubes};
-use crate::tubefit::placed;
-use crate::{Error, OnCurve, Point, Residual, RigidMotion, Tube, TubeFitOptions, TubeView, parallel};
+use crate::error::Error;
+use crate::geometry::{Point, RigidMotion};
+use crate::parallel;
+use crate::tubes::ends::{self, OnTubes};
+use crate::tubes::tubefit::{OnCurve, Residual, Tube, TubeFitOptions, TubeView, placed};
 
 const DEFAULT: &TubeFitOptions = &TubeFitOptions::DEFAULT;
 

@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use super::arguments::{Given, Points, Rows, count, motion, number, require_same_length, slices};
 use super::arrays::array;
 use super::released::released;
-use crate::{IcpOptions, Objective, RigidMotion, Stop};
+use crate::geometry::RigidMotion;
+use crate::icp::{IcpOptions, Objective, Stop};
 
 // the text signature of `icp` says these numbers
 const _: () = assert!(IcpOptions::MAX_ITERATIONS == 30 && IcpOptions::TOLERANCE == 1e-6);

@@ -6,8 +6,8 @@ use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
 use super::arrays::{PointsArray, array, list, points_array};
-use crate::Point;
-use crate::imagefit::{self, OnChain};
+use crate::geometry::Point;
+use crate::images::imagefit::{self, OnChain};
 
 /// Ropes fitted to masks and depth.
 #[pyclass(frozen, module = "strand._core")]

@@ -11,8 +11,13 @@ use super::arrays::{array, list};
 use super::image_fit::ImageFit;
 use super::released::released;
 use crate::checks::{check_positive, check_unit};
-use crate::imagefit::{self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView, Sensor};
-use crate::{Pinhole, Point, parallel, readings};
+use crate::clouds::depth::Pinhole;
+use crate::geometry::Point;
+use crate::images::imagefit::{
+    self, DepthScene, ImageFitOptions, OnChain, Plane, Prepared, RopeView, Sensor,
+};
+use crate::images::readings;
+use crate::parallel;
 
 /// Longest polyline, pixels or radii, farthest coordinate, pixels or metres, and most steps of a fit.
 const LONGEST: f64 = 1e5;

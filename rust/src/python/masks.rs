@@ -7,9 +7,10 @@ use pyo3::prelude::*;
 use super::arguments::Array;
 use super::arrays::array;
 use super::released::released;
-use crate::image::{Image, blobs, distances};
-use crate::silhouette::Silhouette;
-use crate::{outline, parallel};
+use crate::images::image::{Image, blobs, distances};
+use crate::images::outline;
+use crate::images::silhouette::Silhouette;
+use crate::parallel;
 
 /// Most steps of an outline: it is found in hundreds.
 const MOST_STEPS: usize = 100_000;

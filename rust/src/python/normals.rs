@@ -7,7 +7,9 @@ use pyo3::prelude::*;
 use super::arguments::{Points, Rows, Viewpoint, count, number};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::released;
-use crate::{Error, Neighbors, Viewpoints, parallel};
+use crate::error::Error;
+use crate::normals::{Neighbors, Viewpoints};
+use crate::parallel;
 
 /// Estimate surface normals from the plane through each point's neighbours (section IV-B, eq. 10-14).
 ///

@@ -10,8 +10,9 @@ use pyo3::types::PyTuple;
 use super::arguments::{FloatArray, Points, number, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, list, points_array};
 use super::released::released_if_many;
+use crate::error::Error;
+use crate::geometry::{Point, RigidMotion};
 use crate::queries::{self, Path, Place, Sweep};
-use crate::{Error, Point, RigidMotion};
 
 /// So many points are asked about in the time of one thing of most work.
 const SHARE: usize = 4;

@@ -6,7 +6,8 @@ use pyo3::prelude::*;
 use super::arguments::{Given, Points, Rows, Viewpoint, count, number, point};
 use super::arrays::{PointsArray, array, list, points_array};
 use super::released::released;
-use crate::{MIN_NODES, apparent_radius};
+use crate::clouds::apparent_radius;
+use crate::tubes::tracing::MIN_NODES;
 
 // the text signature of `trace_tubes` says this number
 const _: () = assert!(MIN_NODES == 4);

@@ -6,7 +6,11 @@ use pyo3::prelude::*;
 use super::arguments::{FloatArray, Points, motion, motions, require_same_length, wrong_shape};
 use super::arrays::{PointsArray, constant, constant_points, list};
 use super::released::{CHEAP, released, released_if_many};
-use crate::{DepthView, Pinhole, Point, crop, depth, parallel};
+use crate::clouds::crop::DepthView;
+use crate::clouds::depth::Pinhole;
+use crate::clouds::{crop, depth};
+use crate::geometry::Point;
+use crate::parallel;
 
 /// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
 #[pyfunction]

@@ -8,8 +8,10 @@ use pyo3::prelude::*;
 use super::arguments::{FloatArray, Points, motions, point, require_same_length};
 use super::arrays::{array, list};
 use super::released::{released, released_if_many};
-use crate::visibility::{self, Observed, Occupancy, VisibilityView};
-use crate::{Error, Pinhole, Point, Result};
+use crate::clouds::depth::Pinhole;
+use crate::clouds::visibility::{self, Observed, Occupancy, VisibilityView};
+use crate::error::{Error, Result};
+use crate::geometry::Point;
 
 /// Whether any of `others` occludes a stretch of rope from a camera.
 ///

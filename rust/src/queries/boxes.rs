@@ -9,8 +9,7 @@ use nalgebra::{Rotation3, Unit, UnitQuaternion, Vector3};
 use super::capsule::Capsule;
 use super::least::least_place;
 use super::rays::Line;
-use crate::Point;
-use crate::geometry::{RigidMotion, advance, cross, dot};
+use crate::geometry::{Point, RigidMotion, advance, cross, dot};
 
 /// A bound on steps, which rounding alone can reach; what is left open then counts as contact.
 const MOST: usize = 10_000;

@@ -2,8 +2,7 @@
 
 use super::Place;
 use super::least::least_place;
-use crate::Point;
-use crate::geometry::{advance, dot, squared_distance, sub};
+use crate::geometry::{Point, advance, dot, squared_distance, sub};
 
 /// A segment of an axis, and what is within a radius of it.
 #[derive(Debug, Clone, Copy)]

@@ -3,8 +3,7 @@
 use super::boxes::{BoxMotion, segment_to_box};
 use super::capsule::{Approach, Capsule};
 use super::rays::Line;
-use crate::Point;
-use crate::geometry::{advance, dot, squared_distance, sub};
+use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::index::bounds::Bounds;
 
 /// Boxes of so few capsules are not divided.

@@ -1,8 +1,7 @@
 //! Where lines enter capsules: rays, and the ways of spheres' centres.
 
 use super::capsule::Capsule;
-use crate::Point;
-use crate::geometry::{advance, cross, dot, squared_distance, sub};
+use crate::geometry::{Point, advance, cross, dot, squared_distance, sub};
 use crate::index::bounds::Bounds;
 
 /// A straight way from an origin on.

@@ -6,8 +6,8 @@ use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 use super::{BATCH, Eight, LANES, Lanes, PORTABLE, Singles, Three, WIDEST, detected, kernel};
-use crate::readings::readings;
-use crate::silhouette::Silhouette;
+use crate::images::readings::readings;
+use crate::images::silhouette::Silhouette;
 use crate::{
     DepthView, IcpOptions, Neighbors, Objective, Pinhole, Point, Residual, RigidMotion, Spline, Tube,
     TubeFitOptions, TubeView, Viewpoints, centerline, count_neighbors, crop_images, estimate_normals,

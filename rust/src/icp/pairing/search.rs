@@ -1,8 +1,7 @@
 //! The nearest target points to some of a batch.
 
 use super::{Batch, LISTED, NONE, Pairing};
-use crate::Point;
-use crate::geometry::squared_distance;
+use crate::geometry::{Point, squared_distance};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;

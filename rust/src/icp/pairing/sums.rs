@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::Point;
+use crate::geometry::Point;
 use crate::simd::{BATCH, Doubles, LANES};
 
 /// Sums over pairs: 1, squared distance, source point, target point, and their outer product; points relative to

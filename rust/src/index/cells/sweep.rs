@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::{BLOCK_BITS, Cells, IN_BLOCK, Row};
-use crate::Point;
+use crate::geometry::Point;
 use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
 

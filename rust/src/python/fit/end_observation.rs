@@ -3,8 +3,8 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-use crate::Point;
 use crate::checks::{check_finite, check_positive, check_unit};
+use crate::geometry::Point;
 use crate::python::arguments::{count, number, point};
 use crate::python::arrays::list;
 

@@ -8,10 +8,9 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::OnCurve;
 use crate::python::arguments::{Array, FloatArray, number, require_same_length, wrong_shape};
 use crate::python::arrays::{Constant, array, constant};
-use crate::tubefit::deviations;
+use crate::tubes::tubefit::{OnCurve, deviations};
 
 /// The outcome of `strand.fit_tubes`; nobody can write to its arrays.
 #[pyclass(frozen, get_all, module = "strand")]

@@ -1,0 +1,153 @@
+//! The extraction range: an axis-aligned box in the world frame.
+
+use rayon::prelude::*;
+
+use crate::clouds::depth::{Pinhole, has_return};
+use crate::geometry::{Point, RigidMotion};
+use crate::parallel;
+use crate::simd::{LANES, kernel};
+
+/// Points looked at by one task.
+const POINTS_PER_TASK: usize = 16384;
+/// What rounding may do to a coordinate, in parts of the largest number that it is made of; with much to spare.
+const ROUNDING: f64 = 1e-12;
+
+/// The numbers of the points of a camera frame that lie in a box of the world frame, on its faces too, in their order.
+///
+/// Sides may be infinite; a coordinate that is NaN lies in no box.
+pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
+    let inside = |i: &usize| is_inside(pose.apply(points[*i]), [low, high]);
+    parallel::run(|| (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).filter(inside).collect())
+}
+
+#[inline(always)]
+fn is_inside(world: Point, [low, high]: [Point; 2]) -> bool {
+    (0..3).all(|k| world[k] >= low[k] && world[k] <= high[k])
+}
+
+/// A depth image, and where the camera stood.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthView<'a> {
+    /// Depths row by row, metres.
+    pub depth: &'a [f64],
+    /// Pixels in a row.
+    pub width: usize,
+    /// The camera.
+    pub camera: Pinhole,
+    /// Camera frame to world frame.
+    pub pose: RigidMotion,
+}
+
+/// The points of depth images that lie in a box of the world frame, in their camera's frame.
+///
+/// One pass over the images: pixels outside the box are not un-projected. The box is closed; infinite bounds leave a side
+/// open.
+pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
+    let bands: Vec<(usize, usize, &[f64])> = views
+        .iter()
+        .enumerate()
+        .flat_map(|(number, view)| {
+            let width = view.width.max(1);
+            let rows = POINTS_PER_TASK.div_ceil(width);
+            let bands = view.depth.chunks(rows * width).enumerate();
+            bands.map(move |(band, depth)| (number, band * rows, depth))
+        })
+        .collect();
+    let found: Vec<Vec<Point>> = parallel::run(|| {
+        bands
+            .par_iter()
+            .map(|&(number, first_row, depth)| {
+                parallel::go_on();
+                crop_band(&views[number], first_row, depth, bounds)
+            })
+            .collect()
+    });
+    let mut points = vec![Vec::new(); views.len()];
+    for (&(number, ..), found) in bands.iter().zip(found) {
+        points[number].extend(found);
+    }
+    points
+}
+
+kernel! {
+    /// The points of some rows of a depth image that lie in a box of the world frame.
+    fn crop_band<S>(_, view: &DepthView, first_row: usize, depth: &[f64], bounds: [Point; 2]) -> Vec<Point> {
+        let DepthView { width, camera, pose, .. } = view;
+        let [low, high] = bounds;
+        let mut points = Vec::new();
+        for (row, depths) in depth.chunks_exact((*width).max(1)).enumerate() {
+            let v = (first_row + row) as f64;
+            // along a row a world coordinate is z (a + u b) + t
+            let [start, end] = [0.0, *width as f64].map(|u| {
+                let ray = camera.point(u, v, 1.0);
+                (pose.rotation * nalgebra::Vector3::from(ray)).into()
+            });
+            let (start, end): (Point, Point) = (start, end);
+            let step: Point = std::array::from_fn(|k| (end[k] - start[k]) / *width as f64);
+            let steepest = start.iter().chain(&end).fold(0.0, |most: f64, x| most.max(x.abs()));
+            let farthest = pose.translation.amax();
+            for (part, depths) in depths.chunks(2 * LANES).enumerate() {
+                let first = (part * 2 * LANES) as f64;
+                let mut z = [0.0; 2 * LANES];
+                z[..depths.len()].copy_from_slice(depths);
+                let mut may = [true; 2 * LANES];
+                for l in 0..2 * LANES {
+                    let rounding = ROUNDING * (z[l] * steepest + farthest);
+                    for k in 0..3 {
+                        let world = z[l] * (start[k] + (first + l as f64) * step[k]) + pose.translation[k];
+                        may[l] &= (world >= low[k] - rounding) & (world <= high[k] + rounding);
+                    }
+                    may[l] &= z[l] > 0.0;
+                }
+                if may == [false; 2 * LANES] {
+                    continue;
+                }
+                for l in 0..2 * LANES {
+                    if may[l] && has_return(z[l]) {
+                        let point = camera.point(first + l as f64, v, z[l]);
+                        if is_inside(pose.apply(point), [low, high]) {
+                            points.push(point);
+                        }
+                    }
+                }
+            }
+        }
+        points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_pass_over_images_keeps_what_crop_keeps_of_their_points() {
+        let camera = Pinhole { focal: [30.0, 31.0], center: [18.3, 9.1] };
+        let pose = RigidMotion {
+            rotation: nalgebra::Rotation3::new([0.4, -0.7, 1.1].into()).into_inner(),
+            translation: [0.1, -0.2, 0.3].into(),
+        };
+        let mut depth: Vec<f64> = (0..37 * 20).map(|i| 1.0 + (f64::from(i) * 0.7).sin()).collect();
+        (depth[3], depth[50], depth[99]) = (f64::NAN, 0.0, f64::INFINITY);
+        let points = crate::clouds::depth::unproject(&depth, 37, camera);
+        let world = pose.apply(points[200]);
+        for bounds in [
+            [[-0.3, -0.4, f64::NEG_INFINITY], [0.6, 0.9, 0.8]],
+            // a point on the faces
+            [world, world.map(|x| x + 0.5)],
+        ] {
+            let kept = crop(&points, &pose, bounds);
+            let expected: Vec<Point> = kept.into_iter().map(|i| points[i]).collect();
+            assert!(!expected.is_empty());
+            let view = DepthView { depth: &depth, width: 37, camera, pose };
+            assert_eq!(crop_images(&[view, view], bounds), [expected.clone(), expected]);
+        }
+    }
+
+    #[test]
+    fn the_faces_of_the_range_belong_to_it() {
+        let pose = RigidMotion { translation: [1.0, 0.0, 0.0].into(), ..RigidMotion::identity() };
+        let points = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.1, 0.0, 0.0], [0.5, f64::NAN, 0.5]];
+        assert_eq!(crop(&points, &pose, [[1.0, 0.0, 0.0], [2.0, 1.0, f64::INFINITY]]), [0, 1]);
+    }
+}

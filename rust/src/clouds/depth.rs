@@ -1,0 +1,174 @@
+//! Depth images as points.
+
+use nalgebra::Vector3;
+
+use crate::error::{Error, Result};
+use crate::geometry::median::median;
+use crate::geometry::{Point, RigidMotion};
+
+/// A pinhole camera, pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pinhole {
+    /// Focal lengths.
+    pub focal: [f64; 2],
+    /// Where the optical axis meets the image; an integer pixel is a pixel's middle.
+    pub center: [f64; 2],
+}
+
+impl Pinhole {
+    /// The point in the camera frame that a pixel of column `u` and row `v` sees at the depth `z`.
+    #[inline(always)]
+    pub(crate) fn point(&self, u: f64, v: f64, z: f64) -> Point {
+        [(u - self.center[0]) * z / self.focal[0], (v - self.center[1]) * z / self.focal[1], z]
+    }
+
+    /// Column and row of the pixel that sees a point of the camera frame.
+    #[inline(always)]
+    pub(crate) fn pixel(&self, [x, y, z]: Point) -> [f64; 2] {
+        [self.focal[0] * x / z + self.center[0], self.focal[1] * y / z + self.center[1]]
+    }
+}
+
+/// Whether a pixel has a return.
+#[inline(always)]
+pub(crate) fn has_return(z: f64) -> bool {
+    z > 0.0 && z < f64::INFINITY
+}
+
+/// A depth image with 0 where pixels are NaN or infinite, as they have no return either; and how many are.
+///
+/// # Errors
+/// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
+pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, usize)> {
+    let (mut dropped, mut outside) = (0, false);
+    for part in depth.chunks_mut(1024) {
+        dropped += part.iter().filter(|z| !z.is_finite()).count();
+        // infinities are dropped
+        outside |= part.iter().fold(false, |out, &z| out | (((z < 0.0) | (z > farthest)) & z.is_finite()));
+        for z in part {
+            *z = if z.is_finite() { *z } else { 0.0 };
+        }
+    }
+    if outside {
+        let reason = format!("expected depths from 0 to {farthest:.3e}, where points are finite");
+        return Err(match depth.iter().find(|&&z| z < 0.0 && z.is_finite()) {
+            Some(z) => Error::invalid("depth", format!("expected depths >= 0, got {z}")),
+            None => Error::invalid("depth", reason),
+        });
+    }
+    Ok((depth, dropped))
+}
+
+/// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
+pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
+    let mut points = Vec::with_capacity(depth.len());
+    for (v, row) in depth.chunks_exact(width.max(1)).enumerate() {
+        for (u, &z) in row.iter().enumerate() {
+            if has_return(z) {
+                points.push(camera.point(u as f64, v as f64, z));
+            }
+        }
+    }
+    points
+}
+
+/// How much farther along the camera's axis an image saw something than each of some points, metres: infinite where the
+/// point's pixel has no return, NaN where it has no pixel. Those less than `nearest` before the camera have none.
+pub(crate) fn seen_behind(
+    depth: &[f64],
+    width: usize,
+    camera: Pinhole,
+    pose: &RigidMotion,
+    points: &[Point],
+    nearest: f64,
+) -> Vec<f64> {
+    let height = depth.len() / width.max(1);
+    let behind = |&p: &Point| {
+        let seen_from: Point = pose.rotation.tr_mul(&(Vector3::from(p) - pose.translation)).into();
+        let z = seen_from[2];
+        let [u, v] = camera.pixel(seen_from).map(f64::round_ties_even);
+        if !(z > nearest && (0.0..width as f64).contains(&u) && (0.0..height as f64).contains(&v)) {
+            return f64::NAN;
+        }
+        let seen = depth[v as usize * width + u as usize];
+        if has_return(seen) { seen - z } else { f64::INFINITY }
+    };
+    points.iter().map(behind).collect()
+}
+
+/// Medians of how far depths lie from the mean of their neighbours to both sides, times two, metres: in every so many rows of
+/// an image, and at the pixels of some points of the camera frame. 0 where no three neighbours have a return.
+///
+/// Slopes cancel in these second differences.
+pub(crate) fn bends(
+    depth: &[f64],
+    width: usize,
+    camera: Pinhole,
+    points: &[Point],
+    every: usize,
+) -> [f64; 2] {
+    let bend = |row: &[f64], column: usize| {
+        let three = row.get(column.checked_sub(1)?..column + 2)?;
+        three.iter().all(|&z| z > 0.0).then(|| (three[0] - 2.0 * three[1] + three[2]).abs())
+    };
+    let rows: Vec<&[f64]> = depth.chunks_exact(width.max(1)).collect();
+    let some = rows.iter().step_by(every.max(1)).flat_map(|row| (1..width).filter_map(|u| bend(row, u)));
+    let own = points.iter().filter_map(|&p| {
+        let [u, v] = camera.pixel(p).map(f64::round_ties_even);
+        bend(rows.get(v as usize).filter(|_| u >= 0.0 && v >= 0.0)?, u as usize)
+    });
+    [some.collect(), own.collect()].map(|bends| median(bends).unwrap_or(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_without_a_return_make_no_points() {
+        let camera = Pinhole { focal: [2.0, 4.0], center: [1.0, 0.0] };
+        let depth = [0.0, 2.0, f64::NAN, 4.0, f64::INFINITY, 0.0];
+        assert_eq!(unproject(&depth, 3, camera), [[0.0, 0.0, 2.0], [-2.0, 1.0, 4.0]]);
+        assert_eq!(cleaned(depth.to_vec(), 4.0).unwrap(), (vec![0.0, 2.0, 0.0, 4.0, 0.0, 0.0], 2));
+        assert!(cleaned(depth.to_vec(), 3.9).is_err());
+        assert!(cleaned(vec![-1.0], 4.0).is_err());
+        assert!(unproject(&[], 0, camera).is_empty());
+    }
+
+    #[test]
+    fn what_an_image_saw_behind_points() {
+        let camera = Pinhole { focal: [2.0, 2.0], center: [1.0, 1.0] };
+        let turned = [[0.0, 0.0, 1.0, 5.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let pose = RigidMotion::from_rows(&turned).unwrap();
+        let depth = [9.0, 3.0, 0.0, 4.0, 2.0, f64::INFINITY];
+        // of the camera frame: x right, y down, z forward
+        let seen =
+            |x: f64, y: f64, z: f64| seen_behind(&depth, 3, camera, &pose, &[pose.apply([x, y, z])], 0.5)[0];
+        assert_eq!(seen(0.0, 0.0, 1.5), 0.5);
+        assert_eq!(seen(0.0, -1.0, 2.0), 1.0);
+        assert_eq!(seen(-1.0, 0.0, 2.0), 2.0);
+        // rows 0 and 1 are the image's
+        assert!(seen(0.0, 1.0, 2.0).is_nan() && seen(-2.0, 0.0, 2.0).is_nan());
+        assert!(seen(0.0, 0.0, 0.5).is_nan() && seen(0.0, 0.0, -1.0).is_nan());
+        assert_eq!(seen(1.0, -1.0, 2.0), f64::INFINITY);
+        assert_eq!(seen(1.0, 0.0, 2.0), f64::INFINITY);
+        assert!(seen_behind(&[], 0, camera, &pose, &[[6.0, 0.0, 0.0]], 0.5)[0].is_nan());
+    }
+
+    #[test]
+    fn bends_are_those_of_three_neighbours_with_returns() {
+        let camera = Pinhole { focal: [2.0, 2.0], center: [0.0, 0.0] };
+        let depth = [1.0, 5.0, 3.0, 4.0, 0.0, 9.0, 1.0, 2.0, 3.0, 1.0, 5.0, 1.0];
+        let at = |u: f64, v: f64| camera.point(u, v, 2.0);
+        let [all, own] = bends(
+            &depth,
+            4,
+            camera,
+            &[at(1.0, 0.0), at(2.0, 0.0), at(0.0, 0.0), at(1.0, 9.0), at(-3.0, 0.0)],
+            2,
+        );
+        assert_eq!((all, own), (6.0, 4.5));
+        assert_eq!(bends(&depth, 4, camera, &[], 3), [4.5, 0.0]);
+        assert_eq!(bends(&[], 0, camera, &[[0.0; 3]], 0), [0.0; 2]);
+    }
+}

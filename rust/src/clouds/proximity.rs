@@ -1,0 +1,47 @@
+//! How near other points are.
+
+use rayon::prelude::*;
+
+use crate::checks::check_finite;
+use crate::error::Result;
+use crate::geometry::{Point, squared_distance};
+use crate::index::hierarchy::Hierarchy;
+use crate::parallel;
+
+/// Points of one task.
+const POINTS_PER_TASK: usize = 1024;
+
+/// The squared distance of each point from the nearest of others; infinity where there are none.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
+pub(crate) fn squared_distances(points: &[Point], others: &[Point]) -> Result<Vec<f64>> {
+    check_finite("points", points)?;
+    check_finite("others", others)?;
+    Ok(parallel::run(|| {
+        let boxes = Hierarchy::new(others.iter().copied());
+        let nearest = |&p: &Point| {
+            boxes.nearest(p, f64::INFINITY).map_or(f64::INFINITY, |i| squared_distance(p, others[i]))
+        };
+        points.par_iter().with_min_len(POINTS_PER_TASK).map(nearest).collect()
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_counts() {
+        let others: Vec<Point> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let points = [[3.4, 1.0, 0.0], [-2.0, 0.0, 0.0], [50.5, 0.0, 0.0]];
+        let expected = [3.4f64 - 3.0, 2.0, 0.5].map(|x| x * x);
+        assert_eq!(
+            squared_distances(&points, &others).unwrap(),
+            [expected[0] + 1.0, expected[1], expected[2]]
+        );
+        assert_eq!(squared_distances(&points[..1], &[]).unwrap(), [f64::INFINITY]);
+        assert!(squared_distances(&[[f64::NAN; 3]], &others).is_err());
+        assert!(squared_distances(&points, &[[f64::NAN; 3]]).is_err());
+    }
+}

@@ -1,0 +1,430 @@
+//! Space as the cameras saw it: a place is occupied, occluded by something in front of it, or free.
+
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
+use crate::checks::{check_finite, check_positive};
+use crate::clouds::depth::{Pinhole, has_return};
+use crate::error::Result;
+use crate::geometry::{Point, RigidMotion, advance, cross, dot, normalized, sub};
+use crate::parallel;
+
+/// Views are gridded by direction; a cell is as wide as this many points lie apart.
+const CELL: f64 = 1.6;
+/// Directions farther than this from a view's middle, as tangents, are not gridded.
+const WIDEST: f64 = 3.0;
+/// How far beyond what will be asked for directions are gridded, as tangents.
+const MARGIN: f64 = 0.1;
+/// How far in front of or behind a place something must be, in radii.
+const APART: f64 = 1.0;
+/// Views with fewer points, or with points so widely scattered that they make more cells, know nothing.
+const FEWEST: usize = 16;
+const MOST_CELLS: f64 = 4e7;
+/// Points projected by one task; fixed, so that results do not depend on the number of threads.
+const POINTS_PER_TASK: usize = 16384;
+
+/// What one view says of a tube around a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Occupancy {
+    /// No points in that direction.
+    Unknown,
+    /// All points in that direction lie in front of it.
+    Occluded,
+    /// Points lie where its surface would be.
+    Occupied,
+    /// All points in that direction lie behind it: nothing is there.
+    Free,
+}
+
+/// One view, for [`Visibility::new`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VisibilityView<'a> {
+    /// All that it saw, the background too: a ray that reached the table met nothing before.
+    pub observed: Observed<'a>,
+    /// Points near all places that will be asked about: directions far from all of them are left out.
+    pub about: &'a [Point],
+    /// Camera to world.
+    pub pose: RigidMotion,
+}
+
+/// What one camera saw.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Observed<'a> {
+    /// Points in the camera frame, metres.
+    Points(&'a [Point]),
+    /// A depth image: depths row by row, metres, how many make a row, and the camera.
+    Image(&'a [f64], usize, Pinhole),
+}
+
+/// What all views saw of space, for questions about places.
+#[derive(Debug)]
+pub(crate) struct Visibility {
+    views: Vec<(Point, Option<Buffer>)>,
+}
+
+/// Least distance of a view's points in each direction, seen from its camera.
+///
+/// Directions are gridded on the plane at distance 1 before the camera, at a right angle to the third axis.
+#[derive(Debug)]
+struct Buffer {
+    /// In the world frame.
+    axes: [Point; 3],
+    cell: f64,
+    low: [f64; 2],
+    shape: [usize; 2],
+    nearest: Vec<f32>,
+}
+
+/// A point as its camera sees it: a direction, and the square of the distance; single precision is finer than any pixel.
+#[derive(Clone, Copy)]
+struct Ray {
+    flat: [f32; 2],
+    squared: f32,
+}
+
+impl Visibility {
+    /// Grids views by direction.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.
+    pub fn new(views: &[VisibilityView]) -> Result<Self> {
+        for view in views {
+            check_finite("about", view.about)?;
+        }
+        let of_view = |view: &VisibilityView| (view.pose.translation.into(), Buffer::new(view));
+        Ok(Self { views: parallel::run(|| views.par_iter().map(of_view).collect()) })
+    }
+
+    /// How many views there are.
+    pub fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Says what one view saw of tubes of a radius around places of the world.
+    ///
+    /// # Errors
+    /// [`InvalidArgument`](crate::Error::InvalidArgument) if the radius is not positive.
+    pub fn states(&self, view: usize, places: &[Point], radius: f64) -> Result<Vec<Occupancy>> {
+        check_positive("radius", radius)?;
+        let (camera, buffer) = &self.views[view];
+        let state = |&place: &Point| match buffer {
+            Some(buffer) => buffer.state(sub(place, *camera), radius),
+            None => Occupancy::Unknown,
+        };
+        Ok(places.iter().map(state).collect())
+    }
+
+    /// Whether the space at places is free: more views saw it free than occupied.
+    ///
+    /// # Errors
+    /// As [`Visibility::states`].
+    pub fn free(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+        let mut votes = vec![0i64; places.len()];
+        for view in 0..self.views() {
+            for (vote, state) in votes.iter_mut().zip(self.states(view, places, radius)?) {
+                *vote += i64::from(state == Occupancy::Free) - i64::from(state == Occupancy::Occupied);
+            }
+        }
+        Ok(votes.into_iter().map(|vote| vote > 0).collect())
+    }
+
+    /// Whether places are occluded from all views or outside what these saw.
+    ///
+    /// # Errors
+    /// As [`Visibility::states`].
+    pub fn occluded(&self, places: &[Point], radius: f64) -> Result<Vec<bool>> {
+        let mut occluded = vec![true; places.len()];
+        for view in 0..self.views() {
+            for (occluded, state) in occluded.iter_mut().zip(self.states(view, places, radius)?) {
+                *occluded &= matches!(state, Occupancy::Occluded | Occupancy::Unknown);
+            }
+        }
+        Ok(occluded)
+    }
+
+    /// Whether some view saw through the near side of a tube along `direction`, a unit vector, around places.
+    ///
+    /// # Errors
+    /// As [`Visibility::states`].
+    pub fn seen_through(&self, places: &[Point], direction: Point, radius: f64) -> Result<Vec<bool>> {
+        check_positive("radius", radius)?;
+        let through = |&place: &Point| {
+            self.views.iter().any(|(camera, buffer)| {
+                let Some(buffer) = buffer else { return false };
+                let to_camera = sub(*camera, place);
+                let across = normalized(advance(to_camera, -dot(to_camera, direction), direction));
+                let surface = sub(advance(place, radius, across), *camera);
+                // the axis whose near side is there
+                let within = advance(surface, radius, normalized(surface));
+                buffer.state(within, radius) == Occupancy::Free
+            })
+        };
+        Ok(places.iter().map(through).collect())
+    }
+}
+
+/// Whether any of `others` occludes a stretch from a camera: it lies within `distance` of a line of sight, in front of the
+/// stretch or beside it.
+pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
+    stretch.iter().any(|&place| {
+        parallel::go_on();
+        let to_camera = normalized(sub(camera, place));
+        others.iter().any(|&other| {
+            let offset = sub(other, place);
+            let depth = dot(offset, to_camera);
+            depth > -distance && dot(offset, offset) - depth * depth < distance * distance
+        })
+    })
+}
+
+impl Observed<'_> {
+    /// The rays to all points that have one, task by task.
+    fn rays(&self, ray: impl Fn(Point) -> Option<Ray> + Sync) -> Vec<Vec<Ray>> {
+        match *self {
+            Self::Points(points) => {
+                let project = |points: &[Point]| points.iter().filter_map(|&p| ray(p)).collect();
+                points.par_chunks(POINTS_PER_TASK).map(project).collect()
+            }
+            Self::Image(depth, width, camera) => {
+                let width = width.max(1);
+                let rows = POINTS_PER_TASK.div_ceil(width);
+                let project = |(band, depth): (usize, &[f64])| {
+                    let mut rays = Vec::with_capacity(depth.len());
+                    for (row, v) in depth.chunks_exact(width).zip(band * rows..) {
+                        for (&z, u) in row.iter().zip(0u32..).filter(|(z, _)| has_return(**z)) {
+                            rays.extend(ray(camera.point(f64::from(u), v as f64, z)));
+                        }
+                    }
+                    rays
+                };
+                depth.par_chunks(rows * width).enumerate().map(project).collect()
+            }
+        }
+    }
+}
+
+impl Buffer {
+    /// Grids one view; none if it has hardly any points.
+    fn new(view: &VisibilityView) -> Option<Self> {
+        let axes = axes_towards(view.about)?;
+        let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
+        let (low, high) = (asked.0.map(|x| (x - MARGIN) as f32), asked.1.map(|x| (x + MARGIN) as f32));
+        let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
+        let rays = view.observed.rays(|p| Ray::to(p, &axes).filter(near));
+        let count = rays.iter().map(Vec::len).sum();
+        if count < FEWEST {
+            return None;
+        }
+        let all = || rays.iter().flatten().copied();
+        let (low, high) = bounds(all())?;
+        let cell = CELL * spacing(all, count, low, high);
+        let grid = Cells::new(low, cell);
+        let last = grid.of(high.map(|x| x as f32));
+        if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MOST_CELLS {
+            return None;
+        }
+        let shape = last.map(|x| x + 1);
+        let mut nearest = vec![f32::INFINITY; shape[0] * shape[1]];
+        for ray in all() {
+            let [i, j] = grid.of(ray.flat);
+            let least = &mut nearest[i * shape[1] + j];
+            *least = ray.squared.min(*least);
+        }
+        for distance in &mut nearest {
+            *distance = distance.sqrt();
+        }
+        let turned = axes.map(|axis| (view.pose.rotation * nalgebra::Vector3::from(axis)).into());
+        Some(Self { axes: turned, cell, low, shape, nearest })
+    }
+
+    /// The state of a place, given relative to the view's camera.
+    fn state(&self, offset: Point, radius: f64) -> Occupancy {
+        let reach = dot(offset, offset).sqrt() - radius;
+        let [x, y, depth] = self.axes.map(|axis| dot(axis, offset));
+        if depth <= reach.max(1e-12) / 1f64.hypot(WIDEST) {
+            return Occupancy::Unknown;
+        }
+        let place = [0, 1].map(|k| (([x, y][k] / depth - self.low[k]) / self.cell).floor());
+        if (0..2).any(|k| place[k] < 0.0 || place[k] >= self.shape[k] as f64) {
+            return Occupancy::Unknown;
+        }
+        let nearest = f64::from(self.nearest[place[0] as usize * self.shape[1] + place[1] as usize]);
+        if nearest == f64::INFINITY {
+            Occupancy::Unknown
+        } else if nearest < reach - APART * radius {
+            Occupancy::Occluded
+        } else if nearest > reach + APART * radius {
+            Occupancy::Free
+        } else {
+            Occupancy::Occupied
+        }
+    }
+}
+
+impl Ray {
+    /// The ray to a point; none if it is behind the camera or far to the side.
+    #[inline]
+    fn to(point: Point, axes: &[Point; 3]) -> Option<Self> {
+        let depth = dot(point, axes[2]);
+        let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
+        (depth > 0.0 && flat[0].abs() < WIDEST && flat[1].abs() < WIDEST)
+            .then(|| Self { flat: flat.map(|x| x as f32), squared: dot(point, point) as f32 })
+    }
+}
+
+/// A square grid of directions.
+#[derive(Clone, Copy)]
+struct Cells {
+    low: [f32; 2],
+    inverse: f32,
+}
+
+impl Cells {
+    fn new(low: [f64; 2], cell: f64) -> Self {
+        Self { low: low.map(|x| x as f32), inverse: (1.0 / cell) as f32 }
+    }
+
+    #[inline]
+    fn of(&self, flat: [f32; 2]) -> [usize; 2] {
+        std::array::from_fn(|k| ((flat[k] - self.low[k]) * self.inverse) as usize)
+    }
+}
+
+/// Unit vectors at right angles, the third towards the middle of points; none if these are few or all around.
+fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
+    let ways: Vec<Point> = about.iter().filter(|&&p| p != [0.0; 3]).map(|&p| normalized(p)).collect();
+    if ways.len() < FEWEST {
+        return None;
+    }
+    let middle = crate::geometry::centroid(&ways);
+    if dot(middle, middle).sqrt() < 0.1 {
+        return None;
+    }
+    let forward = normalized(middle);
+    let least = (0..3).fold(0, |least, k| if forward[k].abs() < forward[least].abs() { k } else { least });
+    let side = normalized(cross(forward, std::array::from_fn(|k| f64::from(u8::from(k == least)))));
+    Some([side, cross(forward, side), forward])
+}
+
+/// The corners of the box around directions; none for none.
+fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
+    let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let (low, high) = rays.fold(start, |(low, high), ray| {
+        (
+            std::array::from_fn(|k| low[k].min(f64::from(ray.flat[k]))),
+            std::array::from_fn(|k| high[k].max(f64::from(ray.flat[k]))),
+        )
+    });
+    (low[0] <= high[0]).then_some((low, high))
+}
+
+/// Distance between neighbours among directions: the side of the area that each has to itself.
+fn spacing<I: Iterator<Item = Ray>>(
+    rays: impl Fn() -> I,
+    count: usize,
+    low: [f64; 2],
+    high: [f64; 2],
+) -> f64 {
+    let extent: [f64; 2] = std::array::from_fn(|k| high[k] - low[k]);
+    let longest = extent[0].max(extent[1]);
+    let mut area = (extent[0] * extent[1]).max(1e-4 * longest * longest).max(1e-18);
+    // from the area of the box to that of the cells, a few points wide, that hold points
+    for _ in 0..2 {
+        let cell = 3.0 * (area / count as f64).sqrt();
+        let grid = Cells::new(low, cell);
+        let last = grid.of(high.map(|x| x as f32));
+        let cells = (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0);
+        let taken = if cells > MOST_CELLS {
+            rays().map(|ray| grid.of(ray.flat)).collect::<HashSet<_>>().len()
+        } else {
+            let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];
+            for ray in rays() {
+                let [i, j] = grid.of(ray.flat);
+                taken[i * (last[1] + 1) + j] = true;
+            }
+            taken.into_iter().filter(|&taken| taken).count()
+        };
+        area = taken as f64 * cell * cell;
+    }
+    (area / count as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at z = 1 with a tube's width of nearer points in the middle, seen from the origin.
+    fn wall_and_bar() -> Vec<Point> {
+        let mut points = Vec::new();
+        for i in -100..=100 {
+            for j in -100..=100 {
+                let (x, y) = (f64::from(i) * 0.003, f64::from(j) * 0.003);
+                let z = if x.abs() < 0.02 { 0.5 } else { 1.0 };
+                points.push([x * z, y * z, z]);
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn places_are_occupied_occluded_free_or_unknown() {
+        let points = wall_and_bar();
+        let pose = RigidMotion::identity();
+        let visibility =
+            Visibility::new(&[VisibilityView { observed: Observed::Points(&points), about: &points, pose }])
+                .unwrap();
+        let places = [[0.0, 0.1, 0.51], [0.0, 0.1, 0.8], [0.1, 0.1, 0.5], [0.0, 0.0, -1.0], [0.9, 0.0, 1.0]];
+        let states = visibility.states(0, &places, 0.01).unwrap();
+        let around = visibility.seen_through(&places, [0.0, 1.0, 0.0], 0.01).unwrap();
+        assert_eq!(around, [false, false, true, false, false]);
+        assert_eq!(
+            states,
+            [
+                Occupancy::Occupied,
+                Occupancy::Occluded,
+                Occupancy::Free,
+                Occupancy::Unknown,
+                Occupancy::Unknown
+            ]
+        );
+        assert_eq!(visibility.free(&places, 0.01).unwrap(), [false, false, true, false, false]);
+        assert_eq!(visibility.occluded(&places, 0.01).unwrap(), [false, true, false, true, true]);
+    }
+
+    #[test]
+    fn a_depth_image_says_what_its_points_say() {
+        let camera = Pinhole { focal: [90.0, 80.0], center: [99.0, 101.0] };
+        let depth: Vec<f64> = (0..200 * 210)
+            .map(|i| match (i % 200, i / 200) {
+                (u, _) if u % 17 == 3 => f64::NAN,
+                (u, v) if u + v < 150 => 0.5,
+                _ => 1.0,
+            })
+            .collect();
+        let points = crate::clouds::depth::unproject(&depth, 200, camera);
+        let pose = RigidMotion { translation: [0.1, 0.0, -0.2].into(), ..RigidMotion::identity() };
+        let views = [Observed::Image(&depth, 200, camera), Observed::Points(&points)]
+            .map(|observed| VisibilityView { observed, about: &points, pose });
+        let visibility = Visibility::new(&views).unwrap();
+        let places: Vec<Point> = points.iter().step_by(7).map(|p| [p[0] + 0.1, p[1], 0.6]).collect();
+        let states = visibility.states(0, &places, 0.01).unwrap();
+        assert_eq!(states, visibility.states(1, &places, 0.01).unwrap());
+        for kind in [Occupancy::Occluded, Occupancy::Free] {
+            assert!(states.contains(&kind));
+        }
+    }
+
+    #[test]
+    fn a_view_of_hardly_any_points_knows_nothing() {
+        let points = [[0.0, 0.0, 1.0]; 3];
+        let view = VisibilityView {
+            observed: Observed::Points(&points),
+            about: &points,
+            pose: RigidMotion::identity(),
+        };
+        let visibility = Visibility::new(&[view]).unwrap();
+        assert_eq!(visibility.states(0, &points, 0.1).unwrap(), [Occupancy::Unknown; 3]);
+        assert!(visibility.states(0, &points, 0.0).is_err());
+    }
+}

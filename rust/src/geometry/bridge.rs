@@ -1,0 +1,155 @@
+//! Curves over the gaps between stretches of rope.
+
+use super::polyline::arc_length;
+use super::vector::{Point, advance, cross, dot, sub};
+use crate::checks::check_positive;
+use crate::error::{Error, Result};
+
+/// Ends nearer than this touch or overlap, in radii.
+const TOUCHING: f64 = 1.2;
+/// A curve between two ends turns by at most this at each, radians.
+const MOST_TURN: f64 = 1.4;
+
+/// Most nodes of a bridge.
+const MOST_NODES: f64 = 1e6;
+
+/// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it.
+///
+/// A chain shorter than that gives the direction of the whole chain; a single node, or none, the zero vector.
+pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
+    let backwards: Vec<Point> = nodes.iter().rev().copied().collect();
+    let Some(last) = nodes.len().checked_sub(1) else { return [0.0; 3] };
+    let back = arc_length(&backwards);
+    let [mut near, mut far] =
+        [skip, skip + span].map(|length| back.partition_point(|&s| s < length).min(last));
+    if near == far {
+        (near, far) = (0, last);
+    }
+    let step = sub(backwards[near], backwards[far]);
+    let length = dot(step, step).sqrt();
+    if length > 0.0 { step.map(|x| x / length) } else { step }
+}
+
+/// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
+///
+/// The direction of each stretch is taken over `span` of it. `reach` holds the lengths of the tangents at the two ends, as
+/// parts of the gap.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if `spacing` is not positive, or too small for the gap.
+pub(crate) fn bridge(
+    before: &[Point],
+    after: &[Point],
+    span: f64,
+    spacing: f64,
+    reach: [f64; 2],
+) -> Result<Vec<Point>> {
+    check_positive("spacing", spacing)?;
+    let (Some(&start), Some(&stop)) = (before.last(), after.first()) else { return Ok(Vec::new()) };
+    let step = sub(stop, start);
+    let gap = dot(step, step).sqrt();
+    let nodes = gap / spacing;
+    if nodes.is_nan() || nodes > MOST_NODES {
+        let reason =
+            format!("expected a gap of less than {MOST_NODES:e} spacings, got {gap} m / {spacing} m");
+        return Err(Error::invalid("spacing", reason));
+    }
+    let count = nodes as usize + 1;
+    let backwards: Vec<Point> = after.iter().rev().copied().collect();
+    let leave = end_direction(before, 0.0, span).map(|x| x * gap * reach[0]);
+    let arrive = end_direction(&backwards, 0.0, span).map(|x| -x * gap * reach[1]);
+    let hermite = |i: usize| {
+        let t = i as f64 / count as f64;
+        let (square, cube) = (t * t, t * t * t);
+        std::array::from_fn(|k| {
+            (2.0 * cube - 3.0 * square + 1.0) * start[k]
+                + (cube - 2.0 * square + t) * leave[k]
+                + (3.0 * square - 2.0 * cube) * stop[k]
+                + (cube - square) * arrive[k]
+        })
+    };
+    Ok((1..count).map(hermite).collect())
+}
+
+/// Cost of the curve that leaves the end p along `leave` and meets the end q, which points along `arrive`.
+///
+/// For a gap L bent by the angles a and b at its two ends it is 2 (a² + b²), the bending energy of a cubic
+/// (8 r / L) (a² + b² − a b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways offset.
+/// Infinite where the curve would have to turn back.
+pub(crate) fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
+    let angle = |a: Point, b: Point| dot(a, b).clamp(-1.0, 1.0).acos();
+    let step = sub(q, p);
+    let gap = dot(step, step).sqrt();
+    let onwards = arrive.map(|x| -x);
+    if gap < TOUCHING * radius {
+        let turn = angle(leave, onwards);
+        let aside = advance(step, -dot(step, leave), leave);
+        let aside = dot(aside, aside).sqrt() / (0.5 * radius);
+        return 1.5 * turn * turn + 0.5 * aside * aside;
+    }
+    let straight = step.map(|x| x / gap);
+    let (a, b) = (angle(leave, straight), angle(onwards, straight));
+    if a.max(b) > MOST_TURN {
+        return f64::INFINITY;
+    }
+    let together = dot(cross(leave, straight), cross(straight, onwards));
+    let energy = 8.0 * radius / gap * (a * a + b * b - together);
+    2.0 * (a * a + b * b) + energy + 0.25 * gap / radius
+}
+
+/// Bending energy of a polyline, ∫κ² ds, 1/m.
+pub(crate) fn bending(nodes: &[Point]) -> f64 {
+    let steps: Vec<Point> = nodes.windows(2).map(|pair| sub(pair[1], pair[0])).collect();
+    let lengths: Vec<f64> = steps.iter().map(|&step| dot(step, step).sqrt()).collect();
+    let turn = |i: usize| {
+        let cosine = dot(steps[i], steps[i + 1]) / (lengths[i].max(1e-12) * lengths[i + 1].max(1e-12));
+        cosine.clamp(-1.0, 1.0).acos().powi(2) / (0.5 * (lengths[i] + lengths[i + 1])).max(1e-12)
+    };
+    (0..steps.len().saturating_sub(1)).map(turn).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(from: f64, to: f64) -> Vec<Point> {
+        (0..=10).map(|i| [from + (to - from) * f64::from(i) / 10.0, 0.0, 0.0]).collect()
+    }
+
+    #[test]
+    fn a_bridge_between_two_ends_of_a_line_is_straight() {
+        let nodes = bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, 0.1, [1.0, 1.0]).unwrap();
+        assert_eq!(nodes.len(), 10);
+        assert!(nodes.iter().all(|p| p[0] > 1.0 && p[0] < 2.0 && p[1] == 0.0 && p[2] == 0.0));
+        assert!(bending(&nodes) < 1e-12);
+    }
+
+    #[test]
+    fn a_bridge_of_more_nodes_than_memory_holds_is_refused() {
+        for spacing in [1e-12, 0.0, f64::NAN, -1.0] {
+            assert!(bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, spacing, [1.0, 1.0]).is_err());
+        }
+        assert!(bridge(&line(0.0, 1.0), &line(1e9, 2e9), 0.5, 0.1, [1.0, 1.0]).is_err());
+        assert!(bridge(&line(0.0, 1.0), &line(f64::NAN, 3.0), 0.5, 0.1, [1.0, 1.0]).is_err());
+    }
+
+    #[test]
+    fn a_direction_skips_what_it_is_told_to() {
+        let mut nodes = line(0.0, 1.0);
+        nodes.push([1.0, 0.1, 0.0]);
+        assert_eq!(end_direction(&nodes, 0.1, 0.3), [1.0, 0.0, 0.0]);
+        assert_eq!(end_direction(&nodes, 0.0, 0.1), [0.0, 1.0, 0.0]);
+        assert_eq!(end_direction(&nodes[..1], 0.0, 0.1), [0.0; 3]);
+    }
+
+    #[test]
+    fn joins_cost_their_bends_and_none_turns_back() {
+        let x = [1.0, 0.0, 0.0];
+        let cost = |q, arrive| join_cost([0.0; 3], x, q, arrive, 1.0);
+        let ahead = cost([4.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+        assert!((ahead - 1.0).abs() < 1e-12);
+        assert!(cost([4.0, 1.0, 0.0], [-1.0, 0.0, 0.0]) > ahead);
+        assert_eq!(cost([-4.0, 0.0, 0.0], x), f64::INFINITY);
+        assert!(cost([0.5, 0.0, 0.0], [-1.0, 0.0, 0.0]) < 1e-12);
+    }
+}

@@ -1,0 +1,301 @@
+//! Uniform cubic B-spline curves.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::polyline::arc_length;
+use super::vector::{Point, dot, sub};
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
+
+/// Longest curve that a spline is fitted to, in spans: the fit is dense.
+const MOST_SPANS: f64 = 5e3;
+
+/// A uniform cubic B-spline with n ≥ 4 control points; its parameter runs from 0 to n − 3.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spline {
+    /// Control points, metres.
+    pub control: Vec<Point>,
+}
+
+/// A place of a curve, with its derivatives by the parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// Position, metres.
+    pub position: Point,
+    /// First derivative.
+    pub first: Point,
+    /// Second derivative.
+    pub second: Point,
+}
+
+/// A spline as one cubic for each span: quicker at many places.
+pub(crate) struct Pieces {
+    /// Coefficients of 1, t, t² and t³, t running from 0 to 1 in each span.
+    spans: Vec<[Point; 4]>,
+}
+
+impl Pieces {
+    /// Position and derivatives at a parameter.
+    #[inline]
+    pub fn at(&self, u: f64) -> Place {
+        let first = (u.max(0.0) as usize).min(self.spans.len() - 1);
+        let t = u - first as f64;
+        let c = &self.spans[first];
+        Place {
+            position: std::array::from_fn(|k| c[0][k] + t * (c[1][k] + t * (c[2][k] + t * c[3][k]))),
+            first: std::array::from_fn(|k| c[1][k] + t * (2.0 * c[2][k] + t * (3.0 * c[3][k]))),
+            second: std::array::from_fn(|k| 2.0 * c[2][k] + 6.0 * t * c[3][k]),
+        }
+    }
+
+    /// The cubic of a span: coefficients of 1, t, t² and t³.
+    #[inline]
+    pub fn span(&self, number: usize) -> [Point; 4] {
+        self.spans[number]
+    }
+
+    /// The largest parameter.
+    #[inline]
+    pub fn end(&self) -> f64 {
+        self.spans.len() as f64
+    }
+}
+
+/// The first of the four control points that a parameter depends on, and the parameter within its span.
+#[inline]
+fn span(u: f64, controls: usize) -> (usize, f64) {
+    let first = (u.max(0.0) as usize).min(controls - 4);
+    (first, u - first as f64)
+}
+
+/// Weights of the four control points.
+#[inline]
+fn weights(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [
+        s * s * s / 6.0,
+        (3.0 * t * t * t - 6.0 * t * t + 4.0) / 6.0,
+        (-3.0 * t * t * t + 3.0 * t * t + 3.0 * t + 1.0) / 6.0,
+        t * t * t / 6.0,
+    ]
+}
+
+#[inline]
+fn combine(control: &[Point], weights: [f64; 4]) -> Point {
+    std::array::from_fn(|k| (0..4).map(|i| weights[i] * control[i][k]).sum())
+}
+
+impl Spline {
+    /// The curve of least squares through ordered nodes, with spans about `spacing` long, carried on straight by
+    /// `extension` at both ends.
+    ///
+    /// A small penalty on third differences keeps it determined where nodes are sparse.
+    ///
+    /// # Errors
+    /// [`Error::InvalidArgument`] if a coordinate is not finite or a length is out of range;
+    /// [`Error::NotEnoughData`] if there are fewer than two nodes or all are equal.
+    pub fn through(nodes: &[Point], spacing: f64, extension: f64) -> Result<Self> {
+        const SMOOTHING: f64 = 1e-3;
+        check_finite("nodes", nodes)?;
+        check_positive("spacing", spacing)?;
+        if !(0.0..1e6).contains(&extension) {
+            return Err(Error::invalid("extension", format!("expected a length >= 0, got {extension}")));
+        }
+        let nodes = extended(nodes, extension)?;
+        let arc = arc_length(&nodes);
+        let length = arc[arc.len() - 1];
+        if length > MOST_SPANS * spacing {
+            return Err(Error::invalid(
+                "spacing",
+                format!("gives more than {MOST_SPANS:e} spans: {spacing}"),
+            ));
+        }
+        let controls = ((length / spacing).ceil() as usize).max(2) + 3;
+        let samples = ((5.0 * length / spacing) as usize).max(20).max(2 * controls);
+        let mut normal = DMatrix::<f64>::zeros(controls, controls);
+        let mut right: [DVector<f64>; 3] = std::array::from_fn(|_| DVector::zeros(controls));
+        for i in 0..samples {
+            let share = i as f64 / (samples - 1) as f64;
+            let p = interpolate(&nodes, &arc, share * length);
+            let (first, t) = span(share * (controls - 3) as f64, controls);
+            let w = weights(t);
+            for a in 0..4 {
+                for b in 0..4 {
+                    normal[(first + a, first + b)] += w[a] * w[b];
+                }
+                for k in 0..3 {
+                    right[k][first + a] += w[a] * p[k];
+                }
+            }
+        }
+        let stiffness = SMOOTHING * samples as f64 / controls as f64;
+        for i in 0..controls - 3 {
+            let d = [-1.0, 3.0, -3.0, 1.0];
+            for a in 0..4 {
+                for b in 0..4 {
+                    normal[(i + a, i + b)] += stiffness * d[a] * d[b];
+                }
+            }
+        }
+        let cholesky =
+            normal.cholesky().ok_or_else(|| Error::not_enough("nodes", "they do not fix a curve"))?;
+        let solved = right.map(|r| cholesky.solve(&r));
+        Ok(Self { control: (0..controls).map(|i| std::array::from_fn(|k| solved[k][i])).collect() })
+    }
+
+    /// The same curve, span by span.
+    pub(crate) fn pieces(&self) -> Pieces {
+        let span = |c: &[Point]| {
+            [[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]
+                .map(|row| combine(c, row.map(|x| x / 6.0)))
+        };
+        Pieces { spans: self.control.windows(4).map(span).collect() }
+    }
+
+    /// The largest parameter.
+    #[inline]
+    pub fn end(&self) -> f64 {
+        (self.control.len() - 3) as f64
+    }
+
+    /// Position and derivatives at a parameter.
+    #[inline]
+    pub fn at(&self, u: f64) -> Place {
+        let (first, t) = span(u, self.control.len());
+        let control = &self.control[first..first + 4];
+        let s = 1.0 - t;
+        Place {
+            position: combine(control, weights(t)),
+            first: combine(
+                control,
+                [
+                    -s * s / 2.0,
+                    (3.0 * t * t - 4.0 * t) / 2.0,
+                    (-3.0 * t * t + 2.0 * t + 1.0) / 2.0,
+                    t * t / 2.0,
+                ],
+            ),
+            second: combine(control, [s, 3.0 * t - 2.0, 1.0 - 3.0 * t, t]),
+        }
+    }
+
+    /// Parameters about `spacing` of arc length apart, from end to end, at least two.
+    pub fn parameters(&self, spacing: f64) -> Vec<f64> {
+        let count = ((self.length() / spacing).ceil() as usize).max(1);
+        (0..=count).map(|i| self.end() * i as f64 / count as f64).collect()
+    }
+
+    /// Arc length from end to end, metres, by four-point Gauss–Legendre quadrature on each span.
+    pub fn length(&self) -> f64 {
+        (0..self.control.len() - 3).map(|i| self.length_between(i as f64, i as f64 + 1.0)).sum()
+    }
+
+    /// Arc length between two parameters less than about a span apart.
+    pub fn length_between(&self, from: f64, to: f64) -> f64 {
+        const PLACES: [(f64, f64); 4] = [
+            (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+            (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+            (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
+            (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
+        ];
+        let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
+        half * PLACES
+            .iter()
+            .map(|&(x, w)| {
+                let d = self.at(middle + half * x).first;
+                w * dot(d, d).sqrt()
+            })
+            .sum::<f64>()
+    }
+}
+
+/// Nodes carried on straight at both ends.
+fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
+    let mut nodes = nodes.to_vec();
+    nodes.dedup();
+    if nodes.len() < 2 {
+        return Err(Error::not_enough("nodes", "expected at least two different nodes"));
+    }
+    if by > 0.0 {
+        let back = 3.min(nodes.len() - 1);
+        let last = nodes.len() - 1;
+        // nodes may come back to where they were, or be too near for squares to tell
+        let ahead = |end: usize, inner: &mut dyn Iterator<Item = usize>| -> Result<Point> {
+            let from = inner.map(|i| sub(nodes[end], nodes[i])).find(|&d| dot(d, d) > 0.0);
+            let d = from.ok_or_else(|| Error::not_enough("nodes", "expected nodes farther apart"))?;
+            let scale = by / dot(d, d).sqrt();
+            Ok(std::array::from_fn(|k| nodes[end][k] + scale * d[k]))
+        };
+        let front = ahead(0, &mut (1..=back).rev())?;
+        let rear = ahead(last, &mut (last - back..last))?;
+        nodes.insert(0, front);
+        nodes.push(rear);
+    }
+    Ok(nodes)
+}
+
+/// The point of a polyline at an arc length.
+fn interpolate(nodes: &[Point], arc: &[f64], s: f64) -> Point {
+    let i = arc.partition_point(|&a| a <= s).clamp(1, nodes.len() - 1);
+    let step = arc[i] - arc[i - 1];
+    let t = if step > 0.0 { ((s - arc[i - 1]) / step).clamp(0.0, 1.0) } else { 0.0 };
+    std::array::from_fn(|k| nodes[i - 1][k] + t * (nodes[i][k] - nodes[i - 1][k]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn helix(s: f64) -> Point {
+        [0.03 * s.cos(), 0.03 * s.sin(), 0.004 * s]
+    }
+
+    #[test]
+    fn a_curve_through_a_helix_has_its_places_derivatives_and_length() {
+        let nodes: Vec<Point> = (0..400).map(|i| helix(f64::from(i) * 0.02)).collect();
+        let spline = Spline::through(&nodes, 0.008, 0.0).unwrap();
+        let length = 399.0 * 0.02 * (0.03f64 * 0.03 + 0.004 * 0.004).sqrt();
+        assert!((spline.length() / length - 1.0).abs() < 1e-3);
+        let pieces = spline.pieces();
+        assert_eq!(pieces.end(), spline.end());
+        for u in spline.parameters(0.002) {
+            let place = spline.at(u);
+            let same = pieces.at(u);
+            for (a, b) in
+                [(same.position, place.position), (same.first, place.first), (same.second, place.second)]
+            {
+                assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-15));
+            }
+            let radial = (place.position[0].powi(2) + place.position[1].powi(2)).sqrt();
+            assert!((radial - 0.03).abs() < 2e-4, "{radial}");
+            let h = 1e-5;
+            if u > h && u < spline.end() - h {
+                let (after, before) = (spline.at(u + h), spline.at(u - h));
+                for k in 0..3 {
+                    let first = (after.position[k] - before.position[k]) / (2.0 * h);
+                    let second = (after.first[k] - before.first[k]) / (2.0 * h);
+                    assert!((first - place.first[k]).abs() < 1e-8);
+                    assert!((second - place.second[k]).abs() < 1e-6);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_extension_needs_nodes_that_are_apart() {
+        let back = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0; 3]];
+        let curve = Spline::through(&back, 0.5, 0.3).unwrap();
+        assert!(curve.control.iter().flatten().all(|x| x.is_finite()));
+        let tiny = back.map(|p| p.map(|x| 1e-300 * x));
+        assert!(matches!(Spline::through(&tiny, 0.5, 0.3), Err(Error::NotEnoughData { .. })));
+    }
+
+    #[test]
+    fn an_extension_is_straight_and_as_long_as_asked() {
+        let nodes: Vec<Point> = (0..20).map(|i| [f64::from(i) * 0.01, 0.0, 0.0]).collect();
+        let spline = Spline::through(&nodes, 0.008, 0.005).unwrap();
+        assert!((spline.at(0.0).position[0] + 0.005).abs() < 1e-6);
+        assert!((spline.at(spline.end()).position[0] - 0.195).abs() < 1e-6);
+        assert!(Spline::through(&nodes[..1], 0.008, 0.0).is_err());
+    }
+}

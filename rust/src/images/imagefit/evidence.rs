@@ -1,0 +1,285 @@
+//! What a view says of the samples: residuals of its mask and of its depth.
+
+use super::crossings::apart;
+use super::curves::Curves;
+use super::equations::{Columns, Residual, Sums};
+use super::grid::Grid;
+use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
+use crate::geometry::median::upper_median;
+use crate::geometry::polyline::directions;
+use crate::geometry::{Point, cross, dot};
+
+/// How many pixels of edge err alike, and by how much ropes are not round, radii.
+const EDGE_ALIKE: f64 = 16.0;
+const ROUND: f64 = 0.04;
+/// An edge whose normal is nearer to the rope's direction than this is another's: the cosine.
+const ALONG: f64 = 0.45;
+/// How far the samples have to lie inside the mask, rr, and the weight of that for each radius of length.
+const INSIDE: f64 = 0.85;
+const INSIDE_WEIGHT: f64 = 8.0;
+/// The weight that ends stay with.
+const END_WEIGHT: f64 = 10.0;
+/// Residuals of depth beyond this many standard deviations count as their size, not their square.
+const HUBER: f64 = 1.5;
+/// A camera sees no rope nearer than this, metres.
+const NEAREST: f64 = 1e-3;
+
+/// The samples as one view sees them.
+#[derive(Debug, Default)]
+pub struct Seen {
+    /// In the camera frame, corrected.
+    pub places: Vec<Point>,
+    pub image: Vec<Place2>,
+    /// Along the rope, in the image and in the camera frame.
+    directions: Vec<Place2>,
+    spatial: Vec<Point>,
+    /// The rope's radius in the image, pixels.
+    pub radii: Vec<f64>,
+    /// Whether no other strand hides it.
+    pub visible: Vec<bool>,
+    /// Whether other strands are near enough to change its depth.
+    pub mixed: Vec<bool>,
+    /// The residuals of depth that were last added, NaN where there is none or other strands are mixed in.
+    pub depth_errors: Vec<f64>,
+    /// How far the edges that were last added lie from the tube's outline, pixels.
+    pub edge_errors: Vec<f64>,
+    grid: Grid,
+    /// For each place of the edge, the sample that its radius was last taken from.
+    nearest: Vec<u32>,
+}
+
+/// What the residuals of one view need to know.
+pub struct Scene<'a> {
+    pub view: &'a RopeView<'a>,
+    pub columns: Columns,
+    pub curves: &'a Curves,
+    /// Unit vectors along the rope in the world.
+    pub tangents: &'a [Point],
+    pub radius: f64,
+    pub sensor: &'a Sensor,
+}
+
+impl Seen {
+    /// Places the samples in the view.
+    pub fn update(&mut self, view: &RopeView, correction: &[f64; 6], positions: &[Point], curves: &Curves) {
+        self.places.clear();
+        self.places.extend(positions.iter().map(|&x| {
+            let y = view.corrected(correction, x);
+            [y[0], y[1], y[2].max(NEAREST)]
+        }));
+        self.image.clear();
+        self.image.extend(self.places.iter().map(|&y| view.projected(y)));
+        self.directions.clear();
+        self.spatial.clear();
+        for chain in &curves.chains {
+            directions(&self.image[chain.clone()], &mut self.directions);
+            directions(&self.places[chain.clone()], &mut self.spatial);
+        }
+        // the radius is known at the mask's median depth
+        let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
+        let middle = upper_median(&mut depths);
+        let rr = view.silhouette.radius_px;
+        self.radii.clear();
+        self.radii.extend(self.places.iter().map(|y| rr * middle / y[2]));
+
+        let reach = MIXES.0 * rr + MIXES.1;
+        self.grid.fill(&self.image, view.silhouette.frame(), reach.max(2.5 * rr));
+        self.visible.clear();
+        self.visible.resize(positions.len(), true);
+        self.mixed.clear();
+        self.mixed.resize(positions.len(), false);
+        let hides = (HIDES * rr).powi(2);
+        self.grid.pairs(&self.image, reach, |i, j, d| {
+            if apart([curves.numbers[i], curves.numbers[j]], [i, j]) {
+                self.mixed[i] = true;
+                self.mixed[j] = true;
+                if d < hides {
+                    let behind = if self.places[i][2] < self.places[j][2] { j } else { i };
+                    self.visible[behind] = false;
+                }
+            }
+        });
+    }
+
+    /// A residual that grows by `by_seen` as the sample moves in the camera frame. Data never slide it along the rope.
+    #[inline]
+    fn residual(&self, scene: &Scene, i: usize, by_seen: Point, value: f64, weight: f64) -> Residual {
+        let by_world = scene.view.turned(by_seen);
+        let t = scene.tangents[i];
+        let along = dot(by_world, t);
+        let turn = cross(self.places[i], by_seen);
+        Residual {
+            value,
+            weight,
+            by_place: std::array::from_fn(|k| by_world[k] - along * t[k]),
+            by_pose: [turn[0], turn[1], turn[2], by_seen[0], by_seen[1], by_seen[2]],
+            by_bias: 0.0,
+        }
+    }
+
+    /// How a direction in the image, times the place there, grows as a sample moves in the camera frame.
+    #[inline]
+    fn by_seen(&self, scene: &Scene, i: usize, d: Place2) -> Point {
+        let [x, y, z] = self.places[i];
+        let [fu, fv] = scene.view.pinhole.focal;
+        [fu * d[0] / z, fv * d[1] / z, -(fu * d[0] * x + fv * d[1] * y) / (z * z)]
+    }
+
+    /// The mask's edge votes for axes a radius inside. Votes further off than `limit` rr do not count.
+    pub fn add_edge(&mut self, scene: &Scene, limit: f64, sums: &mut Sums) {
+        let silhouette = scene.view.silhouette;
+        let rr = silhouette.radius_px;
+        let reach = 2.5 * rr;
+        self.nearest.resize(silhouette.boundary.len(), u32::MAX);
+        let unit = 1.0 / EDGE_ALIKE / ((scene.sensor.lateral / rr).powi(2) + ROUND * ROUND);
+        self.edge_errors.clear();
+        for (b, edge) in silhouette.boundary.iter().enumerate() {
+            if self.nearest[b] as usize >= self.radii.len() {
+                match self.grid.nearest(edge.at, reach, None) {
+                    Some(k) => self.nearest[b] = k as u32,
+                    None => continue,
+                }
+            }
+            let normal = edge.normal;
+            let last = self.nearest[b] as usize;
+            let radius = self.radii[last];
+            let vote = [edge.at[0] - radius * normal[0], edge.at[1] - radius * normal[1]];
+            let Some(k) = self.grid.nearest(vote, 1.5 * limit * rr, Some((last, self.image[last]))) else {
+                self.nearest[b] = u32::MAX;
+                continue;
+            };
+            self.nearest[b] = k as u32;
+            let at = self.image[k];
+            let e = ((vote[0] - at[0]) * normal[0] + (vote[1] - at[1]) * normal[1]) / radius;
+            let along = self.directions[k][0] * normal[0] + self.directions[k][1] * normal[1];
+            let chain = &scene.curves.chains[scene.curves.numbers[k] as usize];
+            if along.abs() >= ALONG || e.abs() >= limit || k == chain.start || k + 1 == chain.end {
+                continue;
+            }
+            self.edge_errors.push(e * radius);
+            let tukey = (1.0 - (e / limit).powi(2)).powi(2);
+            let d = self.by_seen(scene, k, normal.map(|n| -n / radius));
+            sums.add(k, scene.columns, &self.residual(scene, k, d, e, tukey * unit * edge.weight));
+        }
+    }
+
+    /// The tube lies inside the mask, hidden parts too.
+    pub fn add_inside(&self, scene: &Scene, sums: &mut Sums) {
+        let silhouette = scene.view.silhouette;
+        for (i, sample) in scene.curves.samples.iter().enumerate() {
+            let missing = INSIDE - silhouette.distance(self.image[i]) / self.radii[i];
+            if missing <= 0.0 || sample.capped || silhouette.hidden(self.image[i]) {
+                continue;
+            }
+            let e = missing.min(3.0);
+            // across the rope: where it runs on outside of the mask, depth would else turn it aside
+            let gradient = silhouette.gradient(self.image[i]);
+            let along = self.directions[i];
+            let part = gradient[0] * along[0] + gradient[1] * along[1];
+            let across: Place2 = std::array::from_fn(|k| gradient[k] - part * along[k]);
+            let d = self.by_seen(scene, i, across.map(|g| -g / self.radii[i]));
+            let weight = INSIDE_WEIGHT * STEP / e.max(1.0);
+            sums.add(i, scene.columns, &self.residual(scene, i, d, e, weight));
+        }
+    }
+
+    /// The ends stay where they were in the image, along the rope.
+    pub fn add_ends(&self, scene: &Scene, ends: &[Place2], sums: &mut Sums) {
+        for (i, end) in scene.curves.ends().zip(ends) {
+            let along = self.directions[i].map(|d| d / self.radii[i]);
+            let e = (self.image[i][0] - end[0]) * along[0] + (self.image[i][1] - end[1]) * along[1];
+            let d = self.by_seen(scene, i, along);
+            let residual = self.residual(scene, i, d, e, END_WEIGHT);
+            sums.add(i, scene.columns, &Residual { by_place: scene.view.turned(d), ..residual });
+        }
+    }
+
+    /// Depth where no other strand hides the sample; its noise and the view's bias in radii.
+    pub fn add_depth(&mut self, scene: &Scene, noise: f64, bias: f64, sums: &mut Sums) {
+        let unit = STEP / scene.sensor.correlation / (noise * noise);
+        self.depth_errors.clear();
+        self.depth_errors.resize(self.places.len(), f64::NAN);
+        for i in 0..self.places.len() {
+            // beyond a rope's end there is table
+            if !self.visible[i] || scene.curves.samples[i].capped {
+                continue;
+            }
+            let observed = scene.view.medians.at(self.image[i]);
+            let place = self.places[i];
+            let cosine = dot(self.spatial[i], place).powi(2) / dot(place, place);
+            let sine = (1.0 - cosine).clamp(0.15, 1.0).sqrt();
+            let e = (place[2] - observed) / scene.radius - scene.sensor.surface / sine - bias;
+            if !e.is_finite() {
+                continue;
+            }
+            if !self.mixed[i] {
+                self.depth_errors[i] = e;
+            }
+            let mixed = if self.mixed[i] { MIXED } else { 1.0 };
+            let weight = mixed * unit / (e.abs() / noise / HUBER).max(1.0);
+            let residual = self.residual(scene, i, [0.0, 0.0, 1.0 / scene.radius], e, weight);
+            sums.add(i, scene.columns, &Residual { by_bias: -1.0, ..residual });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Rope, view};
+    use super::*;
+    use crate::geometry::sub;
+
+    /// A residual of a sample's place in the image grows as it says with the sample's place and with the pose.
+    #[test]
+    fn derivatives_are_those_of_finite_differences() {
+        let rope = Rope::bent(0.004);
+        let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
+        let view = seen_by.rope_view();
+        let curves = Curves::through(std::slice::from_ref(&rope.nodes), rope.radius);
+        let (mut positions, mut tangents) = (Vec::new(), Vec::new());
+        curves.place(&mut positions, &mut tangents);
+        let scene = Scene {
+            view: &view,
+            columns: Columns { pose: Some(0), bias: 6 },
+            curves: &curves,
+            tangents: &tangents,
+            radius: rope.radius,
+            sensor: &Sensor::DEFAULT,
+        };
+        // small turns are taken for vectors, so about none
+        let correction = [0.0; 6];
+        let value = |correction: &[f64; 6], positions: &[Point], i: usize, d: Place2| {
+            let mut seen = Seen::default();
+            seen.update(&view, correction, positions, &curves);
+            let [u, v] = seen.image[i];
+            d[0] * u + d[1] * v
+        };
+        let mut seen = Seen::default();
+        seen.update(&view, &correction, &positions, &curves);
+        let h = 1e-6;
+        for (i, d) in [(7, [0.3, 0.1]), (20, [-0.1, 0.4]), (positions.len() - 2, [0.2, 0.2])] {
+            let found = seen.residual(&scene, i, seen.by_seen(&scene, i, d), 0.0, 1.0);
+            for k in 0..6 {
+                let moved = |step: f64| {
+                    let mut other = correction;
+                    other[k] += step;
+                    value(&other, &positions, i, d)
+                };
+                let slope = (moved(h) - moved(-h)) / (2.0 * h);
+                assert!((found.by_pose[k] - slope).abs() < 0.01 * slope.abs().max(1.0), "{k}: {slope}");
+            }
+            // across the rope; along it nothing moves
+            assert!(dot(found.by_place, tangents[i]).abs() < 1e-9);
+            let ray = sub(positions[i], view.pose.translation.into());
+            let across = crate::geometry::normalized(cross(ray, tangents[i]));
+            let moved = |step: f64| {
+                let mut other = positions.clone();
+                other[i] = crate::geometry::advance(other[i], step, across);
+                value(&correction, &other, i, d)
+            };
+            let slope = (moved(h) - moved(-h)) / (2.0 * h);
+            let expected = dot(found.by_place, across);
+            assert!((expected - slope).abs() < 0.01 * slope.abs().max(1.0), "{expected} for {slope}");
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! One view made ready: its mask, mended where depth says so, and its depth, without what hides the ropes.
+
+use super::{Medians, RopeView};
+use crate::clouds::depth::Pinhole;
+use crate::geometry::RigidMotion;
+use crate::geometry::median::upper_median;
+use crate::images::image::Image;
+use crate::images::mending::mended;
+use crate::images::silhouette::Silhouette;
+use crate::images::surroundings::Surroundings;
+use crate::parallel;
+
+/// Masks more ragged than this are mended by depth.
+const RAGGED: f64 = 0.25;
+
+/// Ropes of a smaller radius show no axis, pixels.
+const THINNEST: f64 = 0.2;
+
+/// What one camera saw of ropes, made ready for readings and fits.
+pub struct Prepared {
+    pub silhouette: Silhouette,
+    pub medians: Medians,
+    pub pinhole: Pinhole,
+    pub pose: RigidMotion,
+    pub size: [usize; 2],
+    /// Columns and rows of the mask's pixels with depth.
+    pub covered: Vec<[f64; 2]>,
+    /// Metres, of all pixels.
+    pub depth: Image<f32>,
+}
+
+impl Prepared {
+    /// One view's silhouette and depths; none if its mask shows no rope with depth.
+    pub fn new(
+        depth: &[f64],
+        mask: &[bool],
+        size: [usize; 2],
+        pinhole: Pinhole,
+        pose: RigidMotion,
+        radius: f64,
+    ) -> Option<Self> {
+        let pixels: Vec<usize> =
+            (0..depth.len()).filter(|&k| mask[k] && depth[k] > 0.0 && depth[k].is_finite()).collect();
+        if pixels.is_empty() {
+            return None;
+        }
+        let mut seen: Vec<f64> = pixels.iter().map(|&k| depth[k]).collect();
+        let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
+        let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
+        let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
+        if silhouette.radius_px < THINNEST {
+            return None;
+        }
+        let (around, medians) = parallel::both(
+            || Surroundings::new(depth, mask, size[0], &silhouette.ropes(), radius),
+            || Medians::new(depth, mask, size[0], &silhouette),
+        );
+        let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
+        let mended = ragged.and_then(|around| mended(depth, mask, size[0], &silhouette, around));
+        let silhouette = match &mended {
+            Some(mask) => Silhouette::of_rope(mask, size[0], radius_px)?,
+            None => silhouette,
+        };
+        let rope = mended.as_deref().unwrap_or(mask);
+        let medians = match around.as_ref().filter(|around| around.hides()) {
+            // what hides the ropes is no part of them where a mask is too wide
+            Some(around) => {
+                let at = |k: usize| [(k % size[0]) as f64, (k / size[0]) as f64];
+                let own = |k: usize| !(rope[k] && around.before(at(k), depth[k]));
+                let seen: Vec<f64> =
+                    (0..depth.len()).map(|k| if own(k) { depth[k] } else { f64::NAN }).collect();
+                Medians::new(&seen, rope, size[0], &silhouette)
+            }
+            None if mended.is_some() => Medians::new(depth, rope, size[0], &silhouette),
+            None => medians,
+        };
+        let silhouette = silhouette.amid(around);
+        let depth =
+            Image { width: size[0], height: size[1], values: depth.iter().map(|&z| z as f32).collect() };
+        Some(Self { silhouette, medians, pinhole, pose, size, covered, depth })
+    }
+
+    /// What fits ask of it.
+    pub fn rope_view(&self) -> RopeView<'_> {
+        RopeView {
+            silhouette: &self.silhouette,
+            medians: &self.medians,
+            pinhole: self.pinhole,
+            pose: self.pose,
+            size: self.size,
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! How wide residuals are, and how far along the ropes they are alike.
+
+use super::STEP;
+use super::curves::Curves;
+use crate::geometry::median::upper_median;
+
+/// Residuals are compared up to so many samples apart; less alike than this, they count as independent.
+const LAGS: usize = 16;
+const UNLIKE: f64 = 0.1;
+/// Residuals beyond this many standard deviations do not count.
+const OUTLIER: f64 = 4.0;
+/// Fewest residuals that say something.
+const FEWEST: usize = 20;
+/// A standard deviation by a median of sizes.
+const NORMAL: f64 = 1.4826;
+
+/// Errors about fitted curves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scatter {
+    /// Their standard deviation, radii.
+    pub sd: f64,
+    /// A stretch of rope that counts as one observation, radii.
+    pub length: f64,
+}
+
+/// The scatter of samples' residuals of depth in some views, NaN where there is none. None if they are too few.
+pub fn depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves) -> Option<Scatter> {
+    let views: Vec<&[f64]> = views.collect();
+    let mut sizes: Vec<f64> =
+        views.iter().copied().flatten().map(|e| e.abs()).filter(|e| !e.is_nan()).collect();
+    if sizes.len() < FEWEST {
+        return None;
+    }
+    let limit = OUTLIER * NORMAL * upper_median(&mut sizes);
+    let mut sums = [(0.0, 0usize); LAGS + 1];
+    for view in views.iter().filter(|view| !view.is_empty()) {
+        for chain in &curves.chains {
+            let errors = &view[chain.clone()];
+            for (lag, (sum, count)) in sums.iter_mut().enumerate() {
+                for (a, b) in errors.iter().zip(errors.iter().skip(lag)) {
+                    if a.abs() <= limit && b.abs() <= limit {
+                        *sum += a * b;
+                        *count += 1;
+                    }
+                }
+            }
+        }
+    }
+    let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+    let power = mean(sums[0]);
+    let alike = sums[1..].iter().map(|&sum| mean(sum) / power).take_while(|&alike| alike > UNLIKE);
+    let length = STEP * (1.0 + 2.0 * alike.sum::<f64>());
+    (power > 0.0).then(|| Scatter { sd: power.sqrt(), length })
+}
+
+/// The standard deviation of edges' residuals about their median: a mask that is grown or eaten errs on both sides of a
+/// rope alike. None if they are too few.
+pub fn edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option<f64> {
+    let mut errors: Vec<f64> = errors.copied().collect();
+    if errors.len() < FEWEST {
+        return None;
+    }
+    let middle = upper_median(&mut errors);
+    for e in &mut errors {
+        *e = (*e - middle).abs();
+    }
+    Some(NORMAL * upper_median(&mut errors))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that are spread as a normal distribution's, by a linear congruential generator.
+    fn normal(count: usize) -> Vec<f64> {
+        let mut state = 1u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        (0..count).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
+    }
+
+    fn straight(samples: usize) -> Curves {
+        let nodes = (0..samples).map(|k| [STEP * k as f64, 0.0, 0.0]).collect();
+        Curves::through(&[nodes], 1.0)
+    }
+
+    #[test]
+    fn errors_are_as_wide_and_as_long_as_they_were_made() {
+        let curves = straight(4000);
+        let count = curves.samples.len();
+        let alone = normal(count + 4);
+        // sums of five are alike over five samples
+        let mut long: Vec<f64> =
+            alone.windows(5).map(|w| 0.2 * w.iter().sum::<f64>() / 5f64.sqrt()).collect();
+        long.iter_mut().step_by(97).for_each(|e| *e = f64::NAN);
+        long[1234] = 50.0;
+        let found = depth_scatter([long.as_slice()].into_iter(), &curves).unwrap();
+        assert!((found.sd - 0.2).abs() < 0.02, "{found:?}");
+        assert!((found.length - 5.0 * STEP).abs() < 0.5, "{found:?}");
+        let alone: Vec<f64> = alone[..count].iter().map(|e| 0.3 * e).collect();
+        // a view that shows nothing changes nothing
+        let found = depth_scatter([&[][..], &alone].into_iter(), &curves).unwrap();
+        assert!((found.sd - 0.3).abs() < 0.03 && found.length < 2.0 * STEP, "{found:?}");
+    }
+
+    #[test]
+    fn too_few_errors_say_nothing() {
+        let curves = straight(100);
+        let mut errors = vec![f64::NAN; curves.samples.len()];
+        errors[..FEWEST - 1].fill(0.1);
+        assert_eq!(depth_scatter([errors.as_slice()].into_iter(), &curves), None);
+        assert_eq!(depth_scatter([vec![0.0; curves.samples.len()].as_slice()].into_iter(), &curves), None);
+        assert_eq!(edge_scatter([0.1; FEWEST - 1].iter()), None);
+    }
+
+    #[test]
+    fn a_mask_that_is_grown_is_no_error_of_its_edge() {
+        let grown: Vec<f64> = normal(4000).into_iter().map(|e| 0.7 + 0.25 * e).collect();
+        let found = edge_scatter(grown.iter()).unwrap();
+        assert!((found - 0.25).abs() < 0.03, "{found}");
+    }
+}

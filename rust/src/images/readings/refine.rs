@@ -1,0 +1,137 @@
+//! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
+
+use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, smoothness};
+use super::lookup::Lookup;
+use super::planar::{Place, length, unit};
+use crate::geometry::banded::{Bordered, PLANAR};
+use crate::images::silhouette::Silhouette;
+
+/// Reach of edges that no chain explains yet, by iteration, radii.
+const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
+/// Edges are asked at least this far from chains, radii.
+const NEAR: f64 = 1.2;
+/// An edge is explained by a chain that runs this near to where it wants the axis, radii.
+const EXPLAINED: f64 = 0.8;
+
+/// Chains fitted together.
+pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
+    let rr = silhouette.radius_px;
+    let starts: Vec<usize> = chains
+        .iter()
+        .scan(0, |sum, c| {
+            *sum += c.len();
+            Some(*sum - c.len())
+        })
+        .collect();
+    let mut nodes: Vec<Place> = chains.concat();
+    let chain_of: Vec<usize> = chains.iter().enumerate().flat_map(|(k, c)| vec![k; c.len()]).collect();
+    let steps: Vec<f64> = chains.iter().map(|c| length(c) / (c.len() - 1) as f64 / rr).collect();
+    let smooth: Vec<Vec<[f64; 4]>> =
+        chains.iter().zip(&steps).map(|(c, &h)| smoothness(c.len(), h, FIT_BENDING)).collect();
+    let is_end = |i: usize| {
+        let k = chain_of[i];
+        i == starts[k] || i + 1 == starts[k] + chains[k].len()
+    };
+    for reach in REACH {
+        let lookup = Lookup::new(&nodes, NEAR * rr);
+        let tangents: Vec<Place> = (0..nodes.len())
+            .map(|i| {
+                let (first, last) =
+                    (starts[chain_of[i]], starts[chain_of[i]] + chains[chain_of[i]].len() - 1);
+                let (a, b) = (nodes[i.saturating_sub(1).max(first)], nodes[(i + 1).min(last)]);
+                unit([b[0] - a[0], b[1] - a[1]])
+            })
+            .collect();
+        let mut systems: Vec<(Bordered<PLANAR>, Vec<f64>)> =
+            chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
+        for edge in &silhouette.boundary {
+            let vote = [edge.at[0] - rr * edge.normal[0], edge.at[1] - rr * edge.normal[1]];
+            let nearest = |within: f64| {
+                let mut best: Option<(f64, usize, f64)> = None;
+                lookup.visit(vote, within, |i| {
+                    let d = [vote[0] - nodes[i][0], vote[1] - nodes[i][1]];
+                    let square = d[0] * d[0] + d[1] * d[1];
+                    if square >= best.map_or(within * within, |b| b.0) {
+                        return;
+                    }
+                    let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
+                    if along < 0.45 {
+                        best = Some((square, i, (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / rr));
+                    }
+                });
+                best
+            };
+            // most edges have a chain beside them
+            let near = nearest(NEAR * rr);
+            let best = if near.is_none() && reach > NEAR { nearest(reach * rr) } else { near };
+            let Some((_, i, residual)) = best else { continue };
+            if is_end(i) {
+                continue;
+            }
+            let weight = if residual.abs() < EXPLAINED {
+                (1.0 - (residual / EXPLAINED).powi(2)).powi(2).max(0.25)
+            } else if residual.abs() < reach {
+                // pulls as hard as one at the limit
+                0.25 * EXPLAINED / residual.abs()
+            } else {
+                continue;
+            };
+            let weight = weight * EDGE_SHARE * edge.weight / rr / (EDGE_SD * EDGE_SD);
+            let k = chain_of[i];
+            add(&mut systems[k], i - starts[k], [-edge.normal[0], -edge.normal[1]], residual, weight);
+        }
+        let mut most = 0.0f64;
+        for (k, (mut system, chain)) in systems.into_iter().zip(chains).enumerate() {
+            let n = chain.len();
+            let x = nodes[starts[k]..starts[k] + n].to_vec();
+            for i in 0..n {
+                for (back, &weight) in smooth[k][i].iter().enumerate() {
+                    let Some(j) = i.checked_sub(back) else { continue };
+                    for c in 0..2 {
+                        system.0.add_band(2 * i + c, 2 * j + c, weight);
+                        system.1[2 * i + c] -= weight * x[j][c] / rr;
+                        if j != i {
+                            system.1[2 * j + c] -= weight * x[i][c] / rr;
+                        }
+                    }
+                }
+                let hold = if i == 0 || i + 1 == n { 100.0 } else { 1e-2 };
+                for c in 0..2 {
+                    system.0.add_band(2 * i + c, 2 * i + c, hold);
+                    if hold > 1.0 {
+                        system.1[2 * i + c] -= hold * (x[i][c] - chain[i][c]) / rr;
+                    }
+                }
+                let missing = 0.9 - silhouette.distance(x[i]) / rr;
+                if missing > 0.0 && !silhouette.hidden(x[i]) {
+                    let g = silhouette.gradient(x[i]);
+                    add(&mut system, i, [-g[0], -g[1]], missing, 4.0 * steps[k]);
+                }
+            }
+            let Some(factor) = system.0.factor() else { continue };
+            let (step, _) = factor.solve(&system.1, &[]);
+            let far = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+            most = most.max(far);
+            let scale = (0.7 / far.max(1e-9)).min(1.0) * rr;
+            for i in 0..n {
+                for c in 0..2 {
+                    nodes[starts[k] + i][c] += scale * step[2 * i + c];
+                }
+            }
+        }
+        if most < 0.02 {
+            break;
+        }
+    }
+    chains.iter().zip(&starts).map(|(c, &s)| nodes[s..s + c.len()].to_vec()).collect()
+}
+
+/// Adds a residual of a node along a direction to a chain's normal equations.
+fn add(system: &mut (Bordered<PLANAR>, Vec<f64>), i: usize, along: Place, residual: f64, weight: f64) {
+    system.0.add_band(2 * i, 2 * i, weight * along[0] * along[0]);
+    system.0.add_band(2 * i + 1, 2 * i + 1, weight * along[1] * along[1]);
+    system.0.add_band(2 * i + 1, 2 * i, weight * along[0] * along[1]);
+    for c in 0..2 {
+        system.1[2 * i + c] -= weight * along[c] * residual;
+    }
+}

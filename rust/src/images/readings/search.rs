@@ -1,0 +1,421 @@
+//! Whole readings of a mask: every way to join all its zones' ports, the likely ones first.
+
+use std::collections::{BTreeMap, BinaryHeap, HashSet};
+use std::sync::Arc;
+
+use super::ends::led_on;
+use super::gaps::joined;
+use super::links::{TAIL, Votes, curve_cost};
+use super::network::{Network, SPURS, Skeleton};
+use super::pairings::{Pairings, UNCOVERED, pairings};
+use super::planar::{Place, apart, cleaned, length, resampled};
+use super::refine::refined;
+use crate::images::image::blobs;
+use crate::images::silhouette::Silhouette;
+use crate::parallel;
+
+/// What each rope costs if their number is not known.
+const ROPE: f64 = 5.0;
+/// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
+const RING: f64 = 6.0;
+const TOO_FEW: f64 = 8.0;
+const HIDDEN: f64 = 1.0;
+/// Stretches of mask without a chain that are larger than this may hold a rope's end, squared radii.
+const BARE: f64 = 0.4;
+/// What a reading costs that keeps short branches of the skeleton.
+const TIPS: f64 = 1.0;
+/// Ways to join pieces over gaps in the mask that are kept.
+const GAPS: usize = 4;
+/// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
+const STACK: f64 = 25.0;
+const STACKS: usize = 4;
+/// Most whole ways that are put together in one reading of the skeleton, and the work that they may take: squares of how
+/// many zones there are, and of how many chains, each of which counts as so many.
+const MOST: usize = 600;
+const WORK: usize = 2_000_000;
+const CHAIN: usize = 16;
+/// More chains than this are no ropes.
+const CHAINS: usize = 100;
+/// Ways of a zone that are tried where there are many zones: so many in all.
+const TRIED: usize = 4_000_000;
+
+/// A whole reading of one view.
+#[derive(Debug, Clone)]
+pub struct Reading {
+    pub cost: f64,
+    /// What of it is for what chains do not show: ends inside zones, kisses, gaps.
+    fixed: f64,
+    /// Nodes half a radius apart of each rope.
+    pub chains: Vec<Vec<Place>>,
+    /// How many of them were rings and have been opened.
+    pub rings: usize,
+}
+
+/// Where a port leads.
+#[derive(Clone)]
+struct Lead {
+    to: Option<usize>,
+    pairings: Arc<Pairings>,
+    joint: usize,
+    turned: bool,
+}
+
+/// One reading of a skeleton, and what it costs more than others.
+struct Candidate<'a> {
+    skeleton: &'a Skeleton,
+    network: Network,
+    more: f64,
+    /// For each zone its ports, and the number of its pairings among all that are known.
+    zones: Vec<(Vec<usize>, usize)>,
+}
+
+/// What a zone is known by: its pixels, and of its ports the end, the middle and the length of their segments.
+type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
+
+/// The likely readings of a mask, the best first, no two alike.
+pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+    let rr = silhouette.radius_px;
+    let votes = Votes::new(silhouette);
+    let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(silhouette, spur));
+    let [pruned, bushy] = [&skeletons[0], &skeletons[1]];
+    let different = if bushy.is_same(pruned) { vec![] } else { vec![(bushy, TIPS)] };
+    let ways = parallel::map(&[vec![(pruned, 0.0)], different].concat(), |&(skeleton, more)| {
+        candidates(skeleton, rr, more)
+    });
+    let mut candidates: Vec<Candidate> = ways.into_iter().flatten().collect();
+    // a zone that looks the same in two of them is worked out once
+    let mut numbers: BTreeMap<ZoneName, usize> = BTreeMap::new();
+    let mut places: Vec<(usize, usize)> = Vec::new();
+    for (number, candidate) in candidates.iter_mut().enumerate() {
+        for zone in 0..candidate.network.zones.len() {
+            let (ports, name) = named(candidate.skeleton, &candidate.network, zone);
+            let known = *numbers.entry(name).or_insert_with(|| {
+                places.push((number, zone));
+                places.len() - 1
+            });
+            candidate.zones.push((ports, known));
+        }
+    }
+    let pairings = parallel::map(&places, |&(number, zone)| {
+        let Candidate { skeleton, network, zones, .. } = &candidates[number];
+        let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
+        Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own, TRIED / places.len()))
+    });
+    let found = parallel::map(&candidates, |candidate| search(silhouette, candidate, &pairings, ropes, most));
+    let mut found = found.concat();
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Reading> = Vec::new();
+    let mut courses: Vec<Vec<Vec<Place>>> = Vec::new();
+    for reading in found {
+        if kept.len() >= most {
+            break;
+        }
+        let course = course(&reading.chains);
+        if !courses.iter().any(|k| alike(k, &course, rr)) {
+            kept.push(reading);
+            courses.push(course);
+        }
+    }
+    let mut kept = parallel::map(&kept, |reading| settled(silhouette, reading));
+    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    kept
+}
+
+/// What a reading of these chains costs, but for its ends, kisses and gaps.
+pub fn cost(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
+    let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
+    bent + UNCOVERED * uncovered(silhouette, chains).0
+}
+
+/// A reading whose chains are led on and refined, with what it then costs.
+fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
+    let mut chains = reading.chains.clone();
+    for round in 0..2 {
+        let (_, bare) = uncovered(silhouette, &chains);
+        let led = led_on(silhouette, &chains, &bare);
+        if round > 0 && led == chains {
+            break;
+        }
+        chains = refined(silhouette, &led);
+    }
+    Reading { cost: reading.fixed + cost(silhouette, &chains), chains, ..*reading }
+}
+
+/// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
+fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
+    let rr = silhouette.radius_px;
+    let ([left, top], _) = silhouette.frame();
+    let mut bare = silhouette.mask.clone();
+    let reach = 1.2 * rr + 0.3;
+    // from the first to before the last
+    let range = |low: f64, high: f64, count: usize| {
+        let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
+        (low.ceil().max(0.0) as usize).min(last)..last
+    };
+    for x in chains.iter().flatten() {
+        let (u, v) = (x[0] - left, x[1] - top);
+        for row in range(v - reach, v + reach, bare.height) {
+            let half = (reach * reach - (row as f64 - v).powi(2)).max(0.0).sqrt();
+            let start = row * bare.width;
+            let columns = range(u - half, u + half, bare.width);
+            bare.values[start + columns.start..start + columns.end].fill(false);
+        }
+    }
+    let found = blobs(&bare, true, true);
+    let mut sums = vec![[0.0; 2]; found.sizes.len()];
+    for run in &found.runs {
+        let count = (run.end - run.begin) as f64;
+        sums[run.blob][0] += count * (0.5 * (run.begin + run.end - 1) as f64 + left);
+        sums[run.blob][1] += count * (run.row as f64 + top);
+    }
+    let mut stretches = Vec::new();
+    let mut total = 0.0;
+    for (number, &size) in found.sizes.iter().enumerate() {
+        let area = size as f64 / (rr * rr);
+        total += area;
+        if area > BARE {
+            stretches.push((sums[number].map(|s| s / size as f64), area));
+        }
+    }
+    (total, stretches)
+}
+
+/// Readings of one skeleton: as it is, and with stretches taken for two strands.
+fn candidates(skeleton: &Skeleton, rr: f64, tips: f64) -> Vec<Candidate<'_>> {
+    let of = |network, more| Candidate { skeleton, network, more, zones: Vec::new() };
+    let plain = skeleton.read(rr, false, &[]);
+    let mut stretches: Vec<(f64, Vec<u32>)> = plain
+        .segments
+        .iter()
+        .filter(|s| s.zones[0] != 0 && s.zones[1] != 0 && s.zones[0] != s.zones[1])
+        .map(|s| (length(&s.points), s.path.clone()))
+        .filter(|(long, _)| *long < STACK * rr)
+        .collect();
+    stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut seen = HashSet::from([plain.zones.clone()]);
+    let mut found = vec![of(plain, tips)];
+    let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
+    for path in hidden {
+        let network = skeleton.read(rr, true, &path);
+        if seen.insert(network.zones.clone()) {
+            found.push(of(network, if path.is_empty() { tips } else { HIDDEN + tips }));
+        }
+    }
+    found
+}
+
+/// The ports of a zone, in an order that does not depend on the reading, and what it is known by.
+fn named(skeleton: &Skeleton, network: &Network, zone: usize) -> (Vec<usize>, ZoneName) {
+    let key = |p: usize| {
+        let port = network.ports[p];
+        let path = &network.segments[port.segment].path;
+        let end = path[if port.end == 0 { 0 } else { path.len() - 1 }];
+        (skeleton.pixel(end), skeleton.pixel(path[path.len() / 2]), path.len())
+    };
+    let mut ports: Vec<usize> =
+        (0..network.ports.len()).filter(|&p| network.ports[p].zone as usize == zone + 1).collect();
+    ports.sort_by_key(|&p| (key(p), p));
+    let pixels = network.zones[zone].iter().map(|&i| skeleton.pixel(i)).collect();
+    let keys = ports.iter().map(|&p| key(p)).collect();
+    (ports, (pixels, keys))
+}
+
+/// Chains by length, as places that [`alike`] compares.
+fn course(chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
+    let mut chains: Vec<(f64, &Vec<Place>)> = chains.iter().map(|c| (length(c), c)).collect();
+    chains.sort_by(|x, y| x.0.total_cmp(&y.0));
+    chains.iter().map(|(long, c)| resampled(c, (long / 80.0).max(1e-6))).collect()
+}
+
+/// Whether two readings run through the same places in the same order, to a radius.
+fn alike(a: &[Vec<Place>], b: &[Vec<Place>], rr: f64) -> bool {
+    a.len() == b.len()
+        && a.iter().zip(b).all(|(p, q)| {
+            let n = p.len().min(q.len());
+            let near = |turned: bool| {
+                (0..n).all(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= rr)
+            };
+            near(false) || near(true)
+        })
+}
+
+/// Ways through all zones of one reading of the skeleton, the cheapest first.
+fn search(
+    silhouette: &Silhouette,
+    candidate: &Candidate,
+    pairings: &[Arc<Pairings>],
+    ropes: Option<usize>,
+    most: usize,
+) -> Vec<Reading> {
+    let rr = silhouette.radius_px;
+    let network = &candidate.network;
+    let zones: Vec<(&[usize], &Arc<Pairings>)> =
+        candidate.zones.iter().map(|(ports, known)| (&ports[..], &pairings[*known])).collect();
+    let price = |choice: &[usize]| -> f64 {
+        choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.cost)).sum()
+    };
+    let mut found = Vec::new();
+    let mut heap = BinaryHeap::new();
+    let first = vec![0; zones.len()];
+    let mut seen = HashSet::from([first.clone()]);
+    heap.push((std::cmp::Reverse(Ordered(price(&first))), first));
+    let (mut tried, mut work) = (0, 0);
+    while let Some((std::cmp::Reverse(Ordered(cost)), choice)) = heap.pop() {
+        parallel::go_on();
+        tried += 1;
+        work += zones.len().pow(2);
+        if tried > MOST || work > WORK || found.len() >= 4 * most {
+            break;
+        }
+        let (mut chains, rings) = assembled(network, &zones, &choice, rr);
+        if chains.iter().any(|c| length(c) > 2.0 * rr) {
+            chains.retain(|c| length(c) > 2.0 * rr);
+        }
+        let fixed: f64 =
+            choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
+        work += CHAIN * chains.len().pow(2);
+        let ways =
+            if chains.len() > CHAINS { vec![] } else { joined(silhouette, &chains, ropes, ROPE, GAPS) };
+        for way in ways {
+            let number = match ropes {
+                Some(ropes) => TOO_FEW * ropes.saturating_sub(way.chains.len()) as f64,
+                None => ROPE * way.chains.len() as f64,
+            };
+            let more = candidate.more + RING * rings as f64 + number;
+            found.push(Reading {
+                cost: cost + more + way.cost,
+                fixed: fixed + more + way.fixed,
+                chains: way.chains,
+                rings,
+            });
+        }
+        for (k, (_, pairings)) in zones.iter().enumerate() {
+            if choice[k] + 1 < pairings.ways.len() {
+                let mut next = choice.clone();
+                next[k] += 1;
+                if seen.insert(next.clone()) {
+                    heap.push((std::cmp::Reverse(Ordered(price(&next))), next));
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    found.truncate(most);
+    found
+}
+
+/// A number with a total order.
+#[derive(PartialEq)]
+struct Ordered(f64);
+
+impl Eq for Ordered {}
+
+impl PartialOrd for Ordered {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Ordered {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+/// The chains of one choice of ways, and how many were rings.
+fn assembled(
+    network: &Network,
+    zones: &[(&[usize], &Arc<Pairings>)],
+    choice: &[usize],
+    rr: f64,
+) -> (Vec<Vec<Place>>, usize) {
+    let mut next: Vec<Option<Lead>> = vec![None; network.ports.len()];
+    let mut used = vec![false; network.segments.len()];
+    let mut hidden_ends = Vec::new();
+    for ((ports, pairings), &way) in zones.iter().zip(choice) {
+        let Some(way) = pairings.ways.get(way) else { continue };
+        for &joint in &way.joints {
+            let (a, b) = pairings.joints[joint].ports;
+            let lead =
+                |to: Option<usize>, turned: bool| Lead { to, pairings: Arc::clone(pairings), joint, turned };
+            next[ports[a]] = Some(lead(b.map(|b| ports[b]), false));
+            match b {
+                Some(b) => next[ports[b]] = Some(lead(Some(ports[a]), true)),
+                None if pairings.joints[joint].link.dropped => used[network.ports[ports[a]].segment] = true,
+                None => hidden_ends.push(ports[a]),
+            }
+        }
+    }
+    let mut port_of = vec![[None; 2]; network.segments.len()];
+    for (i, port) in network.ports.iter().enumerate() {
+        port_of[port.segment][port.end] = Some(i);
+    }
+    let mut chains = Vec::new();
+    // from free ends of segments, then from ends inside zones
+    let free: Vec<(usize, usize, Option<usize>)> = (0..network.segments.len())
+        .flat_map(|k| [(k, 0), (k, 1)])
+        .filter(|&(k, end)| port_of[k][end].is_none_or(|p| next[p].is_none()))
+        .map(|(k, end)| (k, 1 - end, None))
+        .collect();
+    let inside = hidden_ends.iter().map(|&p| (network.ports[p].segment, 1 - network.ports[p].end, Some(p)));
+    for (segment, leave, port) in free.into_iter().chain(inside) {
+        if used[segment] {
+            continue;
+        }
+        let mut points = Vec::new();
+        if let Some(way) = port.and_then(|p| next[p].as_ref()) {
+            points.extend(way.pairings.joints[way.joint].link.middle[1..].iter().rev());
+        }
+        points.extend(walked(network, &port_of, &next, &mut used, segment, leave));
+        chains.push(points);
+    }
+    let mut rings = 0;
+    for segment in 0..network.segments.len() {
+        if !used[segment] {
+            rings += 1;
+            chains.push(walked(network, &port_of, &next, &mut used, segment, 1));
+        }
+    }
+    let chains = chains.iter().filter(|c| c.len() > 1).map(|c| cleaned(c, 0.5 * rr)).collect();
+    (chains, rings)
+}
+
+/// Walks from a segment on, leaving it at its end `leave`, till a rope's end or where it began.
+fn walked(
+    network: &Network,
+    port_of: &[[Option<usize>; 2]],
+    next: &[Option<Lead>],
+    used: &mut [bool],
+    mut segment: usize,
+    mut leave: usize,
+) -> Vec<Place> {
+    let mut points: Vec<Place> = Vec::new();
+    while !used[segment] {
+        used[segment] = true;
+        let own = &network.segments[segment].points;
+        if leave == 1 {
+            points.extend(own);
+        } else {
+            points.extend(own.iter().rev());
+        }
+        let Some(way) = port_of[segment][leave].and_then(|p| next[p].as_ref()) else { break };
+        let link = &way.pairings.joints[way.joint].link;
+        let Some(to) = way.to else {
+            points.extend(&link.middle[1..]);
+            break;
+        };
+        // the fitted tail takes the place of the segment's own
+        points.truncate(points.len() - TAIL.min(own.len()));
+        let far = link.tails[if way.turned { 0 } else { 1 }];
+        let keep = if far < link.full.len() { link.full.len() - far } else { link.full.len() };
+        if way.turned {
+            points.extend(link.full.iter().rev().take(keep));
+        } else {
+            points.extend(&link.full[..keep]);
+        }
+        let port = network.ports[to];
+        segment = port.segment;
+        leave = 1 - port.end;
+    }
+    points
+}

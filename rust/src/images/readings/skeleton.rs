@@ -1,0 +1,144 @@
+//! Skeletons of masks, as nets of pixels and their neighbours.
+
+use crate::images::image::Image;
+
+/// The pixels of a skeleton, and which of them touch.
+pub struct Net {
+    /// Places in the image, ascending.
+    pub pixels: Vec<usize>,
+    near: Vec<[u32; 8]>,
+    degrees: Vec<u8>,
+    width: usize,
+}
+
+/// A line of pixels, and the groups at its two ends.
+pub struct Line {
+    /// Numbers of pixels, in order.
+    pub path: Vec<u32>,
+    /// Number of the group that each end touches, from 1 on; 0 for none.
+    pub ends: [u32; 2],
+}
+
+/// The eight neighbours of a pixel, clockwise from above.
+#[inline(always)]
+fn ring(k: usize, w: usize) -> [usize; 8] {
+    [k - w, k - w + 1, k + 1, k + w + 1, k + w, k + w - 1, k - 1, k - w - 1]
+}
+
+impl Net {
+    /// The net of the set pixels.
+    pub fn new(pixels: Vec<usize>, width: usize, numbers: &mut Image<u32>) -> Self {
+        for (i, &k) in pixels.iter().enumerate() {
+            numbers.values[k] = i as u32 + 1;
+        }
+        let mut near = Vec::with_capacity(pixels.len());
+        let mut degrees = Vec::with_capacity(pixels.len());
+        for &k in &pixels {
+            let (mut list, mut count) = ([0; 8], 0);
+            // straight neighbours first, so that lines do not cut corners
+            let r = ring(k, width);
+            for n in [r[2], r[4], r[6], r[0], r[3], r[5], r[1], r[7]] {
+                if numbers.values[n] != 0 {
+                    list[count] = numbers.values[n] - 1;
+                    count += 1;
+                }
+            }
+            near.push(list);
+            degrees.push(count as u8);
+        }
+        for &k in &pixels {
+            numbers.values[k] = 0;
+        }
+        Self { pixels, near, degrees, width }
+    }
+
+    /// The distance between two pixels that touch.
+    pub fn step(&self, i: u32, j: u32) -> f64 {
+        let away = self.pixels[i as usize].abs_diff(self.pixels[j as usize]);
+        if away == 1 || away == self.width { 1.0 } else { std::f64::consts::SQRT_2 }
+    }
+
+    /// How many pixels there are.
+    pub fn len(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// The pixels that touch one.
+    #[inline]
+    pub fn near(&self, i: usize) -> &[u32] {
+        &self.near[i][..usize::from(self.degrees[i])]
+    }
+
+    /// Numbers of the connected groups of chosen pixels, from 1 on, 0 for others; and how many there are.
+    pub fn groups(&self, chosen: &[bool]) -> (Vec<u32>, usize) {
+        let mut numbers = vec![0u32; self.len()];
+        let mut count = 0;
+        let mut open = Vec::new();
+        for start in 0..self.len() {
+            if !chosen[start] || numbers[start] != 0 {
+                continue;
+            }
+            count += 1;
+            numbers[start] = count as u32;
+            open.push(start);
+            while let Some(i) = open.pop() {
+                for &n in self.near(i) {
+                    let n = n as usize;
+                    if chosen[n] && numbers[n] == 0 {
+                        numbers[n] = count as u32;
+                        open.push(n);
+                    }
+                }
+            }
+        }
+        (numbers, count)
+    }
+
+    /// Follows the chosen pixels as lines; `groups` are numbers of what they may touch at their ends.
+    pub fn lines(&self, chosen: &[bool], groups: &[u32]) -> Vec<Line> {
+        let (numbers, count) = self.groups(chosen);
+        let mut members = vec![Vec::new(); count];
+        for (i, &number) in numbers.iter().enumerate() {
+            if number != 0 {
+                members[number as usize - 1].push(i);
+            }
+        }
+        let mut taken = vec![false; self.len()];
+        let inside = |i: usize| self.near(i).iter().filter(|&&n| chosen[n as usize]).count();
+        members
+            .iter()
+            .map(|members| {
+                let begin = members.iter().copied().find(|&i| inside(i) <= 1).unwrap_or(members[0]);
+                let mut path = vec![begin as u32];
+                taken[begin] = true;
+                loop {
+                    let last = path[path.len() - 1] as usize;
+                    let next =
+                        self.near(last).iter().copied().find(|&n| chosen[n as usize] && !taken[n as usize]);
+                    let Some(n) = next else { break };
+                    taken[n as usize] = true;
+                    path.push(n);
+                }
+                let touched = |i: u32| {
+                    let mut found: Vec<u32> = self
+                        .near(i as usize)
+                        .iter()
+                        .map(|&n| groups[n as usize])
+                        .filter(|&g| g != 0)
+                        .collect();
+                    found.sort_unstable();
+                    found.dedup();
+                    found
+                };
+                let first = touched(path[0]);
+                let ends = if path.len() == 1 {
+                    [first.first().copied().unwrap_or(0), first.get(1).copied().unwrap_or(0)]
+                } else {
+                    let last = touched(path[path.len() - 1]);
+                    [first.first().copied().unwrap_or(0), last.last().copied().unwrap_or(0)]
+                };
+                Line { path, ends }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,152 @@
+//! How deep ropes lie across one view's image: smooth, so that what is known on their masks is known beside them too.
+
+use crate::clouds::depth::has_return;
+use crate::geometry::median::upper_median;
+
+/// Pixels that the plane is fitted to at most, and rounds of its fit.
+const MOST: usize = 4000;
+const ROUNDS: usize = 6;
+/// Side of a cell, and the fewest pixels in it that count, rr and rr².
+const CELL: f64 = 4.0;
+const FEWEST: f64 = 2.0;
+
+/// Depth of the ropes' surface across an image: the plane that fits best and what is left, by cells.
+#[derive(Debug, Clone)]
+pub struct Relief {
+    /// 1/z is linear across the image of a plane: what it grows by along columns and rows, and where both are `middle`.
+    plane: [f64; 3],
+    middle: [f64; 2],
+    low: [f64; 2],
+    cell: f64,
+    size: [usize; 2],
+    /// Of each cell, of 1/z.
+    rest: Vec<f64>,
+    /// Least 1/z: far beyond the ropes the plane says nothing.
+    least: f64,
+}
+
+impl Relief {
+    /// Of the ropes' pixels, a range of columns and rows that they lie in, and their radius in the image; none if too few have depth.
+    pub fn new(
+        depth: &[f64],
+        width: usize,
+        ropes: impl Fn(usize, usize) -> bool,
+        low: [usize; 2],
+        high: [usize; 2],
+        rr: f64,
+    ) -> Option<Self> {
+        let mut seen: Vec<[f64; 3]> = Vec::new();
+        for y in low[1]..high[1] {
+            for x in low[0]..high[0] {
+                let z = depth[y * width + x];
+                if ropes(x, y) && has_return(z) {
+                    seen.push([x as f64, y as f64, 1.0 / z]);
+                }
+            }
+        }
+        if (seen.len() as f64) < FEWEST * rr * rr {
+            return None;
+        }
+        let middle = [0, 1].map(|c| 0.5 * (low[c] + high[c]) as f64);
+        let step = seen.len().div_ceil(MOST);
+        let some: Vec<[f64; 3]> = seen.iter().step_by(step).copied().collect();
+        let plane = plane(&some, middle, rr)?;
+        let on = |x: f64, y: f64| plane[0] * (x - middle[0]) + plane[1] * (y - middle[1]) + plane[2];
+        let cell = CELL * rr;
+        let size = [0, 1].map(|c| ((high[c] - low[c]) as f64 / cell).ceil().max(1.0) as usize);
+        let corner = low.map(|l| l as f64);
+        let mut rests: Vec<Vec<f64>> = vec![Vec::new(); size[0] * size[1]];
+        for &[x, y, w] in &some {
+            let i = (((x - corner[0]) / cell) as usize).min(size[0] - 1);
+            let j = (((y - corner[1]) / cell) as usize).min(size[1] - 1);
+            // for the cells around it too: what is no rope is the lesser part there
+            for l in j.saturating_sub(1)..(j + 2).min(size[1]) {
+                for k in i.saturating_sub(1)..(i + 2).min(size[0]) {
+                    rests[l * size[0] + k].push(w - on(x, y));
+                }
+            }
+        }
+        let fewest = FEWEST * rr * rr / step as f64;
+        let rest: Vec<Option<f64>> = rests
+            .into_iter()
+            .map(|mut rest| (rest.len() as f64 >= fewest).then(|| upper_median(&mut rest)))
+            .collect();
+        let least = 0.1 * upper_median(&mut some.iter().map(|s| s[2]).collect::<Vec<_>>());
+        Some(Self { plane, middle, low: corner, cell, size, rest: filled(rest, size), least })
+    }
+
+    /// How deep the ropes' surface would be, metres.
+    pub fn depth(&self, [u, v]: [f64; 2]) -> f64 {
+        let at = |x: f64, c: usize| {
+            let t = ((x - self.low[c]) / self.cell - 0.5).clamp(0.0, (self.size[c] - 1) as f64);
+            let i = (t as usize).min(self.size[c].saturating_sub(2));
+            (i, (i + 1).min(self.size[c] - 1), t - i as f64)
+        };
+        let ((i, k, a), (j, l, b)) = (at(u, 0), at(v, 1));
+        let rest = |i: usize, j: usize| self.rest[j * self.size[0] + i];
+        let above = (1.0 - a) * rest(i, j) + a * rest(k, j);
+        let below = (1.0 - a) * rest(i, l) + a * rest(k, l);
+        let plane =
+            self.plane[0] * (u - self.middle[0]) + self.plane[1] * (v - self.middle[1]) + self.plane[2];
+        1.0 / (plane + (1.0 - b) * above + b * below).max(self.least)
+    }
+}
+
+/// The plane that most pixels lie on, by least absolute residuals.
+fn plane(seen: &[[f64; 3]], middle: [f64; 2], rr: f64) -> Option<[f64; 3]> {
+    let n = seen.len();
+    let mut weights = vec![1.0; n];
+    let mut found = [0.0; 3];
+    for _ in 0..ROUNDS {
+        let mut a = nalgebra::Matrix3::zeros();
+        let mut b = nalgebra::Vector3::zeros();
+        for (s, &weight) in seen.iter().zip(&weights) {
+            let row = nalgebra::Vector3::new((s[0] - middle[0]) / rr, (s[1] - middle[1]) / rr, 1.0);
+            a += weight * row * row.transpose();
+            b += weight * s[2] * row;
+        }
+        // pixels in one line say nothing of what lies across
+        for k in 0..2 {
+            a[(k, k)] += 1e-6 * a[(2, 2)];
+        }
+        let x = a.cholesky()?.solve(&b);
+        found = [x[0] / rr, x[1] / rr, x[2]];
+        let rest: Vec<f64> = seen
+            .iter()
+            .map(|s| (s[2] - found[0] * (s[0] - middle[0]) - found[1] * (s[1] - middle[1]) - found[2]).abs())
+            .collect();
+        let scale = upper_median(&mut rest.clone()).max(1e-9);
+        for (weight, rest) in weights.iter_mut().zip(rest) {
+            *weight = 1.0 / rest.max(0.3 * scale);
+        }
+        let sum: f64 = weights.iter().sum::<f64>() / n as f64;
+        weights.iter_mut().for_each(|w| *w /= sum);
+    }
+    found.iter().all(|x| x.is_finite()).then_some(found)
+}
+
+/// Cells with those without a value filled from their neighbours, ring by ring.
+fn filled(mut cells: Vec<Option<f64>>, size: [usize; 2]) -> Vec<f64> {
+    while cells.iter().any(Option::is_none) {
+        let mut next = cells.clone();
+        for j in 0..size[1] {
+            for i in 0..size[0] {
+                if cells[j * size[0] + i].is_some() {
+                    continue;
+                }
+                let near: Vec<f64> = (j.saturating_sub(1)..(j + 2).min(size[1]))
+                    .flat_map(|l| (i.saturating_sub(1)..(i + 2).min(size[0])).map(move |k| (k, l)))
+                    .filter_map(|(k, l)| cells[l * size[0] + k])
+                    .collect();
+                if !near.is_empty() {
+                    next[j * size[0] + i] = Some(near.iter().sum::<f64>() / near.len() as f64);
+                }
+            }
+        }
+        if next == cells {
+            break;
+        }
+        cells = next;
+    }
+    cells.into_iter().map(|cell| cell.unwrap_or(0.0)).collect()
+}

@@ -1,0 +1,380 @@
+//! One view's mask, prepared: the signed distance from its edge, and the edge with its normals.
+//!
+//! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
+
+use crate::images::image::{Blobs, Image, Run, blobs, distances};
+use crate::images::surroundings::{Ropes, Shown, Surroundings};
+use crate::images::thinning::{shown_radius, skeleton};
+use crate::parallel;
+
+/// A place on a mask's edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Column and row, pixels.
+    pub at: [f64; 2],
+    /// Unit normal, away from the mask.
+    pub normal: [f64; 2],
+    /// The length of edge that it stands for, pixels.
+    pub weight: f64,
+}
+
+/// A mask with the distances from its edge. Columns and rows are those of the original image, pixels.
+#[derive(Debug, Clone)]
+pub struct Silhouette {
+    /// The rope's radius in the image, pixels.
+    pub radius_px: f64,
+    /// The edge, about a place a pixel.
+    pub boundary: Vec<Edge>,
+    /// The mask, a margin around it.
+    pub(crate) mask: Image<bool>,
+    /// The mask, magnified.
+    pub(crate) inside: Image<bool>,
+    /// Its skeleton: places in the magnified image.
+    pub(crate) skeleton: Vec<usize>,
+    /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
+    pub(crate) depth: Image<f32>,
+    /// Signed distance, positive inside, original pixels.
+    signed: Image<f32>,
+    /// The same, a little smoothed, for gradients.
+    smooth: Image<f32>,
+    /// How much it is magnified.
+    pub(crate) scale: usize,
+    /// Original column and row of the magnified image's corner.
+    origin: [f64; 2],
+    /// How ragged the mask is, from 0 to 1.
+    pub ragged: f64,
+    /// What depth shows beside it, if that is known.
+    surroundings: Option<Surroundings>,
+}
+
+/// Distances outside the mask are right up to this, and 4 pixels, radii.
+const FAR: f64 = 5.0;
+/// Pixels around the mask that are kept.
+const PAD: usize = 6;
+/// Blobs of mask below this are specks, and holes below this are filled, squared radii; more of a ragged mask.
+const SPECK: f64 = 3.0;
+const HOLE: f64 = 0.25;
+const RAGGED_HOLE: f64 = 1.0;
+/// Standard deviation of the smoothing, pixels; and more for a ragged mask, radii.
+const SMOOTH: f64 = 0.6;
+const RAGGED_SMOOTH: f64 = 0.3;
+/// Fewest pixels of a hole that a segmenter left.
+const LEAST_HOLE: usize = 4;
+/// How much masks are eaten and grown at most, pixels, and where they are this many times as wide as the rope, which may be two
+/// side by side; what is narrower than this, or wider by so much more, is something else.
+const EATEN: f64 = 0.7;
+const GROWN: f64 = 2.0;
+const USUALLY_GROWN: f64 = 1.0;
+const SIDE_BY_SIDE: f64 = 1.6;
+const OTHER: [f64; 2] = [1.5, 0.5];
+/// A mask of which specks and holes are this share is ragged.
+const RAGGED: f64 = 0.04;
+
+impl Silhouette {
+    /// Prepares the mask of an image of `width` columns; none if nothing is left of it.
+    ///
+    /// Specks below three radii squared are left out. Small holes are filled. A mask with many of both is ragged: its edge
+    /// is smoothed more, and larger holes are filled.
+    pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
+        let (origin, small, ragged) = without_specks(mask, width, radius_px * radius_px)?;
+        let (w, h) = (small.width, small.height);
+        let bh = h * scale;
+        let mut inside = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale, 0.5);
+        let area = radius_px * radius_px * (scale * scale) as f64;
+        let filled = (HOLE + ragged * RAGGED_HOLE) * area;
+        inside.fill_holes(|size| (size as f64) < filled);
+        inside.turn_blobs(true, true, |size| (size as f64) < SPECK * area);
+        if !inside.values.contains(&true) {
+            return None;
+        }
+        let reach = ((FAR * radius_px + 4.0) * scale as f64).ceil() as usize;
+        let (skeleton, (mut depth, mut signed)) = parallel::both(
+            || skeleton(&inside),
+            || parallel::both(|| distances(&inside, true, bh), || distances(&inside, false, reach)),
+        );
+        let step = scale as f32;
+        for (outer, inner) in signed.values.iter_mut().zip(&mut depth.values) {
+            // the edge runs between the pixels
+            *outer = if *inner > 0.0 { *inner - 0.5 } else { 0.5 - *outer } / step;
+            *inner = (*inner - 0.5).max(0.0) / step;
+        }
+        let smooth = signed.smoothed(1.0);
+        let (boundary, mask) = (Vec::new(), Image::filled(w, h, false));
+        let mut made = Self {
+            radius_px,
+            boundary,
+            mask,
+            inside,
+            skeleton,
+            depth,
+            signed,
+            smooth,
+            scale,
+            origin,
+            ragged,
+            surroundings: None,
+        };
+        made.mask.values = (0..w * h).map(|k| made.pixel_distance(k % w, k / w) > 0.0).collect();
+        made.find_boundary(w, h);
+        Some(made)
+    }
+
+    /// Prepares the mask of a rope whose radius in the image is known roughly; none if nothing is left of it.
+    ///
+    /// The radius is corrected by what the mask shows, which is a little eaten or up to two pixels too wide. What is wider than
+    /// that may be strands side by side.
+    pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
+        let scale = if radius_px < 6.0 {
+            3
+        } else if radius_px < 10.0 {
+            2
+        } else {
+            1
+        };
+        let mut made = Self::new(mask, width, radius_px, scale)?;
+        let shown = shown_radius(&made.skeleton, &made.depth)?;
+        let more = shown - radius_px;
+        let grown = if shown < SIDE_BY_SIDE * radius_px { GROWN } else { USUALLY_GROWN };
+        if more > -OTHER[0] && more < grown + OTHER[1] {
+            made.radius_px = shown.clamp(radius_px - EATEN, radius_px + grown);
+        }
+        Some(made)
+    }
+
+    /// The same with what depth shows beside the ropes.
+    pub fn amid(mut self, surroundings: Option<Surroundings>) -> Self {
+        self.surroundings = surroundings;
+        self
+    }
+
+    /// Whether something before the ropes hides a place.
+    #[inline]
+    pub fn hidden(&self, uv: [f64; 2]) -> bool {
+        self.surroundings.as_ref().is_some_and(|s| s.hidden(uv))
+    }
+
+    /// What depth shows of a place.
+    pub fn shown(&self, uv: [f64; 2]) -> Shown {
+        match &self.surroundings {
+            Some(surroundings) if surroundings.hidden(uv) => Shown::Before,
+            Some(surroundings) => surroundings.at(uv),
+            None => Shown::Unknown,
+        }
+    }
+
+    /// The radius of the rope that a mask shows, pixels, if nothing is known of it.
+    pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
+        let shown = |made: &Self| shown_radius(&made.skeleton, &made.depth);
+        let rough = shown(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
+        shown(&Self::new(mask, width, rough, 2)?)
+    }
+
+    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a third of a thicker rope's
+    /// radius.
+    fn find_boundary(&mut self, w: usize, h: usize) {
+        let step = ((self.radius_px / 3.0).round() as usize).max(1);
+        let near = 0.5 * step as f64;
+        for y in (0..h).step_by(step) {
+            for x in (0..w).step_by(step) {
+                let away = self.pixel_distance(x, y);
+                if away.abs() > near {
+                    continue;
+                }
+                let at = [x as f64 + self.origin[0], y as f64 + self.origin[1]];
+                let gradient = self.gradient(at);
+                let norm = (gradient[0] * gradient[0] + gradient[1] * gradient[1]).sqrt();
+                if norm < 0.2 {
+                    continue;
+                }
+                let normal = [-gradient[0] / norm, -gradient[1] / norm];
+                let edge = [at[0] + away * normal[0], at[1] + away * normal[1]];
+                self.boundary.push(Edge { at: edge, normal, weight: step as f64 });
+            }
+        }
+    }
+
+    /// Signed distance of a place from the mask's edge, pixels, positive inside.
+    #[inline]
+    pub fn distance(&self, uv: [f64; 2]) -> f64 {
+        let [x, y] = self.magnified(uv);
+        self.signed.between(x, y)
+    }
+
+    /// The signed distance of the centre of a pixel of the frame.
+    #[inline]
+    pub fn pixel_distance(&self, x: usize, y: usize) -> f64 {
+        // the first and last of the magnified pixels that are at the centre
+        let (first, last) = ((self.scale - 1) / 2, self.scale / 2);
+        let (i, j) = (x * self.scale, y * self.scale);
+        let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
+        0.25 * (at(first, first) + at(last, first) + at(first, last) + at(last, last))
+    }
+
+    /// The ropes' pixels, for what lies around them.
+    pub fn ropes(&self) -> Ropes<'_> {
+        Ropes { mask: &self.mask, corner: self.origin, radius_px: self.radius_px }
+    }
+
+    /// How the distance grows along columns and rows.
+    #[inline]
+    pub fn gradient(&self, uv: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.magnified(uv);
+        let step = 0.5 * self.scale as f64;
+        [
+            self.smooth.between(x + step, y) - self.smooth.between(x - step, y),
+            self.smooth.between(x, y + step) - self.smooth.between(x, y - step),
+        ]
+    }
+
+    /// Original column and row of the first pixel that is kept, and how many of each are.
+    pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
+        (self.origin, [self.inside.width / self.scale, self.inside.height / self.scale])
+    }
+
+    /// Where a place lies in the magnified image.
+    #[inline(always)]
+    pub(crate) fn magnified(&self, uv: [f64; 2]) -> [f64; 2] {
+        let scale = self.scale as f64;
+        [(uv[0] - self.origin[0] + 0.5) * scale - 0.5, (uv[1] - self.origin[1] + 0.5) * scale - 0.5]
+    }
+
+    /// The original column and row of a pixel of the magnified image.
+    #[inline(always)]
+    pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
+        let scale = self.scale as f64;
+        [(x as f64 + 0.5) / scale - 0.5 + self.origin[0], (y as f64 + 0.5) / scale - 0.5 + self.origin[1]]
+    }
+}
+
+/// The mask without specks, cut to what is left of it, with a margin; the column and row of its corner; and how ragged it is,
+/// from 0 to 1.
+fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
+    if width == 0 || mask.len() < width {
+        return None;
+    }
+    let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
+    let found = blobs(&whole, true, true);
+    let kept = |run: &Run| found.sizes[run.blob] as f64 >= SPECK * square;
+    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+    let mut counts = [0usize; 2];
+    for run in &found.runs {
+        counts[usize::from(kept(run))] += run.end - run.begin;
+        if kept(run) {
+            low = [low[0].min(run.begin), low[1].min(run.row)];
+            high = [high[0].max(run.end - 1), high[1].max(run.row)];
+        }
+    }
+    if low[0] == usize::MAX {
+        return None;
+    }
+    let (w, h) = (high[0] - low[0] + 1 + 2 * PAD, high[1] - low[1] + 1 + 2 * PAD);
+    let mut cut = Image::filled(w, h, false);
+    for run in found.runs.iter().filter(|run| kept(run)) {
+        let start = (run.row - low[1] + PAD) * w + PAD - low[0];
+        cut.values[start + run.begin..start + run.end].fill(true);
+    }
+    let holes = blobs(&cut, false, false);
+    let lost: usize = compact(&holes).filter(|&size| (size as f64) < square).sum();
+    let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
+    let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
+    let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
+    Some((origin, Image { width: w, height: h, values }, ragged))
+}
+
+/// Sizes of blobs that are about as wide as long: what is narrow is a gap between strands rather than a bit that a
+/// segmenter lost.
+fn compact(found: &Blobs) -> impl Iterator<Item = usize> {
+    let mut boxes = vec![[usize::MAX, 0, usize::MAX, 0]; found.sizes.len()];
+    for run in &found.runs {
+        let [left, right, top, bottom] = boxes[run.blob];
+        boxes[run.blob] =
+            [left.min(run.begin), right.max(run.end), top.min(run.row), bottom.max(run.row + 1)];
+    }
+    boxes.into_iter().zip(&found.sizes).filter_map(|([left, right, top, bottom], &size)| {
+        let long = (right - left).max(bottom - top);
+        (size >= LEAST_HOLE && 2 * long * long <= 5 * size).then_some(size)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIDTH: usize = 120;
+    const HEIGHT: usize = 90;
+
+    fn mask(inside: impl Fn(f64, f64) -> bool) -> Vec<bool> {
+        (0..WIDTH * HEIGHT).map(|k| inside((k % WIDTH) as f64, (k / WIDTH) as f64)).collect()
+    }
+
+    #[test]
+    fn the_distance_from_the_edge_of_a_disc_is_known_to_half_a_pixel() {
+        let (x, y, radius) = (57.3, 44.8, 25.0);
+        let disc = mask(|u, v| (u - x).hypot(v - y) < radius);
+        for scale in 1..4 {
+            let found = Silhouette::new(&disc, WIDTH, 8.0, scale).unwrap();
+            for k in 0..WIDTH * HEIGHT {
+                let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64);
+                let expected = radius - (u - x).hypot(v - y);
+                if expected.abs() < 8.0 && (u - x).abs().max((v - y).abs()) < radius + 4.0 {
+                    assert!((found.distance([u, v]) - expected).abs() < 0.5, "{scale}: {u}, {v}");
+                }
+            }
+            assert!(found.boundary.len() > 50);
+            for edge in &found.boundary {
+                let out = [edge.at[0] - x, edge.at[1] - y];
+                let away = out[0].hypot(out[1]);
+                assert!((away - radius).abs() < 0.5);
+                let cos = (out[0] * edge.normal[0] + out[1] * edge.normal[1]) / away;
+                assert!(cos > 0.88, "{scale}: {cos}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_strip_has_its_width_and_the_length_of_its_edges() {
+        // 12 pixels wide, aslant
+        let (cos, sin) = (0.8, 0.6);
+        let strip = mask(|u, v| {
+            let (along, across) = (cos * (u - 60.0) + sin * (v - 45.0), cos * (v - 45.0) - sin * (u - 60.0));
+            along.abs() < 40.0 && across.abs() < 6.0
+        });
+        let found = Silhouette::of_rope(&strip, WIDTH, 5.5).unwrap();
+        assert!((found.radius_px - 6.0).abs() < 0.8, "{}", found.radius_px);
+        let sides: f64 = found
+            .boundary
+            .iter()
+            .filter(|e| (cos * (e.at[0] - 60.0) + sin * (e.at[1] - 45.0)).abs() < 30.0)
+            .inspect(|e| {
+                let across = cos * (e.at[1] - 45.0) - sin * (e.at[0] - 60.0);
+                assert!((across.abs() - 6.0).abs() < 0.5);
+                assert!((cos * e.normal[1] - sin * e.normal[0]) * across.signum() > 0.88);
+            })
+            .map(|e| e.weight)
+            .sum();
+        // a place for each pixel column that an edge crosses, and more
+        assert!(sides > 0.7 * 120.0 && sides < 1.8 * 120.0, "{sides}");
+        let inside = strip
+            .iter()
+            .enumerate()
+            .filter(|&(k, _)| found.distance([(k % WIDTH) as f64, (k / WIDTH) as f64]) > 0.0)
+            .count() as f64;
+        assert!((inside / strip.iter().filter(|&&m| m).count() as f64 - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn specks_are_left_out_and_small_holes_filled() {
+        let with_both = mask(|u, v| {
+            let strip = (v - 45.0).abs() < 8.0 && u > 10.0 && u < 110.0;
+            let hole = (u - 60.0).abs() < 1.5 && (v - 45.0).abs() < 1.5;
+            let speck = (u - 30.0).abs() < 4.0 && (v - 80.0).abs() < 4.0;
+            (strip && !hole) || speck
+        });
+        let found = Silhouette::new(&with_both, WIDTH, 8.0, 2).unwrap();
+        assert!(found.distance([60.0, 45.0]) > 6.0);
+        assert!(found.distance([30.0, 80.0]) < 0.0);
+        assert!(Silhouette::new(&mask(|_, _| false), WIDTH, 8.0, 2).is_none());
+        assert!(Silhouette::new(&mask(|u, v| u + v < 3.0), WIDTH, 8.0, 2).is_none());
+        assert!(Silhouette::new(&[], 0, 8.0, 2).is_none());
+    }
+}

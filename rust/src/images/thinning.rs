@@ -1,0 +1,254 @@
+//! Masks thinned to lines a pixel wide, 64 pixels at a time.
+
+use crate::images::image::Image;
+
+/// Pixels of a word.
+const MANY: usize = u64::BITS as usize;
+
+/// A mask, a bit for each pixel; its border is empty.
+#[derive(Debug, Clone)]
+struct Bits {
+    /// Row by row, an empty one before them and after them.
+    words: Vec<u64>,
+    width: usize,
+    /// Words of a row.
+    stride: usize,
+}
+
+impl Bits {
+    fn new(width: usize, height: usize) -> Self {
+        let stride = width.div_ceil(MANY);
+        Self { words: vec![0; stride * height + 2], width, stride }
+    }
+
+    /// The word of a pixel, and which bit of it the pixel is.
+    #[inline(always)]
+    fn word(&self, k: usize) -> (usize, usize) {
+        let (row, column) = (k / self.width, k % self.width);
+        (1 + row * self.stride + column / MANY, column % MANY)
+    }
+
+    fn set(&mut self, k: usize, value: bool) {
+        let (word, bit) = self.word(k);
+        self.words[word] = self.words[word] & !(1 << bit) | u64::from(value) << bit;
+    }
+
+    /// Whether each neighbour of the pixels of a word is set, clockwise from above.
+    #[inline(always)]
+    fn around(&self, word: usize) -> [u64; 8] {
+        let row = |word: usize| {
+            let own = self.words[word];
+            let west = own << 1 | self.words[word - 1] >> (MANY - 1);
+            let east = own >> 1 | self.words[word + 1] << (MANY - 1);
+            [west, own, east]
+        };
+        let [[nw, n, ne], [w, _, e], [sw, s, se]] =
+            [row(word - self.stride), row(word), row(word + self.stride)];
+        [n, ne, e, se, s, sw, w, nw]
+    }
+
+    /// Words beside a word and itself.
+    fn near(&self, word: usize) -> impl Iterator<Item = usize> {
+        let stride = self.stride;
+        [word - stride, word, word + stride].into_iter().flat_map(|word| word - 1..word + 2)
+    }
+
+    /// Which pixels of a word may go in the first or the second half of a round.
+    fn removable(&self, word: usize, second: bool) -> u64 {
+        let p = self.around(word);
+        // from an empty neighbour to a set one: once, and more often
+        let (mut once, mut again) = (0, 0);
+        // two neighbours beside each other that are set, and that are empty: where the empty ones are in one piece,
+        // two to six are set
+        let (mut set, mut empty) = (0, 0);
+        for i in 0..8 {
+            let (a, b) = (p[i], p[(i + 1) % 8]);
+            let rises = !a & b;
+            again |= once & rises;
+            once |= rises;
+            set |= a & b;
+            empty |= !(a | b);
+        }
+        let [n, _, e, _, s, _, w, _] = p;
+        let side = if second { n & w & (e | s) } else { e & s & (n | w) };
+        self.words[word] & once & !again & set & empty & !side
+    }
+
+    /// Removes what may go till nothing may.
+    fn thin(&mut self) {
+        // words whose surroundings changed since what is looked for now was looked for last
+        let mut open: Vec<usize> = (0..self.words.len()).filter(|&k| self.words[k] != 0).collect();
+        let mut listed = vec![0; self.words.len()];
+        let (mut before, mut changed) = (open.clone(), Vec::new());
+        for half in 1.. {
+            let gone: Vec<u64> = open.iter().map(|&word| self.removable(word, half % 2 == 0)).collect();
+            changed.clear();
+            for (&word, gone) in open.iter().zip(gone) {
+                if gone != 0 {
+                    self.words[word] &= !gone;
+                    changed.push(word);
+                }
+            }
+            if before.is_empty() && changed.is_empty() {
+                return;
+            }
+            open.clear();
+            for &word in before.iter().chain(&changed) {
+                for near in self.near(word) {
+                    if self.words[near] != 0 && listed[near] != half {
+                        listed[near] = half;
+                        open.push(near);
+                    }
+                }
+            }
+            std::mem::swap(&mut before, &mut changed);
+        }
+    }
+
+    /// The pixels that are set, ascending.
+    fn pixels(&self) -> Vec<usize> {
+        let mut found = Vec::new();
+        for (k, &word) in self.words[1..].iter().enumerate() {
+            let first = k / self.stride * self.width + k % self.stride * MANY;
+            let mut left = word;
+            while left != 0 {
+                found.push(first + left.trailing_zeros() as usize);
+                left &= left - 1;
+            }
+        }
+        found
+    }
+
+    /// Removes the corners of staircases.
+    fn smooth(&mut self) {
+        for k in self.pixels() {
+            let (word, bit) = self.word(k);
+            let p = self.around(word).map(|near| near >> bit & 1 != 0);
+            if p.iter().filter(|&&set| set).count() >= 2 && simple(&p) {
+                self.set(k, false);
+            }
+        }
+    }
+}
+
+/// Whether removing a pixel parts nothing and fills no hole, by its neighbours clockwise from above.
+///
+/// The connectivity number of Yokoi, Toriwaki and Fukumura, *An analysis of topological properties of digitized binary
+/// pictures using local features*, for diagonal neighbours that are connected.
+fn simple(p: &[bool; 8]) -> bool {
+    let empty = |i: usize| !p[i % 8];
+    (0..8).step_by(2).filter(|&i| empty(i) && !(empty(i + 1) && empty(i + 2))).count() == 1
+}
+
+/// Thins chosen pixels of an image to lines a pixel wide that keep their connections and holes; returns what is left,
+/// ascending. Pixels of the border may not be chosen.
+///
+/// Zhang and Suen, *A fast parallel algorithm for thinning digital patterns*.
+pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: usize) -> Vec<usize> {
+    let mut bits = Bits::new(width, height);
+    for k in pixels {
+        bits.set(k, true);
+    }
+    bits.thin();
+    bits.smooth();
+    bits.pixels()
+}
+
+/// The skeleton of a mask whose border is empty: places, ascending.
+pub fn skeleton(mask: &Image<bool>) -> Vec<usize> {
+    let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
+    thinned(set, mask.width, mask.height)
+}
+
+/// The rope's radius as a skeleton shows it, pixels: the 30th percentile of its distances from the edge.
+pub fn shown_radius(skeleton: &[usize], depth: &Image<f32>) -> Option<f64> {
+    let mut widths: Vec<f32> = skeleton.iter().map(|&k| depth.values[k]).collect();
+    if widths.is_empty() {
+        return None;
+    }
+    let rank = (widths.len() - 1) * 3 / 10;
+    let (_, found, _) = widths.select_nth_unstable_by(rank, f32::total_cmp);
+    Some(f64::from(*found))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Zhang and Suen's rounds, pixel by pixel.
+    fn by_pixel(mask: &Image<bool>) -> Vec<bool> {
+        let (w, mut values) = (mask.width, mask.values.clone());
+        loop {
+            let mut changed = false;
+            for second in [false, true] {
+                let gone: Vec<usize> = (0..values.len())
+                    .filter(|&k| {
+                        values[k] && {
+                            let p = [k - w, k - w + 1, k + 1, k + w + 1, k + w, k + w - 1, k - 1, k - w - 1]
+                                .map(|n| values[n]);
+                            let count = p.iter().filter(|&&set| set).count();
+                            let rises = (0..8).filter(|&i| !p[i] && p[(i + 1) % 8]).count();
+                            let [n, _, e, _, s, _, w, _] = p;
+                            let side = if second { n && w && (e || s) } else { e && s && (n || w) };
+                            (2..=6).contains(&count) && rises == 1 && !side
+                        }
+                    })
+                    .collect();
+                gone.iter().for_each(|&k| values[k] = false);
+                changed |= !gone.is_empty();
+            }
+            if !changed {
+                return values;
+            }
+        }
+    }
+
+    #[test]
+    fn words_are_thinned_as_pixels_are() {
+        let mut state = 7u64;
+        for (width, height, blobs) in [(40, 30, 6), (64, 25, 8), (150, 90, 40), (129, 60, 25)] {
+            let mut mask = Image::filled(width, height, false);
+            for _ in 0..blobs {
+                let mut drawn = |most: usize| {
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) as usize % most
+                };
+                let (x, y, r) = (drawn(width), drawn(height), 2 + drawn(9));
+                for k in 0..width * height {
+                    let (u, v) = (k % width, k / width);
+                    let inside = u > 0 && v > 0 && u + 1 < width && v + 1 < height;
+                    mask.values[k] |= inside && u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2) <= r * r;
+                }
+            }
+            let mut bits = Bits::new(width, height);
+            (0..width * height).filter(|&k| mask.values[k]).for_each(|k| bits.set(k, true));
+            bits.thin();
+            let left: Vec<usize> =
+                by_pixel(&mask).iter().enumerate().filter(|(_, v)| **v).map(|(k, _)| k).collect();
+            assert!(!left.is_empty());
+            assert_eq!(bits.pixels(), left, "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn a_ring_stays_a_ring_and_a_bar_becomes_a_line() {
+        let (width, height) = (90, 70);
+        let away = |k: usize| ((k % width) as f64 - 45.0).hypot((k / width) as f64 - 35.0);
+        let ring: Vec<usize> = (0..width * height).filter(|&k| (16.0..24.0).contains(&away(k))).collect();
+        let left = thinned(ring, width, height);
+        assert!(left.iter().all(|&k| (away(k) - 20.0).abs() < 2.0));
+        // as a closed line, each pixel touches two
+        let touching = |k: usize| {
+            let near = |n: &&usize| {
+                **n != k && (**n % width).abs_diff(k % width) <= 1 && (**n / width).abs_diff(k / width) <= 1
+            };
+            left.iter().filter(near).count()
+        };
+        assert!(left.len() > 90 && left.iter().all(|&k| touching(k) == 2));
+        let bar = (0..width * height)
+            .filter(|&k| (30..37).contains(&(k / width)) && (10..80).contains(&(k % width)));
+        let left = thinned(bar, width, height);
+        assert!(left.len() > 60 && left.iter().all(|&k| k / width == 33));
+    }
+}

@@ -1,0 +1,279 @@
+//! Where a rope ends: its points stop, which counting finds.
+
+use crate::checks::{check_finite, check_positive};
+use crate::error::{Error, Result};
+use crate::geometry::arclength::{ByLength, tangent};
+use crate::geometry::median::median;
+use crate::geometry::{Point, advance, dot, sub};
+use crate::tubes::tubefit::Tube;
+
+/// Width of the bins in which points are counted, in radii.
+const BIN: f64 = 0.5;
+/// Points this near to an end may lie on another rope's surface too, in radii.
+const NEAR_END: f64 = 7.0;
+/// From where to where inside an end the density of points is taken, in radii.
+const INSIDE: [f64; 2] = [1.0, 5.0];
+/// How far an end may lie from the first full bin, in radii.
+const REACH: f64 = 1.5;
+/// Longest curve, in radii.
+const MOST_RADII: f64 = 1e6;
+/// Fewer points support no curve.
+const FEWEST: usize = 8;
+
+/// Surface points, and what curves explain them, in arrays of one length.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OnTubes<'a> {
+    /// Whether each counts.
+    pub inlier: &'a [bool],
+    /// Number of the curve.
+    pub curve: &'a [i64],
+    /// Parameter of its foot point there.
+    pub parameter: &'a [f64],
+    /// Where it is, metres.
+    pub position: &'a [Point],
+    /// Unit vector to the camera that saw it.
+    pub to_camera: &'a [Point],
+}
+
+/// Cuts fitted curves to the stretch that points support: the parameters from which to which each is rope, if it is.
+///
+/// With n points for each metre of rope and m points past L₀ − r, L₀ being about where they give out, the end is at
+/// L₀ − r + m / n: unbiased, where a threshold on the density is not.
+///
+/// Points near an end that lie on another curve's surface too say nothing about that end. `surface_tolerance` gives for
+/// each curve how far from a surface its points may lie to count as on it, metres, and leaves these points out; None
+/// counts all points.
+///
+/// # Errors
+/// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too long for it.
+pub(crate) fn rope_extents(
+    tubes: &[Tube],
+    radii: &[f64],
+    points: &OnTubes,
+    surface_tolerance: Option<&[f64]>,
+) -> Result<Vec<Option<[f64; 2]>>> {
+    for &radius in radii {
+        check_positive("radii", radius)?;
+    }
+    for tube in tubes {
+        check_finite("curves", &tube.curve.control)?;
+    }
+    let curves: Vec<ByLength> =
+        tubes.iter().map(|tube| ByLength::new(&tube.curve, 0.0, tube.curve.end())).collect();
+    for (curve, tube) in curves.iter().zip(tubes) {
+        let length = curve.length() / radii[tube.radius_class];
+        if length > MOST_RADII {
+            return Err(Error::invalid(
+                "radii",
+                format!("a curve is {length:.1e} radii long, more than {MOST_RADII:e}"),
+            ));
+        }
+    }
+    let strands = surface_tolerance.map(|tolerance| (Strands::new(&curves, tubes, radii), tolerance));
+    let mut places: Vec<Vec<f64>> = vec![Vec::new(); tubes.len()];
+    let mut near_ends: Vec<[Vec<(f64, usize)>; 2]> = vec![Default::default(); tubes.len()];
+    for (i, (&number, &parameter)) in points.curve.iter().zip(points.parameter).enumerate() {
+        if !points.inlier[i] {
+            continue;
+        }
+        let number = number as usize;
+        let curve = &curves[number];
+        let s = curve.arc_length(parameter);
+        let near = NEAR_END * radii[tubes[number].radius_class];
+        if strands.is_some() && s < near {
+            near_ends[number][0].push((s, i));
+        } else if strands.is_some() && s > curve.length() - near {
+            near_ends[number][1].push((s, i));
+        } else {
+            places[number].push(s);
+        }
+    }
+    if let Some((strands, tolerance)) = &strands {
+        for (number, ends) in near_ends.iter().enumerate() {
+            for end in ends {
+                let own = strands.alone(number, tolerance[number], end, points);
+                places[number].extend(own);
+            }
+        }
+    }
+    let found = places
+        .into_iter()
+        .enumerate()
+        .map(|(number, s)| {
+            if s.len() < FEWEST {
+                return None;
+            }
+            let (curve, radius) = (&curves[number], radii[tubes[number].radius_class]);
+            let length = curve.length();
+            let start = end(&s, length, radius);
+            let backwards: Vec<f64> = s.iter().map(|s| length - s).collect();
+            let stop = length - end(&backwards, length, radius);
+            (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
+        })
+        .collect();
+    Ok(found)
+}
+
+/// Arc length at which places of points, in any order and at least two, begin.
+fn end(s: &[f64], length: f64, radius: f64) -> f64 {
+    let width = BIN * radius;
+    let bins = (length / width) as usize + 1;
+    let mut counts = vec![0.0; bins];
+    for s in s {
+        counts[((s / width) as usize).min(bins - 1)] += 1.0;
+    }
+    let typical = median(counts.iter().copied().filter(|&count| count > 0.0).collect()).unwrap_or(0.0);
+    let full = |&i: &usize| {
+        let density = median(counts[i + 1..bins.min(i + 9)].to_vec()).unwrap_or(0.0).max(0.3 * typical);
+        counts[i] >= 0.4 * density && counts[i] + counts[i + 1] >= 0.8 * density
+    };
+    let first = (0..bins - 1).find(full).unwrap_or(0);
+    let about = (first as f64 + 0.5) * width;
+    let near = about + INSIDE[0] * radius;
+    let far = (about + INSIDE[1] * radius).min(length - about).max(near + radius);
+    let within = |low: f64, high: f64| s.iter().filter(|&&s| low <= s && s < high).count();
+    let inside = within(near, far);
+    let beyond = s.iter().filter(|&&s| about - REACH * radius < s && s < near).count();
+    if inside == 0 {
+        return about;
+    }
+    let density = inside as f64 / (far - near);
+    // where another strand occludes part of the inside, the density is too low: no end lies beyond all points
+    let [_, second] =
+        s.iter().fold(
+            [f64::INFINITY; 2],
+            |[first, second], &s| {
+                if s < first { [s, first] } else { [first, second.min(s)] }
+            },
+        );
+    let end = (near - beyond as f64 / density).max(second - 1.0 / density);
+    end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
+}
+
+/// A place of a strand's axis.
+struct Node {
+    curve: usize,
+    s: f64,
+    position: Point,
+    tangent: Point,
+    radius: f64,
+}
+
+/// Places along all curves, for what else a point may belong to.
+struct Strands {
+    nodes: Vec<Node>,
+    radii: Vec<f64>,
+    widest: f64,
+}
+
+impl Strands {
+    fn new(curves: &[ByLength], tubes: &[Tube], radii: &[f64]) -> Self {
+        let radii_of: Vec<f64> = tubes.iter().map(|tube| radii[tube.radius_class]).collect();
+        let mut nodes = Vec::new();
+        for (number, (curve, &radius)) in curves.iter().zip(&radii_of).enumerate() {
+            for s in curve.nodes(0.25 * radius) {
+                let place = curve.at(s);
+                let (position, tangent) = (place.position, tangent(&place));
+                nodes.push(Node { curve: number, s, position, tangent, radius });
+            }
+        }
+        Self { nodes, widest: radii.iter().copied().fold(0.0, f64::max), radii: radii_of }
+    }
+
+    /// Places along a curve of those of its points near one end that lie on no other strand's surface.
+    fn alone(&self, curve: usize, tolerance: f64, at_end: &[(f64, usize)], points: &OnTubes) -> Vec<f64> {
+        let r = self.radii[curve];
+        let reach = 1.3 * self.widest + tolerance;
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for &(_, i) in at_end {
+            for k in 0..3 {
+                low[k] = low[k].min(points.position[i][k] - reach);
+                high[k] = high[k].max(points.position[i][k] + reach);
+            }
+        }
+        let near: Vec<&Node> = (self.nodes.iter())
+            .filter(|node| (0..3).all(|k| node.position[k] > low[k] && node.position[k] < high[k]))
+            .collect();
+        let shared = |&(here, i): &(f64, usize)| {
+            near.iter().any(|node| {
+                if node.curve == curve && (node.s - here).abs() <= 5.0 * r {
+                    return false;
+                }
+                let offset = sub(points.position[i], node.position);
+                let lengthwise = dot(offset, node.tangent);
+                if lengthwise.abs() >= 0.3 * r {
+                    return false;
+                }
+                let across = advance(offset, -lengthwise, node.tangent);
+                let distance = dot(across, across).sqrt();
+                (distance - node.radius).abs() < tolerance
+                    && dot(across, points.to_camera[i]) > -0.1 * distance
+            })
+        };
+        at_end.iter().filter(|point| !shared(point)).map(|&(s, _)| s).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::spline::Spline;
+
+    /// The curve of a tube that is straight along x from 0.
+    fn straight(length: f64, spans: usize) -> Spline {
+        let step = length / spans as f64;
+        Spline { control: (0..spans + 3).map(|i| [(i as f64 - 1.0) * step, 0.0, 0.0]).collect() }
+    }
+
+    /// Points on top of a straight tube of radius 1 along x, from 3 to 37.
+    fn on_top(tube: &Tube) -> (Vec<f64>, Vec<Point>) {
+        let whole = ByLength::new(&tube.curve, 0.0, tube.curve.end());
+        let x: Vec<f64> = (0..340).map(|i| 3.05 + 0.1 * f64::from(i)).collect();
+        (x.iter().map(|&x| whole.parameter(x)).collect(), x.iter().map(|&x| [x, 0.0, 1.0]).collect())
+    }
+
+    /// The extents of tubes of radius 1 where the first one's points for which `inlier` holds are as `on_top` says.
+    fn extents(
+        tubes: &[Tube],
+        radius: f64,
+        inlier: impl Fn(usize, Point) -> bool,
+        surface_tolerance: Option<&[f64]>,
+    ) -> Result<Vec<Option<[f64; 2]>>> {
+        let (parameter, position) = on_top(&tubes[0]);
+        let inlier: Vec<bool> = position.iter().enumerate().map(|(i, &p)| inlier(i, p)).collect();
+        let (curve, to_camera) = (vec![0; inlier.len()], vec![[0.0, 0.0, 1.0]; inlier.len()]);
+        let points = OnTubes {
+            inlier: &inlier,
+            curve: &curve,
+            parameter: &parameter,
+            position: &position,
+            to_camera: &to_camera,
+        };
+        rope_extents(tubes, &[radius], &points, surface_tolerance)
+    }
+
+    #[test]
+    fn a_rope_is_as_long_as_its_points_are() {
+        let tubes = [Tube { curve: straight(40.0, 16), radius_class: 0 }];
+        for tolerance in [None, Some(&[0.15][..])] {
+            let parts = extents(&tubes, 1.0, |_, _| true, tolerance).unwrap();
+            let [start, stop] = parts[0].unwrap().map(|u| u * 2.5);
+            assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
+        }
+        assert_eq!(extents(&tubes, 1.0, |i, _| i < 7, None).unwrap(), [None]);
+        // bins of a rope as thin as this would fill the memory
+        assert!(extents(&tubes, 1e-9, |_, _| true, None).is_err());
+    }
+
+    #[test]
+    fn points_on_another_strand_too_do_not_count_for_an_end() {
+        let across = Spline { control: (0..9).map(|i| [36.5, 2.5 * f64::from(i - 4), 0.0]).collect() };
+        let tubes =
+            [Tube { curve: straight(40.0, 16), radius_class: 0 }, Tube { curve: across, radius_class: 0 }];
+        let seen = |_, [x, _, _]: Point| !(34.0..=36.2).contains(&x);
+        let stop = |tolerance| extents(&tubes, 1.0, seen, tolerance).unwrap()[0].unwrap()[1] * 2.5;
+        assert!(stop(None) > 34.5);
+        assert!(stop(Some(&[0.15, 0.15])) < 34.3);
+    }
+}

@@ -1,0 +1,321 @@
+//! Arcs of tubes traced through oriented points.
+//!
+//! Where strands touch, an average over a neighbourhood mixes them. A tube with nothing inside it, fitted to the points
+//! that face their cameras, does not: of two strands in contact each lies outside the other.
+
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use crate::checks::{check_finite, check_positive, check_same_length};
+use crate::error::Result;
+use crate::geometry::{
+    Moments, Point, advance, cell_of, dot, eigen_symmetric, normalized, squared_distance, sub,
+};
+use crate::index::Grid;
+use crate::normals::Viewpoints;
+use crate::parallel;
+use crate::tubes::tubelet::{Freedom, Patch, Support, Tubelet, fit, frame};
+
+/// How far from a tubelet's centre points can matter to it, in radii.
+const PATCH: f64 = 2.6;
+/// Share of the seeds' 90th percentile of scores that a seed must reach.
+const LEAST_SCORE: f64 = 0.25;
+/// Seeds nearer than this to a node are left out, in radii.
+const CLEARANCE: f64 = 0.7;
+/// An arc ends where it comes nearer than this to another arc, or to its own nodes farther back, in radii.
+const COLLISION: f64 = 0.6;
+/// Side of the cubes that nodes are found by, radii: long beside these two, so most searches meet one cube or two.
+const CUBE: f64 = 6.0;
+/// Fewest nodes of an arc, where the caller does not say.
+pub const MIN_NODES: usize = 4;
+/// Distance between the nodes of an arc, in radii.
+const STEP: f64 = 0.5;
+/// Sides of the voxels that give a seed each, in radii. A smaller size follows where arcs left points free.
+const SEED_VOXELS: [f64; 3] = [4.8, 2.4, 0.8];
+/// Directions tried at a seed.
+const DIRECTIONS: usize = 6;
+/// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
+const SEEDS_PER_TASK: usize = 4;
+
+/// What a seed may become: any direction, no bend.
+const FIRST_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.8, steps: 3, prior: [1.0, 1.0, 0.0] };
+const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, prior: [1.0, 1.0, 0.0] };
+/// What a step may change.
+const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
+
+/// A stretch of rope along which its surface was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arc {
+    /// Nodes of the axis, half a radius apart, metres.
+    pub nodes: Vec<Point>,
+    /// Points that support each node: on the surface, facing their camera, within a radius ahead of it.
+    pub support: Vec<f64>,
+}
+
+/// Traces arcs of tubes of a known radius through surface points.
+///
+/// Tubelets are fitted at seeds 4.8 r apart, in several directions. From the best one that is still free the
+/// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
+/// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
+/// reached. An arc claims its points, and the next best seed follows; then seeds 2.4 r and 0.8 r apart among the
+/// points that are left free. Arcs of fewer than `min_nodes` nodes are left out.
+///
+/// # Errors
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
+/// each point, or `radius` is not positive.
+pub fn trace_tubes(
+    points: &[Point],
+    viewpoints: Viewpoints,
+    radius: f64,
+    min_nodes: usize,
+) -> Result<Vec<Arc>> {
+    check_finite("points", points)?;
+    check_positive("radius", radius)?;
+    if let Viewpoints::Each(all) = viewpoints {
+        check_same_length("viewpoint", all.len(), "points", points.len())?;
+        check_finite("viewpoint", all)?;
+    } else if let Viewpoints::One(one) = viewpoints {
+        check_finite("viewpoint", &[one])?;
+    }
+    let to_camera: Vec<Point> = (0..points.len())
+        .map(|i| match viewpoints {
+            Viewpoints::One(c) => normalized(sub(c, points[i])),
+            Viewpoints::Each(all) => normalized(sub(all[i], points[i])),
+        })
+        .collect();
+    Ok(parallel::run(|| {
+        let grid = Grid::new(points, PATCH * radius);
+        let to_camera = grid.gather(&to_camera);
+        let mut tracer = Tracer {
+            grid,
+            to_camera,
+            free: vec![true; points.len()],
+            radius,
+            nodes: Nodes::new(CUBE * radius),
+        };
+        tracer.trace(min_nodes)
+    }))
+}
+
+struct Tracer {
+    grid: Grid,
+    /// Directions to the cameras and what is not claimed, in the grid's order.
+    to_camera: Vec<Point>,
+    free: Vec<bool>,
+    radius: f64,
+    /// Nodes of all arcs so far.
+    nodes: Nodes,
+}
+
+/// Nodes by cubes of space.
+struct Nodes {
+    side: f64,
+    cubes: FxHashMap<[i64; 3], Vec<Point>>,
+}
+
+impl Nodes {
+    /// None yet.
+    fn new(side: f64) -> Self {
+        Self { side, cubes: FxHashMap::default() }
+    }
+
+    fn extend(&mut self, nodes: &[Point]) {
+        for &node in nodes {
+            self.cubes.entry(cell_of(node, self.side)).or_default().push(node);
+        }
+    }
+
+    /// Whether one is nearer to a place than a distance, given its square.
+    fn any_within(&self, place: Point, limit: f64) -> bool {
+        // rounding may move a border by less than this
+        let reach = limit.sqrt() * (1.0 + 1e-9) + 1e-12 * self.side;
+        let low = cell_of(place.map(|x| x - reach), self.side);
+        let high = cell_of(place.map(|x| x + reach), self.side);
+        let cubes = (low[0]..=high[0])
+            .flat_map(|x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z])));
+        cubes
+            .filter_map(|cube| self.cubes.get(&cube))
+            .flatten()
+            .any(|&node| squared_distance(node, place) < limit)
+    }
+}
+
+struct Seed {
+    tubelet: Tubelet,
+    support: Support,
+}
+
+impl Tracer {
+    fn trace(&mut self, min_nodes: usize) -> Vec<Arc> {
+        let mut arcs = Vec::new();
+        let mut enough = None;
+        for size in SEED_VOXELS {
+            let mut seeds = self.seeds(size);
+            seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
+            let Some(good) = seeds.get(seeds.len() / 10) else { continue };
+            let enough = *enough.get_or_insert(LEAST_SCORE * good.support.score);
+            self.follow(seeds, enough, min_nodes, &mut arcs);
+        }
+        arcs
+    }
+
+    /// Traces arcs from seeds, the best first, of at least a score.
+    fn follow(&mut self, seeds: Vec<Seed>, enough: f64, min_nodes: usize, arcs: &mut Vec<Arc>) {
+        for seed in seeds {
+            parallel::go_on();
+            if seed.support.score < enough {
+                break;
+            }
+            if self.taken(seed.tubelet.center) {
+                continue;
+            }
+            // what is left of its points may no longer be a tube
+            let (tubelet, support) = fit(&self.patch(seed.tubelet.center), seed.tubelet, &SECOND_LOOK);
+            let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
+            if support.score < (0.6 * seed.support.score).max(enough)
+                || moved > 0.5 * self.radius
+                || self.taken(tubelet.center)
+            {
+                continue;
+            }
+            let density = support.inliers as f64 / 3.0;
+            let (ahead, mut back) =
+                rayon::join(|| self.march(tubelet, density), || self.march(tubelet.reversed(), density));
+            // of a ring each way is all the way round
+            let limit = (COLLISION * self.radius).powi(2);
+            let passed =
+                |node: Point| ahead.iter().skip(3).any(|step| squared_distance(step.0.center, node) < limit);
+            if let Some(met) = back.iter().position(|step| passed(step.0.center)) {
+                back.truncate(met);
+            }
+            let mut steps: Vec<(Tubelet, f64)> = back.into_iter().rev().collect();
+            steps.push((tubelet, density));
+            steps.extend(ahead);
+            if steps.len() >= min_nodes {
+                self.claim(&steps);
+                let (nodes, support): (Vec<Point>, Vec<f64>) =
+                    steps.iter().map(|(tubelet, support)| (tubelet.center, *support)).unzip();
+                self.nodes.extend(&nodes);
+                arcs.push(Arc { nodes, support });
+            }
+        }
+    }
+
+    /// Free points near a place, in the grid's order.
+    fn patch(&self, center: Point) -> Patch {
+        let mut patch = Patch::new(center, self.radius);
+        self.grid.visit_near(center, |i, p, _| {
+            if self.free[i] {
+                patch.push(p, self.to_camera[i]);
+            }
+            true
+        });
+        patch
+    }
+
+    fn taken(&self, center: Point) -> bool {
+        self.nodes.any_within(center, (CLEARANCE * self.radius).powi(2))
+    }
+
+    /// Tubelets at one free point of each voxel of a size, in radii, the best of several directions.
+    fn seeds(&self, size: f64) -> Vec<Seed> {
+        let chosen = self.grid.sample(size * self.radius, |i| self.free[i]);
+        let fitted: Vec<Vec<Option<Seed>>> = chosen
+            .par_chunks(SEEDS_PER_TASK)
+            .map(|positions| positions.iter().map(|&i| self.seed(i)).collect())
+            .collect();
+        fitted.into_iter().flatten().flatten().filter(|seed| seed.support.inliers >= 8).collect()
+    }
+
+    fn seed(&self, position: usize) -> Option<Seed> {
+        parallel::go_on();
+        let p = self.grid.point(position);
+        let limit = (1.3 * self.radius).powi(2);
+        let mut moments = Moments::default();
+        self.grid.visit_near(p, |_, q, squared| {
+            if squared <= limit {
+                moments.add(sub(q, p));
+            }
+            true
+        });
+        if moments.count() < 6 {
+            return None;
+        }
+        let mut normal = eigen_symmetric(&moments.covariance()).vectors[0];
+        if dot(normal, self.to_camera[position]) < 0.0 {
+            normal = normal.map(|x| -x);
+        }
+        let center = advance(p, -self.radius, normal);
+        if self.taken(center) {
+            return None;
+        }
+        let patch = self.patch(center);
+        let (f1, f2) = frame(normal);
+        let rough = (0..DIRECTIONS).map(|k| {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+            let tangent = std::array::from_fn(|i| cos * f1[i] + sin * f2[i]);
+            fit(&patch, Tubelet { center, tangent, curvature: [0.0; 3] }, &FIRST_LOOK)
+        });
+        let (tubelet, _) = rough.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
+        let (tubelet, support) = fit(&self.patch(tubelet.center), tubelet, &SECOND_LOOK);
+        Some(Seed { tubelet, support })
+    }
+
+    /// Follows the axis one way.
+    fn march(&self, start: Tubelet, density: f64) -> Vec<(Tubelet, f64)> {
+        let r = self.radius;
+        let mut steps: Vec<(Tubelet, f64)> = Vec::new();
+        let (mut last, mut typical) = (start, density);
+        loop {
+            parallel::go_on();
+            let expected = last.ahead(STEP * r);
+            let patch = self.patch(expected.center);
+            let (tubelet, support) = fit(&patch, expected, &MARCH);
+            let ahead = patch.support_ahead(&tubelet);
+            let straight = dot(tubelet.tangent, last.tangent) > 0.5f64.cos();
+            let jump = squared_distance(tubelet.center, expected.center).sqrt();
+            let limit = (COLLISION * r).powi(2);
+            let collides = |node: &Point| squared_distance(*node, tubelet.center) < limit;
+            let own = steps.len().saturating_sub(8);
+            if ahead < (0.22 * typical).max(3.0)
+                || !straight
+                || jump >= 0.6 * r
+                || support.inside as f64 >= 0.5 * support.inliers as f64 + 2.0
+                || self.nodes.any_within(tubelet.center, limit)
+                || steps[..own].iter().any(|step| collides(&step.0.center))
+            {
+                return steps;
+            }
+            typical = 0.8 * typical + 0.2 * ahead;
+            steps.push((tubelet, ahead));
+            last = tubelet;
+            let bend = dot(last.curvature, last.curvature).sqrt();
+            if bend > 0.5 / r {
+                last.curvature = last.curvature.map(|x| x * 0.5 / r / bend);
+            }
+        }
+    }
+
+    /// Takes the points of an arc out of the search.
+    fn claim(&mut self, steps: &[(Tubelet, f64)]) {
+        let r = self.radius;
+        for (tubelet, _) in steps {
+            let Self { grid, to_camera, free, .. } = self;
+            grid.visit_near(tubelet.center, |i, p, _| {
+                let x = sub(p, tubelet.center);
+                let along = dot(x, tubelet.tangent);
+                // most are beside the step or claimed by the last one
+                if !free[i] || along.abs() > 0.6 * r {
+                    return true;
+                }
+                let outward = advance(x, -along, tubelet.tangent);
+                let distance = dot(outward, outward).sqrt();
+                if distance < 1.45 * r && (distance < 0.5 * r || dot(outward, to_camera[i]) > -0.2 * distance)
+                {
+                    free[i] = false;
+                }
+                true
+            });
+        }
+    }
+}

@@ -1,0 +1,468 @@
+//! Foot points: the place of the curves that explains each point best, and how far from the surface the point is.
+//!
+//! Points are sorted by view and by the span that they are on, so that eight of them at a time share one cubic. What is
+//! worked out in single precision is relative to the span and in radii: its rounding is far below any noise.
+
+use rayon::prelude::*;
+
+use crate::parallel::go_on;
+
+use super::search::{Search, places};
+use super::spans::{
+    DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
+};
+use super::state::State;
+use super::sums::{Features, SpanSums};
+use super::{FootPoint, OnCurve, Residual, TubeFitOptions, TubeView};
+use crate::geometry::Point;
+use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
+
+/// Runs of points that one task works on.
+const RUNS_PER_TASK: usize = 8;
+
+/// The foot point of a point that no tube is near to.
+const NOWHERE: FootPoint = FootPoint {
+    curve: 0,
+    parameter: 0.0,
+    residual: f64::INFINITY,
+    outward: [0.0; 3],
+    facing: 0.0,
+    weight: 0.0,
+    explained: false,
+    inlier: false,
+};
+
+/// A [`FootPoint`] on a known span, in radii.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Near {
+    /// The parameter within the span.
+    t: f32,
+    pub(super) residual: f32,
+    pub(super) facing: f32,
+    weight: f32,
+    outward: [f32; 3],
+    explained: bool,
+    pub(super) inlier: bool,
+}
+
+/// Where the points of one view belong.
+#[derive(Clone)]
+pub(super) struct ViewTerms {
+    /// Numbers of the points that some tube is near to, sorted by span.
+    order: Vec<u32>,
+    runs: Vec<Run>,
+    /// In that order.
+    pub(super) near: Vec<Near>,
+    /// The curve of each run.
+    curves: Vec<usize>,
+    /// Their part in the normal equations.
+    pub(super) sums: Vec<SpanSums>,
+}
+
+/// What the work on a view's points needs to know of it.
+struct Eye<'a> {
+    points: &'a [Point],
+    rotation: [Point; 3],
+    translation: Point,
+    camera: Point,
+    center: Point,
+    residual: Residual,
+    /// What points count for by what they say along their rays and across them: square roots of their shares.
+    counts: Option<[f32; 2]>,
+}
+
+impl State<'_> {
+    /// The foot points of all points at the current curves, poses and radii; on the curves that they are known to be on.
+    pub(super) fn terms(
+        &self,
+        options: &TubeFitOptions,
+        bands: &[f64],
+        known: Option<Vec<ViewTerms>>,
+    ) -> Vec<ViewTerms> {
+        self.terms_counted(options, bands, known, None)
+    }
+
+    /// The same, where points count for less than one in the sums.
+    pub(super) fn terms_counted(
+        &self,
+        options: &TubeFitOptions,
+        bands: &[f64],
+        known: Option<Vec<ViewTerms>>,
+        counts: Option<[f32; 2]>,
+    ) -> Vec<ViewTerms> {
+        let search = known.is_none().then(|| Search::new(self, options.residual));
+        let spans = Spans::new(self, options, bands);
+        let in_view = |(view, known): (usize, Option<ViewTerms>)| {
+            let motion = &self.motions[view];
+            let eye = Eye {
+                points: self.views[view].points,
+                rotation: std::array::from_fn(|i| std::array::from_fn(|j| motion.rotation[(i, j)])),
+                translation: motion.translation.into(),
+                camera: motion.apply(self.views[view].viewpoint),
+                center: self.center,
+                residual: options.residual,
+                counts,
+            };
+            let (order, mut places, mut near) = match (&search, known) {
+                (None, Some(known)) => {
+                    let places = known.places();
+                    (known.order, places, known.near)
+                }
+                (Some(search), _) => {
+                    let (order, places) = by_span(eye.searched(search).iter().flatten(), &spans.first);
+                    (order, places, Vec::new())
+                }
+                (None, None) => Default::default(),
+            };
+            let settle = |(run, places): (&Run, &mut [OnSpan])| {
+                go_on();
+                newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
+            };
+            let runs = runs(&places);
+            of_runs(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
+            let (order, places) = sorted(order, places, spans.spans.len());
+            let runs = self::runs(&places);
+            near.resize(places.len(), Near::default());
+            let of_run = |(run, near): (&Run, &mut [Near])| {
+                go_on();
+                let span = &spans.spans[run.span];
+                let mut sums = SpanSums::new(span.curve, span.number);
+                look(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
+                sums
+            };
+            let sums =
+                of_runs(&runs, &mut near).into_par_iter().with_min_len(RUNS_PER_TASK).map(of_run).collect();
+            let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
+            ViewTerms { order, runs, near, curves, sums }
+        };
+        let known: Vec<Option<ViewTerms>> = match known {
+            Some(known) => known.into_iter().map(Some).collect(),
+            None => self.views.iter().map(|_| None).collect(),
+        };
+        known.into_par_iter().enumerate().map(in_view).collect()
+    }
+
+    /// Where an earlier fit left the points, of which no more is known.
+    pub(super) fn begun(&self) -> Vec<ViewTerms> {
+        let firsts = firsts(&self.curves);
+        let of_view = |view: &TubeView| {
+            let (order, places) = by_span(view.foot_points, &firsts);
+            let near = places.iter().map(|place| Near { t: place.t, ..Near::default() }).collect();
+            ViewTerms { order, runs: runs(&places), near, curves: Vec::new(), sums: Vec::new() }
+        };
+        self.views.iter().map(of_view).collect()
+    }
+
+    /// Where points ended, in their order.
+    pub(super) fn foot_points(&self, terms: &[ViewTerms]) -> Vec<Vec<FootPoint>> {
+        let firsts = firsts(&self.curves);
+        let of_view = |(terms, view): (&ViewTerms, &TubeView)| {
+            let mut foot_points = vec![NOWHERE; view.points.len()];
+            for (run, &curve) in terms.runs.iter().zip(&terms.curves) {
+                let r = self.radius(curve);
+                for position in run.points.clone() {
+                    let near = &terms.near[position];
+                    foot_points[terms.order[position] as usize] = FootPoint {
+                        curve,
+                        parameter: (run.span - firsts[curve]) as f64 + f64::from(near.t),
+                        residual: r * f64::from(near.residual),
+                        outward: near.outward.map(f64::from),
+                        facing: f64::from(near.facing),
+                        weight: f64::from(near.weight),
+                        explained: near.explained,
+                        inlier: near.inlier,
+                    };
+                }
+            }
+            foot_points
+        };
+        terms.iter().zip(self.views).map(of_view).collect()
+    }
+}
+
+impl ViewTerms {
+    /// Where the points belong that belong somewhere.
+    fn places(&self) -> Vec<OnSpan> {
+        let on_span = |run: &Run| {
+            let span = run.span as u32;
+            self.near[run.points.clone()].iter().map(move |near| OnSpan { span, t: near.t })
+        };
+        self.runs.iter().flat_map(on_span).collect()
+    }
+
+    /// The curves, and the foot points on them, of the points that belong somewhere.
+    pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &Near)> {
+        self.runs
+            .iter()
+            .zip(&self.curves)
+            .flat_map(|(run, &curve)| self.near[run.points.clone()].iter().map(move |near| (curve, near)))
+    }
+}
+
+impl Eye<'_> {
+    /// For each point, task by task, the place that explains it best.
+    fn searched(&self, search: &Search) -> Vec<Vec<Option<OnCurve>>> {
+        self.points
+            .par_chunks(POINTS_PER_TASK)
+            .map(|points| {
+                go_on();
+                let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
+                places(search, &moved, self.camera)
+            })
+            .collect()
+    }
+
+    #[inline(always)]
+    fn moved(&self, p: Point) -> Point {
+        std::array::from_fn(|k| {
+            let row = self.rotation[k];
+            row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.translation[k]
+        })
+    }
+
+    /// Eight points about a span's origin, in radii; a last block repeats its last point.
+    #[inline(always)]
+    fn block<S: Simd>(&self, simd: S, span: &Span, numbers: &[u32]) -> Three<S::Eight> {
+        let mut points = [[0.0; LANES]; 3];
+        for l in 0..LANES {
+            let p = self.points[numbers[l.min(numbers.len() - 1)] as usize];
+            for k in 0..3 {
+                points[k][l] = p[k];
+            }
+        }
+        let scale = 1.0 / span.radius;
+        let mut block = [Lanes::all(0.0); 3];
+        for k in 0..3 {
+            let row = self.rotation[k];
+            let shift = self.translation[k] - span.origin[k];
+            for l in 0..LANES {
+                let moved = row[0] * points[0][l] + row[1] * points[1][l] + row[2] * points[2][l];
+                block[k].0[l] = ((moved + shift) * scale) as f32;
+            }
+        }
+        Three::load(simd, &block)
+    }
+}
+
+impl Span {
+    /// Positions and derivatives.
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, t: S::Eight) -> [Three<S::Eight>; 3] {
+        let c1 = Three::all(simd, self.cubic[0]);
+        let c2 = Three::all(simd, self.cubic[1]);
+        let c3 = Three::all(simd, self.cubic[2]);
+        let (two, three, six) = (simd.splat8(2.0), simd.splat8(3.0), simd.splat8(6.0));
+        [(c1 + (c2 + c3 * t) * t) * t, c1 + (c2 * two + c3 * (three * t)) * t, c2 * two + c3 * (six * t)]
+    }
+}
+
+kernel! {
+    /// Moves places on a span to the foot points of their points, which may lie on another span of the curve.
+    fn newton<S>(simd, span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
+        let least = simd.splat8(-(span.number as f32));
+        let most = simd.splat8((span.count - span.number) as f32);
+        for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
+            let p = eye.block(simd, span, numbers);
+            let mut starts = Lanes::all(0.0);
+            for (start, place) in starts.0.iter_mut().zip(places.iter()) {
+                *start = place.t;
+            }
+            let mut t = simd.load8(&starts);
+            for _ in 0..2 {
+                let [position, first, second] = span.at(simd, t);
+                let x = p - position;
+                let square = first.dot(first);
+                let slope = (square - x.dot(second)).max(simd.splat8(0.3) * square);
+                t = (t + x.dot(first) / slope).max(least).min(most);
+            }
+            let steps = t.floor().min(most - simd.splat8(1.0));
+            let (rest, steps) = ((t - steps).store(), steps.store());
+            for (l, place) in places.iter_mut().enumerate() {
+                place.span = place.span.wrapping_add_signed(steps.0[l] as i32);
+                place.t = rest.0[l];
+            }
+        }
+    }
+}
+
+kernel! {
+    /// The foot points of points at their places on a span, and their part in the normal equations.
+    fn look<S>(
+        simd,
+        span: &Span,
+        eye: &Eye,
+        numbers: &[u32],
+        places: &[OnSpan],
+        near: &mut [Near],
+        sums: &mut SpanSums
+    ) {
+        let one = simd.splat8(1.0);
+        let camera = Three::all(simd, [
+            ((eye.camera[0] - span.origin[0]) / span.radius) as f32,
+            ((eye.camera[1] - span.origin[1]) / span.radius) as f32,
+            ((eye.camera[2] - span.origin[2]) / span.radius) as f32,
+        ]);
+        let arm = Three::all(simd, [
+            (span.origin[0] - eye.center[0]) as f32,
+            (span.origin[1] - eye.center[1]) as f32,
+            (span.origin[2] - eye.center[2]) as f32,
+        ]);
+        let (radius, band) = (simd.splat8(span.radius as f32), simd.splat8(span.band));
+        let (low, high) = (Three::all(simd, span.bounds[0]), Three::all(simd, span.bounds[1]));
+        let blocks = numbers.chunks(LANES).zip(places.chunks(LANES)).zip(near.chunks_mut(LANES));
+        for ((numbers, places), near) in blocks {
+            let p = eye.block(simd, span, numbers);
+            let mut parameters = Lanes::all(0.0);
+            let mut here = Lanes::all(0.0);
+            let mut direction = [Lanes::all(0.0); 3];
+            for (l, place) in places.iter().enumerate() {
+                parameters.0[l] = place.t;
+                here.0[l] = 1.0;
+                let along = span.directions[(place.t * DIRECTIONS as f32 + 0.5) as usize];
+                for k in 0..3 {
+                    direction[k].0[l] = along[k];
+                }
+            }
+            let t = simd.load8(&parameters);
+            let [axis, first, _] = span.at(simd, t);
+            let tangent = first.unit(simd);
+            let to_camera = (camera - p).unit(simd);
+            let x = p - axis;
+            let beyond = x.dot(tangent);
+            let q = x - tangent * beyond;
+            let d = q.dot(q).sqrt().max(simd.splat8(f32::MIN_POSITIVE));
+            let mut foot = match eye.residual {
+                Residual::Distance => across(simd, q, d, to_camera, band),
+                Residual::Ray => along_ray(simd, q, to_camera, tangent, band),
+            };
+            // beyond the end of a curve there is no surface
+            let on = beyond.abs().not_above(simd.splat8(0.02));
+            foot.residual = on.choose(foot.residual, d - one);
+            foot.outward = foot.outward * on;
+            let surface = axis + foot.outward;
+            let mut part = on * simd.load8(&here);
+            for k in 0..3 {
+                part = part * low.0[k].not_above(surface.0[k]) * surface.0[k].not_above(high.0[k]);
+            }
+            foot.weight = foot.weight * part;
+            let (residual, facing) = (foot.residual.store(), (foot.facing * on).store());
+            let (weight, explained) = (foot.weight.store(), (foot.explained * on).store());
+            let (inlier, [x, y, z]) = ((foot.inlier * on).store(), foot.outward.0);
+            let outward = [x.store(), y.store(), z.store()];
+            for (l, near) in near.iter_mut().enumerate() {
+                *near = Near {
+                    t: parameters.0[l],
+                    residual: residual.0[l],
+                    facing: facing.0[l],
+                    weight: weight.0[l],
+                    outward: [outward[0].0[l], outward[1].0[l], outward[2].0[l]],
+                    explained: explained.0[l] > 0.0,
+                    inlier: inlier.0[l] > 0.0,
+                };
+            }
+            // the outward normal as far as poses are concerned: at a right angle to the curve's direction over a
+            // longer stretch, see `directions`
+            let direction = Three::load(simd, &direction);
+            let settled = (foot.outward - direction * foot.outward.dot(direction)).unit(simd);
+            let (outward, settled, grown) = match eye.counts {
+                None => (foot.outward, settled, simd.splat8(-1.0)),
+                Some([along, across]) => {
+                    // the ray as the curve's plane across it sees it: nothing moves a curve along itself
+                    let ray = (to_camera - tangent * to_camera.dot(tangent)).unit(simd);
+                    let counted = |normal: Three<S::Eight>| {
+                        let part = ray * normal.dot(ray);
+                        part * simd.splat8(along) + (normal - part) * simd.splat8(across)
+                    };
+                    (counted(foot.outward), counted(settled), simd.splat8(-along))
+                }
+            };
+            sums.add(simd, &Features {
+                t,
+                weight: foot.weight,
+                outward,
+                turn: (arm + p * radius).cross(settled),
+                settled,
+                grown,
+                residual: radius * foot.residual,
+            });
+        }
+    }
+}
+
+/// Eight foot points.
+struct FootPoints<V> {
+    residual: V,
+    outward: Three<V>,
+    facing: V,
+    weight: V,
+    explained: V,
+    inlier: V,
+}
+
+/// The distance from the surface, of points at `q` from the axis, `d` away from it.
+#[inline(always)]
+fn across<S: Simd>(
+    simd: S,
+    q: Three<S::Eight>,
+    d: S::Eight,
+    to_camera: Three<S::Eight>,
+    band: S::Eight,
+) -> FootPoints<S::Eight> {
+    let one = simd.splat8(1.0);
+    let outward = q * (one / d);
+    let facing = outward.dot(to_camera);
+    let residual = d - one;
+    let explained = simd.splat8(0.1).below(facing);
+    FootPoints {
+        residual,
+        outward,
+        facing,
+        weight: explained * tukey(simd, residual, band),
+        explained,
+        inlier: explained * residual.abs().below(band),
+    }
+}
+
+/// The residual along the viewing ray, with the tube's straight cylinder at the foot point.
+#[inline(always)]
+fn along_ray<S: Simd>(
+    simd: S,
+    q: Three<S::Eight>,
+    to_camera: Three<S::Eight>,
+    tangent: Three<S::Eight>,
+    band: S::Eight,
+) -> FootPoints<S::Eight> {
+    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
+    // across the axis: the ray is q + λ w, nearest to the axis at λ₀
+    let w = to_camera - tangent * to_camera.dot(tangent);
+    let square = w.dot(w) + simd.splat8(1e-12);
+    let nearest = zero - q.dot(w) / square;
+    let miss = q + w * nearest;
+    let gap = miss.dot(miss);
+    let hit = gap.below(one);
+    let missed_by = gap.sqrt() - one;
+    let length = nearest + ((one - gap).max(zero) / square).sqrt();
+    let outward = (q + w * length).unit(simd) * hit;
+    let facing = outward.dot(to_camera);
+    let residual = hit.choose(zero - length * facing, missed_by);
+    let cosine = facing.max(simd.splat8(0.4));
+    let near = length.abs().below(simd.splat8(1.2));
+    let weight = tukey(simd, residual, band * cosine.max(simd.splat8(0.5))) / (cosine * cosine);
+    let explained = hit.max(missed_by.below(simd.splat8(0.25)));
+    FootPoints {
+        residual,
+        outward,
+        facing,
+        weight: weight * near * hit,
+        explained,
+        inlier: explained * residual.abs().below(band),
+    }
+}
+
+/// Tukey's biweight.
+#[inline(always)]
+fn tukey<S: Simd>(simd: S, residual: S::Eight, band: S::Eight) -> S::Eight {
+    let x = residual / band;
+    let share = (simd.splat8(1.0) - x * x).max(simd.splat8(0.0));
+    share * share
+}

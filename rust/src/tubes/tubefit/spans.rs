@@ -1,0 +1,169 @@
+//! The curves span by span, and points sorted by the span that they are on.
+
+use std::ops::Range;
+
+use super::state::State;
+use super::{OnCurve, TubeFitOptions};
+use crate::geometry::spline::{Pieces, Spline};
+use crate::geometry::{Point, normalized, sub};
+
+/// Points that one task searches for, or works on if they are on one span; fixed, so that results do not depend on the
+/// number of threads.
+pub(super) const POINTS_PER_TASK: usize = 512;
+/// For poses, a curve's direction is taken over this many spans to both sides.
+const STRETCH: f64 = 2.0;
+/// Places of a span at which it is taken.
+pub(super) const DIRECTIONS: usize = 8;
+
+/// Points of one view on one span.
+#[derive(Clone)]
+pub(super) struct Run {
+    /// Number of the span, counted through all curves.
+    pub(super) span: usize,
+    /// Which of the view's sorted points.
+    pub(super) points: Range<usize>,
+}
+
+/// A place on one of the spans, counted through all curves.
+#[derive(Clone, Copy, Default)]
+pub(super) struct OnSpan {
+    pub(super) span: u32,
+    /// The parameter within the span.
+    pub(super) t: f32,
+}
+
+/// All curves, span by span.
+pub(super) struct Spans {
+    /// Number of each curve's first span, and of all spans.
+    pub(super) first: Vec<usize>,
+    pub(super) spans: Vec<Span>,
+}
+
+/// A cubic c₁ t + c₂ t² + c₃ t³ about an origin, in radii.
+pub(super) struct Span {
+    pub(super) curve: usize,
+    /// Number of the span in its curve, and how many spans there are.
+    pub(super) number: usize,
+    pub(super) count: usize,
+    pub(super) origin: Point,
+    pub(super) radius: f64,
+    pub(super) cubic: [[f32; 3]; 3],
+    /// The curve's direction over a longer stretch, at places from 0 to 1.
+    pub(super) directions: [[f32; 3]; DIRECTIONS + 1],
+    /// The extraction range less a margin for noise, about the origin.
+    pub(super) bounds: [[f32; 3]; 2],
+    pub(super) band: f32,
+}
+
+/// The points that some tube is near to, sorted by span, and where; `firsts` are the numbers of the curves' first spans.
+pub(super) fn by_span<'a>(
+    places: impl IntoIterator<Item = &'a Option<OnCurve>>,
+    firsts: &[usize],
+) -> (Vec<u32>, Vec<OnSpan>) {
+    let on_span = |place: OnCurve| {
+        let first = firsts[place.curve];
+        let span = (first + place.parameter as usize).min(firsts[place.curve + 1] - 1);
+        OnSpan { span: span as u32, t: (place.parameter - (span - first) as f64) as f32 }
+    };
+    let (order, starts) =
+        (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, on_span(place)))).unzip();
+    sorted(order, starts, firsts[firsts.len() - 1])
+}
+
+/// Sorts points by the span that they are on; those of one span stay in their order.
+pub(super) fn sorted(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec<u32>, Vec<OnSpan>) {
+    if places.is_sorted_by_key(|place| place.span) {
+        return (order, places);
+    }
+    let mut next = vec![0usize; spans + 1];
+    for place in &places {
+        next[place.span as usize + 1] += 1;
+    }
+    for span in 0..spans {
+        next[span + 1] += next[span];
+    }
+    let mut sorted = (vec![0; order.len()], vec![OnSpan::default(); order.len()]);
+    for (number, place) in order.into_iter().zip(places) {
+        let position = &mut next[place.span as usize];
+        (sorted.0[*position], sorted.1[*position]) = (number, place);
+        *position += 1;
+    }
+    sorted
+}
+
+/// Stretches of sorted points on one span, none longer than a task.
+pub(super) fn runs(places: &[OnSpan]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (i, place) in places.iter().enumerate() {
+        let span = place.span as usize;
+        match runs.last_mut() {
+            Some(run) if run.span == span && run.points.len() < POINTS_PER_TASK => run.points.end = i + 1,
+            _ => runs.push(Run { span, points: i..i + 1 }),
+        }
+    }
+    runs
+}
+
+/// Each run with its part of values of all points.
+pub(super) fn of_runs<'a, T>(runs: &'a [Run], mut values: &'a mut [T]) -> Vec<(&'a Run, &'a mut [T])> {
+    let part = |run: &'a Run| (run, values.split_off_mut(..run.points.len()).unwrap_or_default());
+    runs.iter().map(part).collect()
+}
+
+/// Number of each curve's first span, and of all spans.
+pub(super) fn firsts(curves: &[Spline]) -> Vec<usize> {
+    let mut firsts = vec![0];
+    for curve in curves {
+        firsts.push(firsts[firsts.len() - 1] + curve.end() as usize);
+    }
+    firsts
+}
+
+impl Spans {
+    pub(super) fn new(state: &State, options: &TubeFitOptions, bands: &[f64]) -> Self {
+        let mut spans = Vec::new();
+        for (curve, spline) in state.curves.iter().enumerate() {
+            let pieces = spline.pieces();
+            let directions = directions(&pieces);
+            let radius = state.radius(curve);
+            let count = pieces.end() as usize;
+            for number in 0..count {
+                let [origin, cubic @ ..] = pieces.span(number);
+                let bounds = options.bounds.map_or([[-f32::INFINITY; 3], [f32::INFINITY; 3]], |bounds| {
+                    let margin = 2.0 * state.sigma;
+                    [0, 1].map(|side| {
+                        let inwards = if side == 0 { margin } else { -margin };
+                        std::array::from_fn(|k| ((bounds[side][k] + inwards - origin[k]) / radius) as f32)
+                    })
+                });
+                spans.push(Span {
+                    curve,
+                    number,
+                    count,
+                    origin,
+                    radius,
+                    cubic: cubic.map(|c| c.map(|x| (x / radius) as f32)),
+                    directions: std::array::from_fn(|i| {
+                        directions[number * DIRECTIONS + i].map(|x| x as f32)
+                    }),
+                    bounds,
+                    band: (bands[state.radius_classes[curve]] / radius) as f32,
+                });
+            }
+        }
+        Self { first: firsts(&state.curves), spans }
+    }
+}
+
+/// Directions of a curve at places all along it, each over a longer stretch.
+///
+/// A fitted curve wavers with the noise of its points, and so do its normals. Along a straight rope a view could then
+/// slide to where the noise fits best, and the normal equations would count that as information. The direction over a
+/// longer stretch hardly wavers, and in a bend it is the tangent.
+fn directions(pieces: &Pieces) -> Vec<Point> {
+    let place = |u: f64| pieces.at(u.clamp(0.0, pieces.end())).position;
+    (0..=pieces.end() as usize * DIRECTIONS)
+        .map(|i| i as f64 / DIRECTIONS as f64)
+        .map(|u| normalized(sub(place(u + STRETCH), place(u - STRETCH))))
+        .collect()
+}
