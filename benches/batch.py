@@ -36,7 +36,7 @@ from strand.batch.running import Done
 from strand.batch.shards import Shards, Work, parquet
 from strand.batch.table import UNLIKE, Row, record_batch
 from strand.support.files import write_bytes
-from strand.synthetic import SHAPES, scene
+from strand.synthetic import SHAPES, Camera, Noise, scene
 
 SMALL = (160, 120)  # pixels
 SETTINGS = Settings(ropes=1)
@@ -49,7 +49,7 @@ def made(folder: Path, count: int) -> Path:
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
             name = SHAPES[seed % len(SHAPES)]
-            scene(name, views=2, size=SMALL, seed=seed, flying=0.0).save(path)
+            scene(name, views=2, camera=Camera(size=SMALL), seed=seed, noise=Noise(flying=0.0)).save(path)
     return folder
 
 

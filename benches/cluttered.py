@@ -2,9 +2,9 @@
 
 python benches/cluttered.py [--scenes N] [--first SEED] [--without N] [--points] [--pictures DIR]
 
-The scenes are those of `strand.synthetic.cluttered`, one view and three in turn; then some without a rope,
-which must be refused. Neither radius nor bounds, masks or number of ropes are given. The rope must be the
-first of the chains, right by the usual measure; its own confidence counts. Other chains must be below 0.5.
+The scenes are those of `strand.synthetic.cluttered_scene`, one view and three in turn; then some without a
+rope, which must be refused. Neither radius nor bounds, masks or number of ropes are given. The rope must be
+the first of the chains, right by the usual measure; its own confidence counts. Others must be below 0.5.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 import strand
 from lib.measure import measured
 from lib.tables import head, row
-from strand.synthetic import SyntheticScene, cluttered
+from strand.synthetic import SyntheticScene, cluttered_scene
 
 SURE = 0.5
 
@@ -82,7 +82,7 @@ def main() -> int:
     results: list[tuple[str, Found]] = []
     for count, rope in ((arguments.scenes, True), (arguments.without, False)):
         for seed in range(arguments.first, arguments.first + count):
-            synthetic = cluttered(seed, rope=rope)
+            synthetic = cluttered_scene(seed, rope=rope)
             views = list(synthetic.views)
             if arguments.points:
                 views = [strand.View(view.points, view.pose) for view in views]

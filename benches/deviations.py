@@ -52,8 +52,8 @@ def smooth_noise(shape: tuple[int, int], correlation: float, rng: np.random.Gene
 def scene(shape: str, seed: int, noise: float, correlation: float, views: int) -> SyntheticScene:
     """A shape whose depths have errors that reach over `correlation` pixels."""
     if correlation == 0.0:
-        return synthetic.scene(shape, seed=seed, noise=noise, views=views)
-    exact = synthetic.scene(shape, seed=seed, noise=0.0, views=views)
+        return synthetic.scene(shape, seed=seed, noise=synthetic.Noise(depth=noise), views=views)
+    exact = synthetic.scene(shape, seed=seed, noise=synthetic.Noise(depth=0.0), views=views)
     rng = np.random.default_rng(seed)
     units = [
         np.where(image > 0, np.rint(image + noise / exact.depth_scale * smooth), 0).astype(np.uint16)

@@ -34,8 +34,18 @@ from matplotlib.figure import Figure
 
 from lib.judging import SURE, judged
 from lib.tables import head, row
-from strand.synthetic import CAMERAS, DepthCamera, Segmentation, SyntheticScene, random_ropes, scene
-from strand.synthetic.scenes import FOCAL_LENGTH
+from strand.synthetic import (
+    CAMERAS,
+    Camera,
+    DepthCamera,
+    Layout,
+    Noise,
+    Segmentation,
+    SyntheticScene,
+    random_ropes,
+    scene,
+)
+from strand.synthetic.camera import FOCAL_LENGTH
 
 SHAPES = ("loop", "figure8", "overhand", "paper", "coil")
 SIZES = ((320, 240), (640, 480), (1280, 720))
@@ -63,24 +73,28 @@ def draw(
     else:
         kind, error = KINDS[int(rng.integers(2))], float(rng.uniform(*relative)) * radius
         kind = kind if noise == "both" else noise
-    common: dict[str, Any] = {"radius": radius, "noise": error, "seed": seed}
-    drawn = {**common, "kind": kind, "relative": error / radius, "correlation": 0.0}
+    drawn = {"radius": radius, "noise": error, "seed": seed}
+    drawn |= {"kind": kind, "relative": error / radius, "correlation": 0.0}
+    common: dict[str, Any] = {"radius": radius, "noise": Noise(depth=error), "seed": seed}
     if kind == "plain":
-        common["views"] = int(rng.choice([1, 2, 3, 5, 7]))
-        common["size"] = SIZES[int(rng.choice(3, p=[0.7, 0.22, 0.08]))]
-        if common["size"] == SIZES[-1]:
-            common["views"] = min(common["views"], 2)
+        views = int(rng.choice([1, 2, 3, 5, 7]))
+        size = SIZES[int(rng.choice(3, p=[0.7, 0.22, 0.08]))]
+        if size == SIZES[-1]:
+            views = min(views, 2)
+        common["camera"] = Camera(size=size)
     else:
         name, stretch = (
             str(rng.choice(list(CAMERAS))),
             float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
         )
-        camera = _stretched(CAMERAS[name], stretch)
-        common |= {"views": int(rng.choice([1, 3])), "size": SIZES[1], "camera": camera}
+        device = _stretched(CAMERAS[name], stretch)
+        views, size = int(rng.choice([1, 3])), SIZES[1]
+        common["camera"] = Camera(device, size=size)
         common["mask"] = Segmentation(grow=int(rng.integers(-1, 2)))
-        common["distance"] = FOCAL_LENGTH * SIZES[1][0] * radius / float(rng.uniform(3.0, 8.0))
-        drawn |= {"camera": name, "correlation": camera.correlation_length}
-    drawn |= {"views": common["views"], "size": common["size"]}
+        common["layout"] = Layout(distance=FOCAL_LENGTH * size[0] * radius / float(rng.uniform(3.0, 8.0)))
+        drawn |= {"camera": name, "correlation": device.correlation_length}
+    common["views"] = views
+    drawn |= {"views": views, "size": size}
     ropes, crossings = int(rng.choice([1, 2, 3], p=[0.5, 0.3, 0.2])), int(rng.integers(0, 9))
     drawn |= {"ropes": ropes, "crossings": crossings}
     if rng.random() < 0.2:

@@ -21,8 +21,8 @@ from collections.abc import Iterator
 import strand
 from lib.collection import SHAPES
 from lib.tables import head, row
-from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
-from strand.synthetic.scenes import FOCAL_LENGTH
+from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
+from strand.synthetic.camera import FOCAL_LENGTH
 
 SMALL, LARGE = (640, 480), (1280, 720)
 FIGURES = (("one 640 x 480", 1, SMALL), ("one 1280 x 720", 1, LARGE), ("three 640 x 480", 3, SMALL))
@@ -41,12 +41,12 @@ def drawn(views: int, size: tuple[int, int], only: str = "") -> Iterator[Synthet
                 radius=RADIUS,
                 seed=seed,
                 views=views,
-                size=size,
-                camera=tuple(CAMERAS)[seed % len(CAMERAS)],
-                distance=FOCAL_LENGTH * SMALL[0] * RADIUS / PIXELS,
+                camera=Camera(tuple(CAMERAS)[seed % len(CAMERAS)], size=size),
+                layout=Layout(
+                    distance=FOCAL_LENGTH * SMALL[0] * RADIUS / PIXELS, elevation=math.radians(60.0)
+                ),
                 mask=Segmentation(grow=seed % 3 - 1),
-                elevation=math.radians(60.0),
-                turn_error=math.radians(0.4),
+                noise=Noise(turn=math.radians(0.4)),
             )
 
 

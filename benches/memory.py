@@ -21,7 +21,7 @@ import numpy as np
 import strand
 from lib import collection
 from lib.tables import head, row
-from strand.synthetic import SHAPES, scene
+from strand.synthetic import SHAPES, Camera, scene
 
 STATUS = Path("/proc/self/status")
 PEAK = Path("/proc/self/clear_refs"), "5"  # forgets the most that was resident
@@ -51,7 +51,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--calls", type=int, default=500, metavar="N", help="of small scenes (default: 500)")
     calls = parser.parse_args().calls
-    small = [scene(SHAPES[k], views=1 + k % 3, size=(160, 120), seed=k) for k in range(len(SHAPES))]
+    small = [
+        scene(SHAPES[k], views=1 + k % 3, camera=Camera(size=(160, 120)), seed=k) for k in range(len(SHAPES))
+    ]
     fine = collection.scene("paper_fine")
     cloud = np.random.default_rng(0).random((2_000_000, 3))
 

@@ -23,7 +23,7 @@ import strand
 from lib.collection import SHAPES
 from lib.measure import measured
 from lib.tables import head, row
-from strand.synthetic import SyntheticScene, cluttered, scene
+from strand.synthetic import SyntheticScene, cluttered_scene, scene
 
 Array = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def victims(first: int, count: int) -> Iterator[tuple[str, SyntheticScene, bool]
     for k in range(first, first + count):
         yield "seven", scene(names[k % len(names)], seed=k, views=7), True
         yield "one", scene(names[(k + 2) % len(names)], seed=k, views=1), True
-        yield "things", cluttered(2 * k + 1, views=3), False
+        yield "things", cluttered_scene(2 * k + 1, views=3), False
 
 
 @dataclass(frozen=True)

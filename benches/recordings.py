@@ -46,7 +46,7 @@ def main() -> int:
     parser.add_argument("--frames", type=int, nargs="+", default=[50, 500])
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], metavar=("WIDTH", "HEIGHT"))
     arguments = parser.parse_args()
-    scene = synthetic.scene("paper", size=tuple(arguments.size))
+    scene = synthetic.scene("paper", camera=synthetic.Camera(size=tuple(arguments.size)))
     context = multiprocessing.get_context("spawn")
     print(head("recording", "poses", "frames", "file MB", "memory MB", "ms a frame"))
     for kind in FORMATS:

@@ -114,7 +114,7 @@ class Outcome:
 
 def simulated(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
     """Return a shape seen from some azimuths, degrees, with noise and wrong poses."""
-    laid = strand.synthetic.scene(name, seed=seed, noise=NOISE)
+    laid = strand.synthetic.scene(name, seed=seed, noise=strand.synthetic.Noise(depth=NOISE))
     distance = float(np.linalg.norm(laid.poses_true[0, :3, 3]))
     # the same errors of the poses whatever the distance between the views
     stage, sensor = (np.random.default_rng([seed, SHAPES.index(name), part]) for part in range(2))

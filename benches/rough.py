@@ -2,8 +2,8 @@
 
 python benches/rough.py [--scenes N] [--first SEED] [--only KIND] [--pictures DIR]
 
-The kinds are those of `strand.synthetic.rough`, with seeds from 0 on; cameras, and one view and three, take
-turns. The radius and the number of ropes are told. A picture is drawn of each scene that is not right.
+The kinds are those of `strand.synthetic.rough_scene`, with seeds from 0 on; cameras, and one view and three,
+take turns. The radius and the number of ropes are told. A picture is drawn of each scene that is not right.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from lib.judging import all_judged, summary
-from strand.synthetic import ROUGH, rough
+from strand.synthetic import ROUGH, rough_scene
 
 
 def main() -> int:
@@ -27,7 +27,7 @@ def main() -> int:
         parser.error("--scenes: expected at least 1")
     kinds = ROUGH if arguments.only is None else (arguments.only,)
     seeds = range(arguments.first, arguments.first + arguments.scenes)
-    results = all_judged((rough(kind, seed) for kind in kinds for seed in seeds), arguments.pictures)
+    results = all_judged((rough_scene(kind, seed) for kind in kinds for seed in seeds), arguments.pictures)
     groups = [(kind, lambda found, kind=kind: found.scene.startswith(kind)) for kind in kinds]
     print(f"\n{summary(results, 'kind', groups)}")
     return 0

@@ -23,8 +23,8 @@ import numpy as np
 from lib import collection
 from lib.collection import SHAPES
 from lib.judging import all_judged, summary
-from strand.synthetic import CAMERAS, Segmentation, SyntheticScene, random_ropes, scene
-from strand.synthetic.scenes import FOCAL_LENGTH
+from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
+from strand.synthetic.camera import FOCAL_LENGTH
 
 SIZE = (640, 480)
 PIXELS = {"d435": 4.1, "d405": 6.3, "zed": 3.3, "sgbm": 3.3, "tof": 4.3}  # of the ropes' radius
@@ -52,12 +52,13 @@ def seen_by(called: str, name: str, camera: str, views: int, seed: int) -> Synth
         "radius": radius,
         "seed": seed,
         "views": views,
-        "size": SIZE,
-        "camera": camera,
-        "distance": FOCAL_LENGTH * SIZE[0] * radius / PIXELS[camera],
+        "camera": Camera(camera, size=SIZE),
+        "noise": Noise(turn=math.radians(0.4)),
         "mask": Segmentation(grow=int(rng.integers(-1, 2))),
-        "elevation": math.radians(rng.uniform(50.0, 87.0)),
-        "turn_error": math.radians(0.4),
+        "layout": Layout(
+            distance=FOCAL_LENGTH * SIZE[0] * radius / PIXELS[camera],
+            elevation=math.radians(rng.uniform(50.0, 87.0)),
+        ),
     }
     if name not in SHAPES:
         common["chains"] = random_ropes(int(rng.integers(1, 6)), 1, radius, seed)

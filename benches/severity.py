@@ -36,7 +36,7 @@ from lib.judging import SURE
 from lib.measure import measured
 from lib.perturbations import FOREIGN, KINDS, Given, Kind
 from lib.tables import head, row
-from strand.synthetic import SyntheticScene, random_ropes, scene
+from strand.synthetic import Noise, SyntheticScene, random_ropes, scene
 
 PATIENCE = 8  # seconds of processor time after which there is no answer
 
@@ -57,7 +57,7 @@ def draw(seed: int, masked: bool) -> SyntheticScene:
         chains=chains,
         radius=radius,
         seed=seed,
-        noise=float(rng.uniform(0.05, 0.2)) * radius,
+        noise=Noise(depth=float(rng.uniform(0.05, 0.2)) * radius),
         views=int(rng.choice([3, 5, 7], p=[0.6, 0.25, 0.15])),
         mask=strand.synthetic.Segmentation() if masked else None,
     )
@@ -67,7 +67,7 @@ def draw(seed: int, masked: bool) -> SyntheticScene:
 def other_scene(seed: int, views: int) -> SyntheticScene:
     """Return another scene, of other ropes, with as many views."""
     like = draw.__wrapped__(seed + FOREIGN, False)
-    return scene(chains=like.truth, radius=like.radius, seed=seed, noise=like.noise, views=views)
+    return scene(chains=like.truth, radius=like.radius, seed=seed, noise=Noise(depth=like.noise), views=views)
 
 
 def given(seed: int, name: str, strength: float) -> Given:

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import strand
-from strand.synthetic import SHAPES, random_ropes, scene
+from strand.synthetic import SHAPES, Camera, Noise, random_ropes, scene
 
 SMALL = (160, 120)  # pixels
 FLAT = 1.0  # kB of resident memory for each scene
@@ -33,10 +33,18 @@ def answer(seed: int) -> str:
     rng = np.random.default_rng(seed)
     views = int(rng.integers(1, 4))
     if rng.random() < 0.5:
-        made = scene(SHAPES[seed % len(SHAPES)], views=views, size=SMALL, seed=seed, flying=0.0)
+        made = scene(
+            SHAPES[seed % len(SHAPES)],
+            views=views,
+            camera=Camera(size=SMALL),
+            seed=seed,
+            noise=Noise(flying=0.0),
+        )
     else:
         chains = random_ropes(int(rng.integers(1, 3)), 1, seed=seed)
-        made = scene(chains=chains, views=views, size=SMALL, seed=seed, flying=0.0)
+        made = scene(
+            chains=chains, views=views, camera=Camera(size=SMALL), seed=seed, noise=Noise(flying=0.0)
+        )
     config = strand.Config.published() if rng.random() < 0.2 else strand.Config()
     ropes = 1 if rng.random() < 0.5 else None
     whole = hashlib.sha256()

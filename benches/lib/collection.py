@@ -81,8 +81,10 @@ def _makers() -> dict[str, Callable[[], SyntheticScene]]:
     for seed, shape in enumerate(SHAPES):
         for noise in NOISES:
             name = f"{shape}_{noise * 1e3:.1f}mm"
-            makers[name] = partial(synthetic.scene, shape, seed=seed, noise=noise)
-    makers["paper_fine"] = partial(synthetic.scene, "paper", seed=SHAPES.index("paper"), size=FINE)
+            makers[name] = partial(synthetic.scene, shape, seed=seed, noise=synthetic.Noise(depth=noise))
+    makers["paper_fine"] = partial(
+        synthetic.scene, "paper", seed=SHAPES.index("paper"), camera=synthetic.Camera(size=FINE)
+    )
     with np.load(DATA / "settled_ropes.npz") as ropes:
         makers |= {name: partial(_settled, name) for name in ropes}
     return makers | {f"random_{count}": partial(_random, count) for count in RANDOM}

@@ -15,7 +15,7 @@ import pytest
 import strand
 from strand import cli
 
-SCENE = strand.synthetic.scene("arc", views=1, size=(40, 30))
+SCENE = strand.synthetic.scene("arc", views=1, camera=strand.synthetic.Camera(size=(40, 30)))
 
 
 @pytest.fixture

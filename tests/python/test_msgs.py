@@ -120,7 +120,7 @@ def test_points_are_read_back_as_other_programs_do(colors):
 
 
 def test_views_of_messages():
-    scene = strand.synthetic.scene("arc", views=1, size=(64, 48))
+    scene = strand.synthetic.scene("arc", views=1, camera=strand.synthetic.Camera(size=(64, 48)))
     made = Messages()
     depth = np.round(scene.depth[0] * 0.1).astype(np.uint16)
     image, info = made.image(depth, STAMP), made.info(scene.intrinsics, depth.shape, STAMP)

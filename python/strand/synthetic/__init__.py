@@ -3,11 +3,14 @@
 For users without a camera, and for demonstrations, tests and benches.
 """
 
-from strand.synthetic.camera import camera_pose, render_depth, sense
-from strand.synthetic.cluttered_scenes import cluttered
+from strand.synthetic.camera import Camera, camera_pose
+from strand.synthetic.cluttered_scenes import cluttered_scene
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
-from strand.synthetic.random_ropes import random_ropes
-from strand.synthetic.rough_scenes import ROUGH, rough
+from strand.synthetic.layout import Layout
+from strand.synthetic.noise import Noise, sense
+from strand.synthetic.random_curves import random_ropes
+from strand.synthetic.rendering import render_depth
+from strand.synthetic.rough_scenes import ROUGH, rough_scene
 from strand.synthetic.scenes import SyntheticScene, scene
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.shapes import SHAPES, shape
@@ -16,14 +19,17 @@ __all__ = [
     "CAMERAS",
     "ROUGH",
     "SHAPES",
+    "Camera",
     "DepthCamera",
+    "Layout",
+    "Noise",
     "Segmentation",
     "SyntheticScene",
     "camera_pose",
-    "cluttered",
+    "cluttered_scene",
     "random_ropes",
     "render_depth",
-    "rough",
+    "rough_scene",
     "scene",
     "sense",
     "shape",

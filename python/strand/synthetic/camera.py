@@ -1,202 +1,99 @@
-"""A simulated depth camera: exact depth images of ropes on a table, and what a sensor makes of them."""
+"""The camera of a scene: its image, the device it imitates, and the poses around the ropes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import (
-    Array,
-    check_finite_array,
-    check_integer,
-    check_intrinsics,
-    check_nonnegative,
-    check_number,
-    check_positive,
-    check_rigid_motion,
-    check_sequence,
-)
-from strand.synthetic.shapes import LONGEST
+from strand.support.checks import Array, check_number, check_positive
+from strand.synthetic.depth_camera import CAMERAS, DepthCamera
+from strand.synthetic.rendering import image_size
 
-TABLE = 1.0
-"""Side of the table, metres."""
+FOCAL_LENGTH = 212.0 / 320.0
+"""Focal length of a scene's cameras, in image widths."""
 
-_ELEVATION = math.radians(50.0)  # of the camera above the table, seen from the middle
-_LOT = 1 << 18  # pairs of a segment of tube and a pixel at a time: bounds the memory
+TABLE_ELEVATION = math.radians(50.0)
+"""Default angle of a camera above the table, radians."""
 
-_Indices = NDArray[np.int64]
+_AROUND_TABLE = math.radians(90.0)  # radians: largest azimuth of a camera at a table
+_BEFORE_WALL = math.radians(40.0)  # radians: largest azimuth of a camera before a wall
+_BORDER = 0.02  # fraction of the image's width and height that stays free of ropes
 
 
-def render_depth(
-    chains: Sequence[ArrayLike],
-    radius: float | Sequence[float],
-    intrinsics: ArrayLike,
-    pose: ArrayLike,
-    size: tuple[int, int] = (320, 240),
-    table: float = True,
-) -> Array:
-    """Depth image of ropes on a table, by casting a ray through every pixel's centre.
+@dataclass(frozen=True)
+class Camera:
+    """The image that a scene's camera takes, and the depth camera that it imitates.
 
-    A rope is a round tube about the straight segments between its nodes, mitred at the nodes and
-    cut flat at its two ends; a ray hits it from outside only. Bends of the axis whose radius is not
-    above the rope's are drawn wrongly.
-
-    Parameters
+    Attributes
     ----------
-    chains : sequence of (M, 3) array_like of float
-        The ropes' nodes in the world frame, metres, end to end.
-    radius : float or sequence of float
-        The ropes' radius, metres, or one for each.
-    intrinsics : (3, 3) array_like
-        The pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
-    pose : (4, 4) array_like
-        Camera-to-world rigid motion; the camera frame is x right, y down, z forward.
+    device : str or DepthCamera, optional
+        A key of `CAMERAS`, or a depth camera of your own. Its errors are wide and correlated, and the
+        scene has a mask. Without a device, errors are normal and independent.
     size : (int, int)
-        Width and height of the image, pixels.
-    table : float
-        Side of the table, metres: a square about the origin of the plane z = 0. True stands for 1 m,
-        False or 0 for no table.
-
-    Returns
-    -------
-    (H, W) ndarray
-        Depth along the camera's z axis, metres; 0 where a ray hits nothing. An integer pixel is a
-        pixel centre.
+        Width and height of an image, pixels. The focal length grows with the width.
+    depth_scale : float
+        Metres per unit of depth.
 
     Raises
     ------
     TypeError
-        If an array does not hold floating point numbers, a radius is not a number, or `size` does not
-        hold integers.
+        If `device` is neither a name nor a `DepthCamera`, or a number has the wrong type.
     ValueError
-        If a chain is not (M, 3) with M >= 2, is not finite, has equal neighbours or turns by 90 degrees
-        or more at a node; if a radius is not positive or there is not one for each chain; if the
-        intrinsics are not a pinhole's, `pose` is not a rigid motion, `size` is not two positive
-        numbers, or `table` is negative or not finite.
+        If `CAMERAS` has no such device, or a number is not positive.
     """
-    tubes = [
-        rope_nodes(f"chains[{i}]", chain)
-        for i, chain in enumerate(check_sequence("chains", chains, "arrays"))
-    ]
-    radii = _radii(radius, len(tubes))
-    camera = check_intrinsics("intrinsics", intrinsics)
-    fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
-    motion = check_rigid_motion("pose", pose)
-    width, height = image_size(size)
-    side = float(table) * TABLE if isinstance(table, bool) else check_nonnegative("table", table)
 
-    rotation, centre = motion[:3, :3], motion[:3, 3]
-    # rays reach z = 1 in the camera frame, so that the parameter along one is the depth
-    x, y = (np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy
-    depth = np.full((height, width), np.inf)
-    if side > 0:
-        ray = [rotation[k, 0] * x + (rotation[k, 1] * y + rotation[k, 2])[:, None] for k in range(3)]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = -centre[2] / ray[2]
-            hit = (t > 0) & (np.abs(centre[0] + t * ray[0]) <= 0.5 * side)
-            hit &= np.abs(centre[1] + t * ray[1]) <= 0.5 * side
-        depth[hit] = t[hit]
-    for nodes, tube_radius in zip(tubes, radii, strict=True):
-        _cast_tube(depth, x, y, (nodes - centre) @ rotation, tube_radius)
-    depth[np.isinf(depth)] = 0.0
-    return depth
+    device: str | DepthCamera | None = None
+    size: tuple[int, int] = (320, 240)
+    depth_scale: float = 1e-4
 
+    def __post_init__(self) -> None:
+        if self.device is not None:
+            find_device(self.device)
+        object.__setattr__(self, "size", image_size(self.size))
+        object.__setattr__(self, "depth_scale", check_positive("depth_scale", self.depth_scale))
 
-def _cast_tube(depth: Array, x: Array, y: Array, nodes: Array, radius: float) -> None:
-    """Lower `depth` to the tube about `nodes`, where that is nearer.
+    @property
+    def focal_length(self) -> float:
+        """Focal length, pixels."""
+        return FOCAL_LENGTH * self.size[0]
 
-    `depth` is (H, W); `x` (W,) and `y` (H,) are the directions of the columns' and rows' rays at z = 1;
-    `nodes` are in the camera frame.
-    """
-    axes = np.diff(nodes, axis=0)
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    # two pieces meet in the plane that halves the angle between them
-    cuts = np.vstack([axes[:1], axes[:-1] + axes[1:], axes[-1:]])
-    cuts /= np.linalg.norm(cuts, axis=1, keepdims=True)
-    begin, end = (nodes[:-1] * cuts[:-1]).sum(axis=1), (nodes[1:] * cuts[1:]).sum(axis=1)
-    rims = radius / np.concatenate([(cuts[:-1] * axes).sum(axis=1), [1.0]])
-    low, high = _pixel_boxes(x, y, nodes, rims)
-    low, high = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
-    ahead = nodes[:, 2] + rims > 0
-    high[~(ahead[:-1] | ahead[1:])] = 0
-
-    start = nodes[:-1]
-    along = (start * axes).sum(axis=1)
-    excess = (start * start).sum(axis=1) - along**2 - radius**2
-    image, tolerance = depth.reshape(-1), 1e-9 * radius
-    for i, u, v in _pixels(low, high):
-        ray = np.stack([x[u], y[v], np.ones(len(u))], axis=1)
-        # the ray is at the radius from the axis at two depths, of which the first is outside
-        slope = _dot(axes[i], ray)
-        square = _dot(ray, ray) - slope * slope
-        half = _dot(start[i], ray) - slope * along[i]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (half - np.sqrt(half * half - square * excess[i])) / square
-            hit = (t > 0) & (t * _dot(cuts[i], ray) >= begin[i] - tolerance)
-            hit &= t * _dot(cuts[i + 1], ray) <= end[i] + tolerance
-        np.minimum.at(image, (v * len(x) + u)[hit], t[hit])
-
-    for node, outward in ((nodes[:1], -axes[0]), (nodes[-1:], axes[-1])):
-        (low,), (high,) = _pixel_boxes(x, y, node, np.array([radius]))
-        columns, rows = slice(low[0], high[0]), slice(low[1], high[1])
-        across, down = x[columns], y[rows, None]
-        facing = outward[0] * across + outward[1] * down + outward[2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = node[0] @ outward / facing
-            off = (t * across - node[0, 0]) ** 2 + (t * down - node[0, 1]) ** 2 + (t - node[0, 2]) ** 2
-        hit = (facing < 0) & (t > 0) & (off <= radius**2)
-        depth[rows, columns][hit] = np.minimum(depth[rows, columns], t)[hit]
+    @property
+    def intrinsics(self) -> Array:
+        """The (3, 3) pinhole matrix, pixels."""
+        (width, height), focal_length = self.size, self.focal_length
+        return np.array(
+            [
+                [focal_length, 0.0, 0.5 * (width - 1)],
+                [0.0, focal_length, 0.5 * (height - 1)],
+                [0.0, 0.0, 1.0],
+            ]
+        )
 
 
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
+def find_device(device: str | DepthCamera) -> DepthCamera:
+    """Return the depth camera with this name, or the given one."""
+    if isinstance(device, DepthCamera):
+        return device
+    if not isinstance(device, str):
+        raise TypeError(f"device: expected a name or a DepthCamera, got {type(device).__name__}")
+    if device not in CAMERAS:
+        raise ValueError(f"device: expected one of {', '.join(CAMERAS)}, got {device!r}")
+    return CAMERAS[device]
 
 
-def _pixel_boxes(x: Array, y: Array, centres: Array, radii: Array) -> tuple[_Indices, _Indices]:
-    """First column and row, and those after the last, that can see balls: two (N, 2) arrays.
-
-    A ball that reaches beside or behind the camera may be anywhere in the image.
-    """
-    near, far = centres[:, 2] - radii, centres[:, 2] + radii
-    low, high = np.zeros((len(centres), 2), dtype=np.int64), np.empty((len(centres), 2), dtype=np.int64)
-    for k, directions in enumerate((x, y)):
-        before, after = centres[:, k] - radii, centres[:, k] + radii
-        with np.errstate(divide="ignore", invalid="ignore"):
-            first, last = np.minimum(before / near, before / far), np.maximum(after / near, after / far)
-        low[:, k] = np.where(near > 0, np.searchsorted(directions, first, side="left"), 0)
-        high[:, k] = np.where(near > 0, np.searchsorted(directions, last, side="right"), len(directions))
-    return low, high
-
-
-def _pixels(low: _Indices, high: _Indices) -> Iterator[tuple[_Indices, _Indices, _Indices]]:
-    """Yield box, column and row of every pixel of every box, many boxes at a time."""
-    columns, rows = np.clip(high - low, 0, None).T
-    counts = columns * rows
-    ends = np.cumsum(counts)
-    first = 0
-    while first < len(counts):
-        done = ends[first] - counts[first]
-        last = max(first + 1, int(np.searchsorted(ends, done + _LOT, side="right")))
-        box = np.repeat(np.arange(first, last), counts[first:last])
-        within = done + np.arange(len(box)) - (ends - counts)[box]
-        yield box, low[box, 0] + within % columns[box], low[box, 1] + within // columns[box]
-        first = last
-
-
-def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) -> Array:
-    """Camera-to-world pose of a camera that looks at the origin, upright.
+def camera_pose(azimuth: float, distance: float, elevation: float = TABLE_ELEVATION) -> Array:
+    """Return the pose of an upright camera that looks at the origin, camera to world.
 
     Parameters
     ----------
     azimuth : float
         Angle about the world's z axis from the x axis to the camera, radians.
     distance : float
-        From the origin to the camera's centre, metres.
+        Distance from the origin to the camera's centre, metres.
     elevation : float
-        Angle of the camera above the table z = 0, radians; 50 degrees if not given.
+        Angle of the camera above the table z = 0, radians; 50 degrees by default.
 
     Returns
     -------
@@ -207,7 +104,15 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     TypeError
         If an argument is not a number.
     ValueError
-        If an angle is not finite or `distance` is not positive.
+        If an angle is not finite, or `distance` is not positive.
+
+    Examples
+    --------
+    >>> import math
+    >>> import strand
+    >>> pose = strand.synthetic.camera_pose(azimuth=0.0, distance=0.5, elevation=0.5 * math.pi)
+    >>> float(pose[2, 3])  # the camera's height above the table, metres
+    0.5
     """
     azimuth, elevation = check_number("azimuth", azimuth), check_number("elevation", elevation)
     outward = np.array(
@@ -224,98 +129,20 @@ def camera_pose(azimuth: float, distance: float, elevation: float = _ELEVATION) 
     return pose
 
 
-def sense(
-    depth: Array,
-    *,
-    noise: float,
-    flying: float,
-    step: float,
-    depth_scale: float,
-    rng: np.random.Generator,
-) -> NDArray[np.uint16]:
-    """Return what a depth camera makes of an exact depth image.
+def spread_azimuths(views: int, before_wall: bool = False) -> Array:
+    """Return the (V,) azimuths of a scene's cameras, radians, evenly spread; 0 for a single camera."""
+    outermost = _BEFORE_WALL if before_wall else _AROUND_TABLE
+    return np.linspace(-outermost, outermost, views) if views > 1 else np.zeros(1)
 
-    Parameters
-    ----------
-    depth : (H, W) ndarray
-        Exact depths, metres; 0 for no return.
-    noise : float
-        Standard deviation of the depths, along the camera's z axis, metres; normal.
-    flying : float
-        Part, from 0 to 1, of the pixels next to a step in depth that fly: they get a depth between
-        theirs and the neighbour's across the largest of these steps.
-    step : float
-        What counts as a step between neighbours in a row or a column, metres.
-    depth_scale : float
-        Metres for each unit of the result.
-    rng : numpy.random.Generator
-        The source of chance.
 
-    Returns
-    -------
-    (H, W) ndarray of uint16
-        Depths in units of `depth_scale`, rounded; 0 for no return and for depths that no uint16 holds.
+def find_least_distance(
+    nodes: Array, radius: float, azimuths: Array, elevation: float, size: tuple[int, int]
+) -> float:
+    """Return the least distance from the origin at which every camera sees all of the ropes, metres.
 
-    Raises
-    ------
-    TypeError
-        If `depth` does not hold floating point numbers, a number is none, or `rng` is no generator.
-    ValueError
-        If `depth` is not two-dimensional and finite, `noise` is negative or not finite, `flying` is
-        not from 0 to 1, or `step` or `depth_scale` is not positive.
+    `nodes` and `radius` are in metres, `azimuths` and `elevation` in radians, `size` in pixels.
     """
-    exact = check_finite_array("depth", depth, ("H", "W"))
-    noise, flying = check_nonnegative("noise", noise), check_nonnegative("flying", flying)
-    if flying > 1:
-        raise ValueError(f"flying: expected a part from 0 to 1, got {flying}")
-    step, depth_scale = check_positive("step", step), check_positive("depth_scale", depth_scale)
-    if not isinstance(rng, np.random.Generator):
-        raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
-    returned = exact > 0
-    height, width = exact.shape
-    around = np.pad(exact, 1)
-    largest = np.zeros_like(exact)
-    for dv, du in ((0, 1), (1, 0), (1, 2), (2, 1)):
-        neighbour = around[dv : dv + height, du : du + width]
-        gap = np.where(returned & (neighbour > 0), neighbour - exact, 0.0)
-        largest = np.where(np.abs(gap) > np.abs(largest), gap, largest)
-    # all numbers are drawn whatever the arguments are: other noise leaves the same pixels flying
-    chance, share, error = rng.random(exact.shape), rng.random(exact.shape), rng.normal(size=exact.shape)
-    flies = (np.abs(largest) > step) & (chance < flying)
-    seen = exact + np.where(flies, share * largest, 0.0) + noise * error
-    units = np.rint(seen / depth_scale)
-    units[~returned | (units < 0) | (units > np.iinfo(np.uint16).max)] = 0
-    return units.astype(np.uint16)
-
-
-def rope_nodes(name: str, value: ArrayLike) -> Array:
-    """Return a rope's nodes: (M, 3), at least two, no two in a row equal, turns under 90 degrees."""
-    nodes = check_finite_array(name, value, ("N", 3))
-    if len(nodes) < 2:
-        raise ValueError(f"{name}: expected at least two nodes, got {len(nodes)}")
-    steps = np.diff(nodes, axis=0)
-    if not np.linalg.norm(steps, axis=1).all():
-        raise ValueError(f"{name}: expected no two equal nodes in a row")
-    sharp = np.flatnonzero((steps[:-1] * steps[1:]).sum(axis=1) <= 0)
-    if len(sharp):
-        raise ValueError(f"{name}: expected turns under 90 degrees, but node {sharp[0] + 1} turns by more")
-    return nodes
-
-
-def _radii(radius: float | Sequence[float], count: int) -> list[float]:
-    if isinstance(radius, (Sequence, np.ndarray)) and np.ndim(radius) > 0:
-        radii = [check_positive(f"radius[{i}]", value, LONGEST) for i, value in enumerate(radius)]
-    else:
-        radii = [check_positive("radius", radius, LONGEST)] * count
-    if len(radii) != count:
-        raise ValueError(f"radius: expected one number or one for each of {count} chains, got {len(radii)}")
-    return radii
-
-
-def image_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return an image's width and height, pixels."""
-    try:
-        width, height = size
-    except (TypeError, ValueError):
-        raise ValueError("size: expected a pair (width, height) of pixels") from None
-    return check_integer("size[0]", width, 1), check_integer("size[1]", height, 1)
+    half_view = (0.5 - _BORDER) * np.array(size) / (FOCAL_LENGTH * size[0])
+    # the nodes in each camera's frame; the distance would only be added to z
+    rotated = [nodes @ camera_pose(azimuth, 1.0, elevation)[:3, :3] for azimuth in azimuths]
+    return max(float(((np.abs(v[:, :2]) + radius) / half_view - v[:, 2:]).max()) for v in rotated)

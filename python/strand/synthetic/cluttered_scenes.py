@@ -8,19 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.support.checks import Array, check_bool, check_integer
-from strand.synthetic.camera import camera_pose, render_depth, sense
-from strand.synthetic.random_ropes import random_ropes
-from strand.synthetic.scenes import FOCAL_LENGTH, SyntheticScene, azimuths, misplaced, nearest
+from strand.synthetic.camera import Camera, camera_pose, find_least_distance, spread_azimuths
+from strand.synthetic.noise import Noise, sense
+from strand.synthetic.random_curves import random_ropes
+from strand.synthetic.rendering import render_depth
+from strand.synthetic.scenes import SyntheticScene
 from strand.synthetic.things import Ball, Box, Cylinder, Thing, cast
 from strand.views.pose import moved
 
-_SIZE, _DEPTH_SCALE = (640, 480), 1e-4
-_NOISE, _FLYING = 0.001, 0.05  # metres; a part of the pixels at steps
+_CAMERA = Camera(size=(640, 480))
+_DEPTH_SD = 0.001  # metres: noise of the depths
+_FLYING = 0.05  # fraction of the pixels at steps in depth that fly
+_POSE_NOISE = Noise(turn=math.radians(0.4), shift=0.001)
 _RADII = (0.0035, 0.006)
 _DISTANCES, _ELEVATIONS = (0.5, 0.75), (math.radians(45.0), math.radians(80.0))
 _TABLE = 3.0  # side, metres
 _TILT, _SHIFT = math.radians(35.0), 0.5  # of the table in the world frame, radians and metres
-_TURN, _MOVE = math.radians(0.4), 0.001  # standard deviations of the poses' errors, radians and metres
 _CROSSINGS = 3  # most
 _ROPES, _PLACES = 60, 300  # that are drawn at most, of a rope and of things around it
 _AWAY = 0.012  # metres between a rope and things that stand on the table, in plan
@@ -29,7 +32,7 @@ _AROUND = 0.28  # metres from the middle within which things are
 _HIDDEN, _END = 8.0, 5.0
 
 
-def cluttered(seed: int = 0, *, views: int | None = None, rope: bool = True) -> SyntheticScene:
+def cluttered_scene(seed: int = 0, *, views: int | None = None, rope: bool = True) -> SyntheticScene:
     """Draw a rope on a table with a gripper, a mug, a box, a ball and a post.
 
     Depths of 640 x 480 pixels have 1 mm of independent noise. The table is tilted in the world frame; one
@@ -60,18 +63,14 @@ def cluttered(seed: int = 0, *, views: int | None = None, rope: bool = True) -> 
     seed, rope = check_integer("seed", seed), check_bool("rope", rope)
     count = (1, 3)[seed % 2] if views is None else check_integer("views", views, 1)
     rng = np.random.default_rng([seed, count])
-    width, height = _SIZE
-    focus = FOCAL_LENGTH * width
-    intrinsics = np.array(
-        [[focus, 0.0, 0.5 * (width - 1)], [0.0, focus, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
-    )
+    intrinsics = _CAMERA.intrinsics
     radius = float(rng.uniform(*_RADII))
     elevation = float(rng.uniform(*_ELEVATIONS))
     nodes, distance = _rope(rng, radius, count, elevation)
-    poses = np.stack([camera_pose(azimuth, distance, elevation) for azimuth in azimuths(count)])
+    poses = np.stack([camera_pose(azimuth, distance, elevation) for azimuth in spread_azimuths(count)])
 
     def exact(ropes: list[Array], things: list[Thing]) -> list[Array]:
-        empty = [render_depth(ropes, radius, intrinsics, pose, _SIZE, _TABLE) for pose in poses]
+        empty = [render_depth(ropes, radius, intrinsics, pose, _CAMERA.size, _TABLE) for pose in poses]
         return [cast(depth, things, intrinsics, pose) for depth, pose in zip(empty, poses, strict=True)]
 
     sampled = nodes[:: max(1, round(radius / float(np.linalg.norm(nodes[1] - nodes[0]))))]
@@ -88,12 +87,10 @@ def cluttered(seed: int = 0, *, views: int | None = None, rope: bool = True) -> 
     else:
         things = []
     images = [
-        sense(depth, noise=_NOISE, flying=_FLYING, step=radius, depth_scale=_DEPTH_SCALE, rng=rng)
+        sense(depth, noise=_DEPTH_SD, flying=_FLYING, step=radius, depth_scale=_CAMERA.depth_scale, rng=rng)
         for depth in exact([nodes] if rope else [], things)
     ]
-    errors = rng.normal(size=(count, 3)) * (_TURN, _MOVE, _MOVE)
-    errors[count // 2] = 0.0
-    reported = np.stack([misplaced(pose, *error) for pose, error in zip(poses, errors, strict=True)])
+    reported = _POSE_NOISE.misplace(poses, rng)
     world = np.linalg.inv(poses[0]) if count == 1 else _tilted(rng)
     if count == 1:
         seen_from = reported = np.eye(4)[None]
@@ -104,14 +101,14 @@ def cluttered(seed: int = 0, *, views: int | None = None, rope: bool = True) -> 
     return SyntheticScene(
         name=f"{'cluttered' if rope else 'without_rope'}{seed:02d}_{count}v",
         depth=np.stack(images),
-        depth_scale=_DEPTH_SCALE,
+        depth_scale=_CAMERA.depth_scale,
         intrinsics=intrinsics,
         poses=reported,
         poses_true=seen_from,
         bounds=(placed.min(axis=0), placed.max(axis=0)),
         radius=radius,
         truth=(moved(nodes, world),) if rope else (),
-        noise=_NOISE,
+        noise=_DEPTH_SD,
     )
 
 
@@ -124,7 +121,8 @@ def _rope(rng: np.random.Generator, radius: float, count: int, elevation: float)
         except ValueError:
             continue  # no rope that crosses so often was found
         distance = max(
-            nearest(nodes, radius, azimuths(count), elevation, _SIZE), float(rng.uniform(*_DISTANCES))
+            find_least_distance(nodes, radius, spread_azimuths(count), elevation, _CAMERA.size),
+            float(rng.uniform(*_DISTANCES)),
         )
         if distance <= _DISTANCES[1]:
             return nodes, distance

@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.support.checks import Array, check_choice, check_integer
-from strand.synthetic.camera import camera_pose
-from strand.synthetic.depth_camera import CAMERAS, DepthCamera
-from strand.synthetic.random_ropes import random_ropes
-from strand.synthetic.scenes import (
+from strand.synthetic.camera import (
     FOCAL_LENGTH,
-    SyntheticScene,
-    azimuths,
-    imitated_camera,
-    nearest,
-    scene,
-    turned,
+    Camera,
+    camera_pose,
+    find_device,
+    find_least_distance,
+    spread_azimuths,
 )
+from strand.synthetic.depth_camera import CAMERAS, DepthCamera
+from strand.synthetic.layout import Layout
+from strand.synthetic.noise import Noise, rotation_in_plane
+from strand.synthetic.random_curves import random_ropes
+from strand.synthetic.scenes import SyntheticScene, scene
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.shapes import lay
 
@@ -46,8 +47,8 @@ _SAMPLED = 0.5  # radii between the nodes that a bar may hide
 _END, _LOST_END = 6, 20.0  # of these nodes at a rope's end; as bad as so many radii too much
 
 
-def rough(
-    kind: str, seed: int = 0, *, camera: str | DepthCamera | None = None, views: int | None = None
+def rough_scene(
+    kind: str, seed: int = 0, *, device: str | DepthCamera | None = None, views: int | None = None
 ) -> SyntheticScene:
     """Ropes at random, hard to see for one reason.
 
@@ -69,7 +70,7 @@ def rough(
         One of `ROUGH`.
     seed : int
         The source of chance, not negative.
-    camera : str or DepthCamera, optional
+    device : str or DepthCamera, optional
         As in `scene`; if not given, `CAMERAS` take turns from seed to seed.
     views : int, optional
         How many images; if not given, 1 and 3 take turns.
@@ -89,8 +90,7 @@ def rough(
     kind = check_choice("kind", kind, ROUGH)
     seed = check_integer("seed", seed)
     rng = np.random.default_rng([ROUGH.index(kind), seed])
-    used = imitated_camera(list(CAMERAS)[seed % len(CAMERAS)] if camera is None else camera)
-    assert used is not None
+    used = find_device(list(CAMERAS)[seed % len(CAMERAS)] if device is None else device)
     count = (1, 3)[seed % 2] if views is None else check_integer("views", views, 1)
     radius = float(np.exp(rng.uniform(math.log(0.0025), math.log(0.006))))
     pixels = {"thin": 2.5, "thick": (8.0, 20.0)[seed // 2 % 2]}.get(kind, float(rng.uniform(4.0, 6.0)))
@@ -101,7 +101,7 @@ def rough(
     noise = float(rng.uniform(*_NOISE)) * radius
 
     def fits(nodes: Array) -> bool:
-        return nearest(nodes, radius, azimuths(count, hangs), elevation, _SIZE) <= distance
+        return find_least_distance(nodes, radius, spread_azimuths(count, hangs), elevation, _SIZE) <= distance
 
     chains = _ropes(rng, radius, fits, pixels > _WIDE, hangs)
     bars: tuple[tuple[Array, float], ...] = ()
@@ -112,7 +112,7 @@ def rough(
         mask = replace(mask, ragged=0.7, lost=0.1, taken=0.1, patch=0.4 * pixels)
     elif kind == "bar":
         viewpoints = np.stack(
-            [camera_pose(azimuth, distance, elevation)[:3, 3] for azimuth in azimuths(count)]
+            [camera_pose(azimuth, distance, elevation)[:3, 3] for azimuth in spread_azimuths(count)]
         )
         bars = (_bar(chains, radius, viewpoints, rng),)
     return scene(
@@ -120,16 +120,11 @@ def rough(
         chains=chains,
         seed=seed,
         radius=radius,
-        noise=noise,
         views=count,
-        size=_SIZE,
-        turn_error=_TURN,
-        camera=used,
+        camera=Camera(used, size=_SIZE),
+        noise=Noise(depth=noise, turn=_TURN),
         mask=mask,
-        distance=distance,
-        elevation=elevation,
-        wall=float(rng.uniform(0.4, 1.0)) if hangs else None,
-        bars=bars,
+        layout=Layout(distance, elevation, float(rng.uniform(0.4, 1.0)) if hangs else None, bars),
     )
 
 
@@ -144,7 +139,7 @@ def _ropes(
     for _ in range(_DRAWS):
         if wide:
             name, least, most = _SHORT[int(rng.integers(len(_SHORT)))]
-            plane = turned(float(rng.uniform(0.0, 2.0 * math.pi)))
+            plane = rotation_in_plane(float(rng.uniform(0.0, 2.0 * math.pi)))
             chains = posed((lay(name, radius, rng.uniform(least, most) * radius, plane),))
         else:
             crossings, ropes = int(rng.integers(0, _CROSSINGS + 1)), 1 + int(rng.random() < _TWO)

@@ -10,38 +10,27 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.support.checks import (
-    Array,
-    check_integer,
-    check_nonnegative,
-    check_number,
-    check_positive,
-    check_sequence,
-)
+from strand.support.checks import Array, check_integer, check_positive, check_sequence, check_text
 from strand.support.files import write_bytes
 from strand.support.robust import robust_deviation
-from strand.synthetic.camera import TABLE, camera_pose, image_size, render_depth, rope_nodes, sense
-from strand.synthetic.depth_camera import CAMERAS, DepthCamera
+from strand.synthetic.camera import Camera, find_device
+from strand.synthetic.layout import Layout
+from strand.synthetic.noise import Noise, rotation_in_plane, sense
+from strand.synthetic.rendering import render_depth, rope_nodes
 from strand.synthetic.segmentation import Segmentation
 from strand.synthetic.shapes import LONGEST, lay, usual_length
 from strand.views.view import View
 
-FOCAL_LENGTH = 212.0 / 320.0
-"""Focal length of a scene's cameras, of the image's width."""
-
-_NEAREST = 76.0  # radii, from the camera to the middle: 0.32 m for a rope 8.4 mm thick
-_BORDER = 0.02  # of the image's width and height: free of ropes
-_SQUEEZE = 0.03  # largest stretch of a shape's plan along one axis, with as much squeeze across
-_SHIFT = 3.0  # radii, largest shift of a shape from the middle in x and in y
-_VIEWS = 10_000  # most images of a scene
-_NOISE, _FLYING = 0.0007, 0.05  # of a scene without a camera: metres, and a part of the pixels at steps
-_ELEVATION = math.radians(50.0)  # of the cameras above a table
-_AROUND_TABLE, _BEFORE_WALL = math.radians(90.0), math.radians(40.0)  # the outermost azimuths
+_SQUEEZE = 0.03  # largest relative stretch of a shape's plan along one axis; it shrinks as much across
+_SHIFT = 3.0  # radii: largest shift of a shape from the middle in x and in y
+_MAX_VIEWS = 10_000  # images of a scene
+_DEPTH_SD = 0.0007  # metres: default noise of a camera that imitates no device
+_FLYING = 0.05  # default fraction of the pixels at steps that fly
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,79 +125,52 @@ def scene(
     name: str | None = None,
     *,
     chains: Sequence[ArrayLike] | None = None,
-    seed: int = 0,
     radius: float = 0.0042,
     length: float | None = None,
-    noise: float | None = None,
+    seed: int = 0,
     views: int = 7,
-    size: tuple[int, int] = (320, 240),
-    depth_scale: float = 1e-4,
-    flying: float | None = None,
-    turn_error: float = math.radians(0.5),
-    shift_error: float = 0.0015,
-    camera: str | DepthCamera | None = None,
+    camera: Camera | None = None,
+    noise: Noise | None = None,
     mask: Segmentation | None = None,
-    distance: float | None = None,
-    elevation: float | None = None,
-    wall: float | None = None,
-    bars: Sequence[tuple[ArrayLike, float]] = (),
+    layout: Layout | None = None,
 ) -> SyntheticScene:
-    """Ropes on a table, seen by a depth camera that is moved around it.
+    """Draw ropes on a table, seen by a depth camera from several sides.
 
-    The camera looks at the origin from 50 degrees above the table, from azimuths spread evenly over
-    -90 to 90 degrees (a single view: from 0), at the least distance, but not under 76 radii, at which
-    every view holds the ropes whole. The seed turns, mirrors and shifts a named shape on the table,
-    stretches its plan by up to 3 percent, and draws the depths' noise, the flying pixels and the errors
-    of the poses. The extraction range leaves 6 radii around the ropes' axes in x and y, and goes from
-    0.6 radii above the table to 3 radii above the highest axis; with a mask, which needs no cut at the
-    table, and before a wall it leaves 6 radii in z too.
+    By default, the cameras look at the origin from 50 degrees above the table. Their azimuths are spread
+    evenly from -90 to 90 degrees; a single camera is at 0. They stand 76 rope radii away, or farther where
+    a view would otherwise cut a rope off.
 
-    Without a `camera` errors are normal and independent. An imitated one has wide, correlated errors, and
-    the scene a mask.
+    The seed turns, mirrors and shifts a named shape on the table and stretches its plan by up to 3 percent.
+    It also draws the errors of depths, poses and masks.
+
+    The bounds reach 6 radii beyond the ropes' axes. Without a mask, they cut the table away: in z they reach
+    from 0.6 radii above the table to 3 radii above the highest axis.
 
     Parameters
     ----------
     name : str, optional
-        One of `SHAPES`, "paper" if not given; with `chains`, only what to call the scene.
+        One of `SHAPES`, "paper" by default. With `chains`, any name for the scene.
     chains : sequence of (M, 3) array_like of float, optional
-        Ropes to show as they are, instead of a shape: nodes in the world frame, metres, about 1 mm
-        apart, around the origin, at least a radius above the table.
-    seed : int
-        The source of chance, not negative.
+        Ropes to show instead of a shape: nodes in the world frame, metres, about 1 mm apart, around the
+        origin, at least a radius above the table.
     radius : float
         The ropes' radius, metres.
     length : float, optional
-        A named shape's length, metres; if not given, in proportion to the radius: 0.4 m for 4.2 mm, 0.72 m of
-        "granny" and "square".
-    noise : float, optional
-        Standard deviation of the depths, metres; 0.7 mm if not given. With a camera, at its distance from
-        the origin, and the camera's own if not given.
+        Length of a named shape, metres. By default it is proportional to the radius: 0.4 m for 4.2 mm, and
+        0.72 m for "granny" and "square".
+    seed : int
+        Seed of the random numbers, not negative.
     views : int
-        How many images.
-    size : (int, int)
-        Width and height of an image, pixels; the focal length grows with the width.
-    depth_scale : float
-        Metres for each unit of depth.
-    flying : float, optional
-        Part, from 0 to 1, of the pixels next to a step in depth that get a depth between the two; 0.05
-        if not given, and none with a camera.
-    turn_error, shift_error : float
-        Standard deviation of the poses' errors as read off the stage: of a turn about the world's z
-        axis, radians, and of shifts along x and y, metres. The middle view's pose is exact.
-    camera : str or DepthCamera, optional
-        A key of `CAMERAS`, or a camera of your own.
+        Number of images.
+    camera : Camera, optional
+        The image's size and unit, and the depth camera to imitate.
+    noise : Noise, optional
+        The errors of the depths and of the poses.
     mask : Segmentation, optional
-        How the ropes' pixels are found; exactly if not given along with a camera.
-    distance : float, optional
-        From the origin to the cameras, metres, if every view holds the ropes whole from there; 76 radii if
-        not given.
-    elevation : float, optional
-        Angle of the cameras above the table, radians; 50 degrees if not given, 0 before a wall.
-    wall : float, optional
-        Instead of a table, a wall at x = -wall, metres: for ropes that hang. The cameras look along -x, from
-        azimuths of -40 to 40 degrees.
-    bars : sequence of ((M, 3) array_like, float)
-        Round bars in the way that are no ropes: nodes and radius, metres.
+        The errors of the masks. By default a scene has exact masks if its camera imitates a device, and
+        none otherwise.
+    layout : Layout, optional
+        The cameras' distance and elevation, a wall instead of the table, and bars before the ropes.
 
     Returns
     -------
@@ -217,173 +179,124 @@ def scene(
     Raises
     ------
     TypeError
-        If an argument is not a number or an integer where it should be, or a chain does not hold
-        floating point numbers.
+        If an argument has the wrong type, or a chain does not hold floating point numbers.
     ValueError
-        If there is no such shape or camera, `length` is too short for the shape or is given along with
-        `chains`, there are no chains or one is not as `render_depth` wants it, `views` is not positive,
-        `flying` is given along with a camera, or a number is out of its range.
-    """
-    if name is not None and not isinstance(name, str):
-        raise TypeError(f"name: expected text, got {type(name).__name__}")
-    radius = check_positive("radius", radius, LONGEST)
-    noise = None if noise is None else check_nonnegative("noise", noise)
-    turn_error, shift_error = (
-        check_nonnegative("turn_error", turn_error),
-        check_nonnegative("shift_error", shift_error),
-    )
-    imitated = imitated_camera(camera)
-    if imitated is not None and flying is not None:
-        raise ValueError("flying: expected none along with a camera, which mixes depths its own way")
-    if mask is not None and not isinstance(mask, Segmentation):
-        raise TypeError(f"mask: expected a Segmentation, got {type(mask).__name__}")
-    wall = None if wall is None else check_positive("wall", wall, LONGEST)
-    count, (width, height) = check_integer("views", views, 1, _VIEWS), image_size(size)
-    placing, stage, sensor, segmenter = (
-        np.random.default_rng(child)
-        for child in np.random.SeedSequence(check_integer("seed", seed, 0)).spawn(4)
-    )
-    if chains is None:
-        name = "paper" if name is None else name
-        truth: tuple[Array, ...] = (_placed(name, radius, length, placing),)
-    else:
-        if length is not None:
-            raise ValueError("length: expected none along with chains, which have their own")
-        name = "chains" if name is None else name
-        given = check_sequence("chains", chains, "arrays")
-        truth = tuple(rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(given))
-        if not truth:
-            raise ValueError("chains: expected at least one rope, got none")
-    obstacles = [_obstacle(f"bars[{i}]", bar) for i, bar in enumerate(check_sequence("bars", bars, "pairs"))]
+        If there is no such shape, `length` is too short for the shape or is given with `chains`, `chains` is
+        empty or holds a rope that `render_depth` does not accept, `noise.flying` is given although the
+        camera imitates a device, or a number is out of its range.
 
-    if elevation is None:
-        elevation = _ELEVATION if wall is None else 0.0
-    around = azimuths(count, wall is not None)
-    focus, centre = FOCAL_LENGTH * width, (0.5 * (width - 1), 0.5 * (height - 1))
-    intrinsics = np.array([[focus, 0.0, centre[0]], [0.0, focus, centre[1]], [0.0, 0.0, 1.0]])
+    Examples
+    --------
+    >>> from strand.synthetic import Camera, Noise, scene
+    >>> made = scene("overhand", views=2, camera=Camera(size=(64, 48)), noise=Noise(depth=0.0003))
+    >>> made.depth.shape
+    (2, 48, 64)
+    """
+    radius = check_positive("radius", radius, LONGEST)
+    views = check_integer("views", views, 1, _MAX_VIEWS)
+    camera, noise = _instance("camera", camera, Camera), _instance("noise", noise, Noise)
+    layout = _instance("layout", layout, Layout)
+    device = None if camera.device is None else find_device(camera.device)
+    if device is not None and noise.flying is not None:
+        raise ValueError("noise: expected no `flying` with a device, which mixes depths its own way")
+    has_masks = device is not None or mask is not None
+    mask = _instance("mask", mask, Segmentation)
+    seeds = np.random.SeedSequence(check_integer("seed", seed, 0)).spawn(4)
+    placing, stage, sensor, segmenter = (np.random.default_rng(child) for child in seeds)
+    name, truth = _find_ropes(name, chains, radius, length, placing)
     nodes = np.concatenate(truth)
-    least = nearest(nodes, radius, around, check_number("elevation", elevation), (width, height))
-    distance = max(
-        _NEAREST * radius if distance is None else check_positive("distance", distance, LONGEST), least
-    )
-    poses_true = np.stack([camera_pose(azimuth, distance, elevation) for azimuth in around])
-    if imitated is not None and noise is not None:
-        imitated = imitated.with_noise(noise, focus, distance)
-    if wall is None:
-        frame, side = np.eye(4), max(TABLE, 3.0 * distance)
-    else:
-        frame, side = _wall_frame(wall), 4.0 * (distance + wall)
-    ropes, others = (
-        [nodes @ frame[:3, :3].T + frame[:3, 3] for nodes in lines]
-        for lines in (truth, [bar for bar, _ in obstacles])
-    )
-    bar_radii = [bar_radius for _, bar_radius in obstacles]
-    images, masks, on_ropes = [], [], []
-    for pose in poses_true:
-        seen_from = (intrinsics, frame @ pose, (width, height), side)
-        exact = render_depth([*ropes, *others], [radius] * len(ropes) + bar_radii, *seen_from)
-        if imitated is None:
+    poses, distance = layout.place_cameras(views, nodes, radius, camera.size)
+    if device is not None and noise.depth is not None:
+        device = device.with_noise(noise.depth, camera.focal_length, distance)
+    depth_sd = _DEPTH_SD if noise.depth is None else noise.depth
+
+    motion, side = layout.find_background(distance)
+    ropes = [_move(chain, motion) for chain in truth]
+    bars = [_move(np.asarray(line), motion) for line, _ in layout.bars]
+    bar_radii = [bar_radius for _, bar_radius in layout.bars]
+    images, masks, errors_on_ropes = [], [], []
+    for pose in poses:
+        seen_from = (camera.intrinsics, motion @ pose, camera.size, side)
+        exact = render_depth([*ropes, *bars], [radius] * len(ropes) + bar_radii, *seen_from)
+        if device is None:
             image = sense(
                 exact,
-                noise=_NOISE if noise is None else noise,
-                flying=_FLYING if flying is None else flying,
+                noise=depth_sd,
+                flying=_FLYING if noise.flying is None else noise.flying,
                 step=radius,
-                depth_scale=depth_scale,
+                depth_scale=camera.depth_scale,
                 rng=sensor,
             )
         else:
-            image = imitated.sense(exact, intrinsics, depth_scale=depth_scale, rng=sensor)
+            image = device.sense(exact, camera.intrinsics, depth_scale=camera.depth_scale, rng=sensor)
         images.append(image)
-        if imitated is not None or mask is not None:
-            empty = render_depth(others, bar_radii, *seen_from)
-            shown = (exact > 0) & ((exact < empty) | (empty == 0))
-            masks.append((mask or Segmentation()).find(shown, segmenter))
-            on_ropes.append(np.abs(image * depth_scale - exact)[shown & (image > 0)])
-    if imitated is not None:
-        found = np.concatenate(on_ropes)
-        noise = robust_deviation(found)
-    errors = stage.normal(size=(count, 3)) * (turn_error, shift_error, shift_error)
-    errors[count // 2] = 0.0
+        if has_masks:
+            without_ropes = render_depth(bars, bar_radii, *seen_from)
+            on_rope = (exact > 0) & ((exact < without_ropes) | (without_ropes == 0))
+            masks.append(mask.find(on_rope, segmenter))
+            errors_on_ropes.append(np.abs(image * camera.depth_scale - exact)[on_rope & (image > 0)])
+    if device is not None:
+        depth_sd = robust_deviation(np.concatenate(errors_on_ropes))
     low, high = nodes.min(axis=0) - 6.0 * radius, nodes.max(axis=0) + 6.0 * radius
-    if wall is None and not masks:
+    if layout.wall is None and not has_masks:
         low[2], high[2] = 0.6 * radius, nodes[:, 2].max() + 3.0 * radius
     return SyntheticScene(
         name=name,
         depth=np.stack(images),
-        depth_scale=float(depth_scale),
-        intrinsics=intrinsics,
-        poses=np.stack([misplaced(pose, *error) for pose, error in zip(poses_true, errors, strict=True)]),
-        poses_true=poses_true,
+        depth_scale=camera.depth_scale,
+        intrinsics=camera.intrinsics,
+        poses=noise.misplace(poses, stage),
+        poses_true=poses,
         bounds=(low, high),
         radius=radius,
         truth=truth,
-        noise=_NOISE if noise is None else noise,
+        noise=depth_sd,
         mask=np.stack(masks) if masks else None,
     )
 
 
-def _obstacle(name: str, bar: tuple[ArrayLike, float]) -> tuple[Array, float]:
-    if not isinstance(bar, (tuple, list)) or len(bar) != 2:
-        raise ValueError(f"{name}: expected a pair of nodes and a radius")
-    return rope_nodes(name, bar[0]), check_positive(name, bar[1], LONGEST)
+_Settings = TypeVar("_Settings")
 
 
-def imitated_camera(camera: str | DepthCamera | None) -> DepthCamera | None:
-    """Return the camera of a name, or the one that was given; None for none."""
-    if camera is None or isinstance(camera, DepthCamera):
-        return camera
-    if not isinstance(camera, str):
-        raise TypeError(f"camera: expected a name or a DepthCamera, got {type(camera).__name__}")
-    if camera not in CAMERAS:
-        raise ValueError(f"camera: expected one of {', '.join(CAMERAS)}, got {camera!r}")
-    return CAMERAS[camera]
+def _instance(name: str, value: _Settings | None, kind: type[_Settings]) -> _Settings:
+    """Return an argument that must have this type, or the type's default for None."""
+    if value is not None and not isinstance(value, kind):
+        raise TypeError(f"{name}: expected a {kind.__name__}, got {type(value).__name__}")
+    return kind() if value is None else value
 
 
-def _placed(name: str, radius: float, length: float | None, rng: np.random.Generator) -> Array:
-    """(M, 3) A shape, stretched, mirrored, turned and shifted by chance."""
+def _find_ropes(
+    name: str | None,
+    chains: Sequence[ArrayLike] | None,
+    radius: float,
+    length: float | None,
+    rng: np.random.Generator,
+) -> tuple[str, tuple[Array, ...]]:
+    """Return a scene's name and the nodes of its ropes: a shape placed at random, or the given chains."""
+    name = None if name is None else check_text("name", name)
+    if chains is None:
+        name = "paper" if name is None else name
+        return name, (_place_shape(name, radius, length, rng),)
+    if length is not None:
+        raise ValueError("length: expected none along with chains, which have their own")
+    given = check_sequence("chains", chains, "arrays")
+    ropes = tuple(rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(given))
+    if not ropes:
+        raise ValueError("chains: expected at least one rope, got none")
+    return "chains" if name is None else name, ropes
+
+
+def _place_shape(name: str, radius: float, length: float | None, rng: np.random.Generator) -> Array:
+    """(M, 3) The nodes of a shape, stretched, mirrored, turned and shifted at random."""
     turn, axis = rng.uniform(0.0, 2.0 * np.pi, size=2)
     stretch = math.exp(rng.uniform(-_SQUEEZE, _SQUEEZE))
     mirror = rng.choice([-1.0, 1.0])
     shift = rng.uniform(-_SHIFT, _SHIFT, size=2) * radius
-    plane = turned(turn) @ np.diag([stretch, mirror / stretch]) @ turned(axis)
+    plane = rotation_in_plane(turn) @ np.diag([stretch, mirror / stretch]) @ rotation_in_plane(axis)
     nodes = lay(name, radius, usual_length(name) * radius / 0.0042 if length is None else length, plane)
     nodes[:, :2] += shift
     return nodes
 
 
-def turned(angle: float) -> Array:
-    """(2, 2) Rotation in the plane."""
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-
-
-def misplaced(pose: Array, angle: float, dx: float, dy: float) -> Array:
-    """(4, 4) The pose turned about the world's z axis, then shifted in the table plane."""
-    motion = np.eye(4)
-    motion[:2, :2] = turned(angle)
-    motion[:2, 3] = dx, dy
-    return np.asarray(motion @ pose)
-
-
-def _wall_frame(wall: float) -> Array:
-    """(4, 4) Motion that takes the plane x = -wall to z = 0, and what is before it above that."""
-    motion = np.eye(4)
-    motion[:3, :3] = np.roll(np.eye(3), 1, axis=1)
-    motion[2, 3] = wall
-    return motion
-
-
-def azimuths(views: int, before_wall: bool = False) -> Array:
-    """(V,) Azimuths of a scene's cameras, radians: all around a table's half, or before a wall."""
-    outermost = _BEFORE_WALL if before_wall else _AROUND_TABLE
-    return np.linspace(-outermost, outermost, views) if views > 1 else np.zeros(1)
-
-
-def nearest(nodes: Array, radius: float, around: Array, elevation: float, size: tuple[int, int]) -> float:
-    """Least distance from the origin at which a scene's cameras see every node, with a radius around it.
-
-    `around` has the cameras' azimuths; nodes are in metres, angles in radians, the size in pixels.
-    """
-    half_view = (0.5 - _BORDER) * np.array(size) / (FOCAL_LENGTH * size[0])
-    # nodes as cameras see them, but for the distance, which adds to z
-    seen = [nodes @ camera_pose(azimuth, 1.0, elevation)[:3, :3] for azimuth in around]
-    return max(float(((np.abs(v[:, :2]) + radius) / half_view - v[:, 2:]).max()) for v in seen)
+def _move(nodes: Array, motion: Array) -> Array:
+    return np.asarray(nodes @ motion[:3, :3].T + motion[:3, 3])

@@ -105,7 +105,7 @@ def broken(path):
 
 
 def cut(path):
-    strand.synthetic.scene("arc", views=1, size=(160, 120)).save(path)
+    strand.synthetic.scene("arc", views=1, camera=strand.synthetic.Camera(size=(160, 120))).save(path)
     path.write_bytes(path.read_bytes()[:2000])
 
 

@@ -18,7 +18,7 @@ from shared.scene_files import POINTS, make_ply
 from strand.cli import main
 
 SCENE = strand.synthetic.scene("arc", views=3)
-SMALL = strand.synthetic.scene("arc", views=2, size=(40, 30))
+SMALL = strand.synthetic.scene("arc", views=2, camera=strand.synthetic.Camera(size=(40, 30)))
 
 
 @pytest.fixture

@@ -114,7 +114,13 @@ def test_real_frames_are_depths_in_metres():
 def test_scenes_that_are_not_right_are_counted_and_drawn(tmp_path):
     """Two scenes of a folder, one of them with the truth of another rope."""
     for i, camera in enumerate(("tof", "d435")):
-        made = strand.synthetic.scene("arc", camera=camera, views=1, noise=2e-4, seed=4)
+        made = strand.synthetic.scene(
+            "arc",
+            camera=strand.synthetic.Camera(camera),
+            views=1,
+            noise=strand.synthetic.Noise(depth=2e-4),
+            seed=4,
+        )
         truth = made.truth if i == 0 else (made.truth[0] + 0.05,)
         dataclasses.replace(made, truth=truth).save(tmp_path / f"arc_{camera}_1v.npz")
     done = run("sensors.py", tmp_path, "--pictures", tmp_path / "drawn", folder=tmp_path)
@@ -172,7 +178,9 @@ def test_random_scenes_of_both_kinds():
 def test_ropes_that_hang_cross_as_seen_across_their_layer():
     lying = strand.synthetic.scene("figure8", views=1)
     hung = [np.roll(nodes, 1, axis=1) for nodes in lying.truth]
-    hanging = strand.synthetic.scene(chains=hung, views=1, wall=0.5, mask=strand.synthetic.Segmentation())
+    hanging = strand.synthetic.scene(
+        chains=hung, views=1, layout=strand.synthetic.Layout(wall=0.5), mask=strand.synthetic.Segmentation()
+    )
     for made in (lying, hanging):
         found, chains = judging.judged(made, tell_radius=True, tell_ropes=True)
         assert chains

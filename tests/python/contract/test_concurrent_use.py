@@ -33,7 +33,9 @@ ASKED = {
 
 @pytest.fixture(scope="module")
 def made():
-    return strand.synthetic.scene("overhand", views=2, size=(160, 120), seed=3)
+    return strand.synthetic.scene(
+        "overhand", views=2, camera=strand.synthetic.Camera(size=(160, 120)), seed=3
+    )
 
 
 @pytest.fixture

@@ -20,8 +20,8 @@ def scene(request):
     if request.param == "points":
         return strand.synthetic.scene("overhand", seed=3)
     if request.param == "masks":
-        return strand.synthetic.scene("loop", seed=5, camera="d405", size=(320, 240), views=3)
-    return strand.synthetic.scene("arc", seed=2, noise=3.5e-3, views=2)
+        return strand.synthetic.scene("loop", seed=5, camera=strand.synthetic.Camera("d405"), views=3)
+    return strand.synthetic.scene("arc", seed=2, noise=strand.synthetic.Noise(depth=3.5e-3), views=2)
 
 
 def test_after_the_deadline_the_first_answer_is_taken_and_doubted(scene):

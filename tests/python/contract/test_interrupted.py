@@ -28,7 +28,7 @@ def nodes(model):
 
 @pytest.mark.parametrize("camera", [None, "d405"])
 def test_every_stage_is_left_at_once(camera):
-    scene = strand.synthetic.scene("overhand", seed=3, views=3, size=(320, 240), camera=camera)
+    scene = strand.synthetic.scene("overhand", seed=3, views=3, camera=strand.synthetic.Camera(camera))
     stages: list[str] = []
 
     def reconstruct():

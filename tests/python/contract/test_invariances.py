@@ -51,7 +51,7 @@ def case(request):
     if request.param == "published":
         scene = strand.synthetic.scene("arc", seed=3, views=3)
         return made(scene, scene.views, strand.Config.published())
-    scene = strand.synthetic.scene("loop", seed=5, camera="d405", size=(320, 240), views=1)
+    scene = strand.synthetic.scene("loop", seed=5, camera=strand.synthetic.Camera("d405"), views=1)
     return made(scene, scene.views, strand.Config())
 
 

@@ -25,7 +25,9 @@ class Calls:
 
     def __init__(self, rng: np.random.Generator, folder) -> None:
         self.rng, self.folder = rng, folder
-        self.scene = strand.synthetic.scene("straight", views=2, size=SIZE, seed=0)
+        self.scene = strand.synthetic.scene(
+            "straight", views=2, camera=strand.synthetic.Camera(size=SIZE), seed=0
+        )
         self.views: list[View] = list(self.scene.views)
         self.models: list[strand.Model] = []
         self.refused = 0
@@ -37,7 +39,9 @@ class Calls:
         shape = self.any(strand.synthetic.SHAPES)
         views = int(self.rng.integers(1, 4))
         seed = int(self.rng.integers(1000))
-        self.scene = strand.synthetic.scene(shape, views=views, size=SIZE, seed=seed)
+        self.scene = strand.synthetic.scene(
+            shape, views=views, camera=strand.synthetic.Camera(size=SIZE), seed=seed
+        )
         self.views = list(self.scene.views)
 
     def view_from_depth(self) -> None:

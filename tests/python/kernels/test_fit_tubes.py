@@ -77,7 +77,9 @@ def test_a_loop_that_the_points_show_is_not_stiffened_until_it_is_straight():
     steps = np.stack([np.cos(angle), np.sin(angle), np.full(400, 0.03)], axis=1)
     nodes = np.cumsum(steps, axis=0) * 0.5 / 400
     nodes -= nodes.mean(axis=0) * [1.0, 1.0, 0.0] - [0.0, 0.0, r]
-    scene = strand.synthetic.scene(chains=[nodes], radius=r, noise=0.0013, views=3, seed=0)
+    scene = strand.synthetic.scene(
+        chains=[nodes], radius=r, noise=strand.synthetic.Noise(depth=0.0013), views=3, seed=0
+    )
     views = [view.crop(scene.bounds) for view in scene.views]
     start = strand._core.spline_through(scene.truth[0][::3], 2.5 * r, 2.0 * r)
     fit = strand.fit_tubes(

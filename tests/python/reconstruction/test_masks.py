@@ -12,7 +12,13 @@ from shared.ropes import find_rope_pixels, find_warnings
 from strand.reconstruction.masks import misplaced_masks, surplus_labels
 
 SCENES = {
-    name: strand.synthetic.scene(name, views=3, seed=seed, noise=noise, size=(480, 360))
+    name: strand.synthetic.scene(
+        name,
+        views=3,
+        seed=seed,
+        noise=strand.synthetic.Noise(depth=noise),
+        camera=strand.synthetic.Camera(size=(480, 360)),
+    )
     for seed, (name, noise) in enumerate([("arc", 0.7e-3), ("paper", 3e-3), ("straight", 1.5e-3)])
 }
 MASKS = {name: find_rope_pixels(scene) for name, scene in SCENES.items()}
@@ -209,7 +215,11 @@ def test_a_mask_with_little_depth_says_so():
 @pytest.mark.parametrize("number", [0, 1])
 def test_one_mask_tells_the_ropes_in_views_without(number):
     made = strand.synthetic.scene(
-        "arc", seed=1, views=3, camera="zed", mask=strand.synthetic.Segmentation(), size=(480, 360)
+        "arc",
+        seed=1,
+        views=3,
+        camera=strand.synthetic.Camera("zed", size=(480, 360)),
+        mask=strand.synthetic.Segmentation(),
     )
     bare = dataclasses.replace(made, mask=None).views
     views = [view if i == number else bare[i] for i, view in enumerate(made.views)]

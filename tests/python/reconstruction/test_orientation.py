@@ -14,7 +14,9 @@ from shared.ropes import R
 def test_chains_start_at_the_same_end_however_the_data_waver(paper, paper_model):
     start = paper_model.chains[0].points[0]
     for seed in range(2):
-        other = strand.synthetic.scene(chains=paper.truth, seed=seed, noise=0.0005)
+        other = strand.synthetic.scene(
+            chains=paper.truth, seed=seed, noise=strand.synthetic.Noise(depth=0.0005)
+        )
         chain = strand.reconstruct(other.views, other.radius, other.bounds).chains[0]
         assert np.linalg.norm(chain.points[0] - start) < 2.0 * R
     before = dataclasses.replace(paper_model, chains=(paper_model.chains[0].reversed(),))

@@ -25,7 +25,7 @@ KINDS = {"pose", "range", "view", "residuals", "radius"}
 
 @pytest.fixture(scope="module")
 def scene():
-    return strand.synthetic.scene("s", seed=1, views=3, noise=0.3e-3)
+    return strand.synthetic.scene("s", seed=1, views=3, noise=strand.synthetic.Noise(depth=0.3e-3))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from shared.ropes import R
 from strand import synthetic
 
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
-SCENE = synthetic.scene(chains=[LINE], views=3, size=(160, 120), seed=5)
+SCENE = synthetic.scene(chains=[LINE], views=3, camera=synthetic.Camera(size=(160, 120)), seed=5)
 CHAIN = strand.Chain(LINE, R)
 
 

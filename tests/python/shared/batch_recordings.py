@@ -22,7 +22,13 @@ def save_scenes(folder: Path, count: int) -> Path:
     """A folder of scenes of one view."""
     for seed in range(count):
         name = SHAPES[seed % 6]
-        made = strand.synthetic.scene(name, views=1, size=(160, 120), seed=seed, flying=0.0)
+        made = strand.synthetic.scene(
+            name,
+            views=1,
+            camera=strand.synthetic.Camera(size=(160, 120)),
+            seed=seed,
+            noise=strand.synthetic.Noise(flying=0.0),
+        )
         (folder / f"{seed % 3}").mkdir(parents=True, exist_ok=True)
         made.save(folder / f"{seed % 3}" / f"{seed:02}.npz")
     return folder

@@ -176,11 +176,11 @@ def many(folder: Path) -> None:
     """Recordings: the first without a rope, one that is broken, and two of a rope."""
     (folder / "recordings" / "monday").mkdir(parents=True)
     for name in ("arc", "loop"):
-        made = strand.synthetic.scene(name, views=2, size=(160, 120), seed=1)
+        made = strand.synthetic.scene(name, views=2, camera=strand.synthetic.Camera(size=(160, 120)), seed=1)
         made.save(folder / "recordings" / "monday" / f"{name}.npz")
     # a table and nothing else
     table = np.random.default_rng(0).normal(6000.0, 3.0, (1, 120, 160)).astype(np.uint16)
-    one = strand.synthetic.scene("arc", views=1, size=(160, 120))
+    one = strand.synthetic.scene("arc", views=1, camera=strand.synthetic.Camera(size=(160, 120)))
     known = {"K": one.intrinsics, "poses": one.poses, "depth_scale": one.depth_scale}
     np.savez(folder / "recordings" / "bare.npz", depth=table, **known)
     (folder / "recordings" / "broken.npz").write_bytes(b"nonsense")

@@ -14,7 +14,7 @@ from strand.ropes.model import Alternative, Doubt, ModelWarning
 
 R = 0.0042
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
-SCENE = synthetic.scene(chains=[LINE], views=3, size=(160, 120), seed=5)
+SCENE = synthetic.scene(chains=[LINE], views=3, camera=synthetic.Camera(size=(160, 120)), seed=5)
 CLOUDS = [view.crop(SCENE.bounds) for view in SCENE.views]
 CHAIN = strand.Chain(LINE, R)
 WRONG = ["a", None, float("nan"), float("inf"), -1.5, [], np.zeros((2, 5)), np.zeros((2, 2, 2)), object(), 1j]
@@ -75,7 +75,10 @@ FUNCTIONS = {
         synthetic.render_depth,
         {"chains": [LINE], "radius": R, "intrinsics": SCENE.intrinsics, "pose": np.eye(4), "size": (16, 12)},
     ),
-    "scene": (synthetic.scene, {"name": "straight", "views": 1, "size": (32, 24), "noise": 0.0, "radius": R}),
+    "scene": (synthetic.scene, {"name": "straight", "seed": 0, "radius": R, "views": 1}),
+    "Camera": (synthetic.Camera, {"device": "d435", "size": (32, 24), "depth_scale": 1e-4}),
+    "Noise": (synthetic.Noise, {"depth": 0.0, "flying": 0.05, "turn": 0.01, "shift": 1e-3}),
+    "Layout": (synthetic.Layout, {"distance": 0.5, "elevation": 0.7, "wall": 0.4, "bars": ()}),
     "sense": (
         partial(synthetic.sense, SCENE.depth[0] * 1e-4, step=R, depth_scale=1e-4),
         {"noise": 1e-3, "flying": 0.05, "rng": np.random.default_rng(0)},
@@ -89,6 +92,7 @@ SIGNED = (
     *(("rotation_xyz", angle) for angle in ("rx", "ry", "rz")),
     ("camera_pose", "azimuth"),
     ("camera_pose", "elevation"),
+    ("Layout", "elevation"),
 )
 # what these mean is not the others' business
 ACCEPTED = {
@@ -111,7 +115,10 @@ ACCEPTED = {
     ("Alternative", "chains", "[]"),
     ("render_depth", "chains", "[]"),
     ("scene", "name", "None"),
-    ("scene", "noise", "None"),
+    ("Camera", "device", "None"),
+    *(("Noise", argument, "None") for argument in ("depth", "flying")),
+    *(("Layout", argument, "None") for argument in ("distance", "elevation", "wall")),
+    ("Layout", "bars", "[]"),
     *((name, argument, "-1.5") for name, argument in SIGNED),
 }
 

@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strand.synthetic import camera_pose, cluttered
+from strand.synthetic import camera_pose, cluttered_scene
 from strand.synthetic.things import Ball, Box, Cylinder, cast
 
 K = np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]])
 
 
 def test_the_same_seed_gives_the_same_bits_with_and_without_a_rope():
-    made, again = cluttered(4), cluttered(4)
+    made, again = cluttered_scene(4), cluttered_scene(4)
     assert made.name == "cluttered04_1v"
     assert np.array_equal(made.depth, again.depth)
     assert np.array_equal(made.poses[0], np.eye(4))
-    without = cluttered(4, rope=False)
+    without = cluttered_scene(4, rope=False)
     assert without.truth == ()
     assert without.radius == made.radius
 
 
 def test_views_show_the_rope_between_things():
-    made = cluttered(5)
+    made = cluttered_scene(5)
     assert made.depth.shape == (3, 480, 640)
     seen = np.zeros(len(made.truth[0]), dtype=bool)
     for depth, pose in zip(made.depth, made.poses_true, strict=True):
@@ -59,8 +59,8 @@ def test_things_are_as_high_as_they_are_from_above(thing, height):
 
 def test_wrong_arguments():
     with pytest.raises(ValueError, match="seed"):
-        cluttered(-1)
+        cluttered_scene(-1)
     with pytest.raises(ValueError, match="views"):
-        cluttered(0, views=0)
+        cluttered_scene(0, views=0)
     with pytest.raises(TypeError, match="rope"):
-        cluttered(0, rope="no")
+        cluttered_scene(0, rope="no")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from strand import load_scene
-from strand.synthetic import CAMERAS, Segmentation, render_depth, scene
+from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, render_depth, scene
 from strand.synthetic.fields import spread
 from strand.synthetic.shapes import shape
 
@@ -23,7 +23,7 @@ def exact(made, i, ropes=True):
 
 
 def test_a_camera_sees_ropes_and_table_and_gives_a_mask():
-    made = scene("loop", camera="d435", views=2, seed=2)
+    made = scene("loop", camera=Camera("d435"), views=2, seed=2)
     assert made.mask.shape == made.depth.shape
     assert made.mask.dtype == bool
     errors = []
@@ -50,14 +50,17 @@ def test_noise_is_asked_for_or_the_cameras_own(name):
     # but for the steps, which are coarse in small images
     smooth = dataclasses.replace(CAMERAS[name], amplitude=0.0, step=0.0)
     quiet, loud = (
-        scene("s", camera=smooth, views=1, noise=part * RADIUS, size=(160, 120)) for part in (0.2, 0.8)
+        scene("s", camera=Camera(smooth, size=(160, 120)), views=1, noise=Noise(depth=part * RADIUS))
+        for part in (0.2, 0.8)
     )
     for made, part in ((quiet, 0.2), (loud, 0.8)):
         depth, distance = exact(made, 0), np.linalg.norm(made.poses_true[0, :3, 3])
         table = ~spread(made.mask[0], 12) & (made.depth[0] > 0) & (np.abs(depth / distance - 1.0) < 0.15)
         error = (made.depth[0] * made.depth_scale - depth)[table]
         assert 0.65 * part < 1.4826 * np.median(np.abs(error)) / RADIUS < 1.35 * part
-    own, given = (scene("s", camera=camera, views=1, size=(160, 120)) for camera in (name, CAMERAS[name]))
+    own, given = (
+        scene("s", camera=Camera(camera, size=(160, 120)), views=1) for camera in (name, CAMERAS[name])
+    )
     assert np.array_equal(own.depth, given.depth)
     assert np.array_equal(own.mask, given.mask)
     # the noise has no part in how the rope lies, nor in the mask
@@ -76,7 +79,7 @@ def test_plain_noise_with_a_mask():
 
 
 def test_masks_are_saved(tmp_path):
-    made = scene("arc", camera="tof", views=3, size=(160, 120))
+    made = scene("arc", camera=Camera("tof", size=(160, 120)), views=3)
     made.save(tmp_path / "arc.npz")
     read = load_scene(tmp_path / "arc.npz")
     for view, mask, own in zip(read.views, made.mask, made.views, strict=True):
@@ -86,12 +89,15 @@ def test_masks_are_saved(tmp_path):
 
 
 def test_distance_and_elevation():
-    near, far = scene("s", views=1), scene("s", views=1, distance=0.9, elevation=math.radians(70))
+    near, far = (
+        scene("s", views=1),
+        scene("s", views=1, layout=Layout(distance=0.9, elevation=math.radians(70))),
+    )
     where = far.poses_true[0, :3, 3]
     assert np.linalg.norm(where) == pytest.approx(0.9)
     assert math.degrees(math.asin(where[2] / 0.9)) == pytest.approx(70)
     # never so near that a rope is cut
-    closest = scene("s", views=1, distance=1e-3)
+    closest = scene("s", views=1, layout=Layout(distance=1e-3))
     assert np.linalg.norm(closest.poses_true[0, :3, 3]) < np.linalg.norm(near.poses_true[0, :3, 3])
     seen = (closest.truth[0] - closest.poses_true[0, :3, 3]) @ closest.poses_true[0, :3, :3]
     pixel = (seen @ closest.intrinsics.T)[:, :2] / seen[:, 2:]
@@ -101,7 +107,7 @@ def test_distance_and_elevation():
 
 def test_a_rope_before_a_wall():
     hung = np.roll(shape("arc"), 1, axis=1)  # upright: x is away from the wall
-    made = scene(chains=[hung], camera="d435", views=3, wall=0.6)
+    made = scene(chains=[hung], camera=Camera("d435"), views=3, layout=Layout(wall=0.6))
     distance = np.linalg.norm(made.poses_true[1, :3, 3])
     azimuths = np.degrees(np.arctan2(made.poses_true[:, 1, 3], made.poses_true[:, 0, 3]))
     assert azimuths == pytest.approx([-40, 0, 40])
@@ -123,7 +129,9 @@ def test_a_bar_hides_the_rope_and_is_none():
     )
     bar = np.array([[0.0, 0.0, 0.05]]) + np.array([[-0.05], [0.05]]) * across
     free, hidden = (
-        scene(chains=[rope], camera="zed", views=1, elevation=math.radians(80), bars=bars)
+        scene(
+            chains=[rope], camera=Camera("zed"), views=1, layout=Layout(elevation=math.radians(80), bars=bars)
+        )
         for bars in ((), ((bar, 0.012),))
     )
     lost = free.mask[0] & ~hidden.mask[0]
@@ -134,25 +142,36 @@ def test_a_bar_hides_the_rope_and_is_none():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
+    ("make", "error", "message"),
     [
         (
-            dict(camera="kinect"),
+            lambda: Camera("kinect"),
             ValueError,
-            "camera: expected one of d435, d405, zed, sgbm, tof, got 'kinect'",
+            "device: expected one of d435, d405, zed, sgbm, tof, got 'kinect'",
         ),
-        (dict(camera=3), TypeError, "camera: expected a name or a DepthCamera, got int"),
-        (dict(camera="zed", flying=0.1), ValueError, "flying: expected none along with a camera"),
-        (dict(mask=True), TypeError, "mask: expected a Segmentation, got bool"),
-        (dict(distance=0.0), ValueError, "distance: expected a positive"),
-        (dict(elevation=math.inf), ValueError, "elevation: expected a finite"),
-        (dict(elevation="high"), TypeError, "elevation: expected a number"),
-        (dict(wall=-1.0), ValueError, "wall: expected a positive"),
-        (dict(bars=[(np.zeros((1, 3)), 0.01)]), ValueError, r"bars\[0\]: expected at least two nodes"),
-        (dict(bars=[(np.eye(3)[:2], 0.0)]), ValueError, r"bars\[0\]: expected a positive"),
-        (dict(bars=[np.eye(3)]), ValueError, r"bars\[0\]: expected a pair of nodes and a radius"),
+        (lambda: Camera(3), TypeError, "device: expected a name or a DepthCamera, got int"),
+        (
+            lambda: scene("arc", camera=Camera("zed"), noise=Noise(flying=0.1)),
+            ValueError,
+            "noise: expected no `flying` with a device",
+        ),
+        (lambda: scene("arc", camera="zed"), TypeError, "camera: expected a Camera, got str"),
+        (lambda: scene("arc", noise=0.001), TypeError, "noise: expected a Noise, got float"),
+        (lambda: scene("arc", mask=True), TypeError, "mask: expected a Segmentation, got bool"),
+        (lambda: scene("arc", layout=0.5), TypeError, "layout: expected a Layout, got float"),
+        (lambda: Layout(distance=0.0), ValueError, "distance: expected a positive"),
+        (lambda: Layout(elevation=math.inf), ValueError, "elevation: expected a finite"),
+        (lambda: Layout(elevation="high"), TypeError, "elevation: expected a number"),
+        (lambda: Layout(wall=-1.0), ValueError, "wall: expected a positive"),
+        (
+            lambda: Layout(bars=[(np.zeros((1, 3)), 0.01)]),
+            ValueError,
+            r"bars\[0\]: expected at least two nodes",
+        ),
+        (lambda: Layout(bars=[(np.eye(3)[:2], 0.0)]), ValueError, r"bars\[0\]: expected a positive"),
+        (lambda: Layout(bars=[np.eye(3)]), ValueError, r"bars\[0\]: expected a pair of nodes and a radius"),
     ],
 )
-def test_wrong_input(arguments, error, message):
+def test_wrong_input(make, error, message):
     with pytest.raises(error, match=message):
-        scene("arc", **{"views": 1, "size": (32, 24), **arguments})
+        make()

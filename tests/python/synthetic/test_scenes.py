@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from strand import load_scene
-from strand.synthetic import render_depth, scene, shapes
+from strand.synthetic import Camera, Noise, render_depth, scene, shapes
 from strand.synthetic.shapes import SHAPES, arc_lengths, shape
 
 RADIUS = 0.0042
@@ -18,7 +18,7 @@ PINHOLE = np.array([[212.0, 0.0, 159.5], [0.0, 212.0, 119.5], [0.0, 0.0, 1.0]])
 
 def test_noise_is_normal_and_as_large_as_asked():
     for noise in (0.0003, 0.0007, 0.0015):
-        made = scene("s", noise=noise, flying=0.0, views=2, seed=4)
+        made = scene("s", noise=Noise(depth=noise, flying=0.0), views=2, seed=4)
         exact = np.stack([render_depth(made.truth, RADIUS, PINHOLE, pose) for pose in made.poses_true])
         error = (made.depth * made.depth_scale - exact)[exact > 0]
         assert error.mean() == pytest.approx(0.0, abs=0.02 * noise)
@@ -30,7 +30,7 @@ def test_noise_is_normal_and_as_large_as_asked():
 def test_reported_poses_are_wrong_in_the_table_plane_only():
     angles, shifts = [], []
     for seed in range(12):
-        made = scene("arc", seed=seed, size=(32, 24))
+        made = scene("arc", seed=seed, camera=Camera(size=(32, 24)))
         assert np.array_equal(made.poses[3], made.poses_true[3])
         for i in (0, 1, 2, 4, 5, 6):
             error = made.poses[i] @ np.linalg.inv(made.poses_true[i])
@@ -40,27 +40,27 @@ def test_reported_poses_are_wrong_in_the_table_plane_only():
             shifts.extend(error[:2, 3])
     assert np.degrees(np.std(angles)) == pytest.approx(0.5, rel=0.25)
     assert np.std(shifts) == pytest.approx(0.0015, rel=0.25)
-    exact = scene("arc", size=(32, 24), turn_error=0.0, shift_error=0.0)
+    exact = scene("arc", camera=Camera(size=(32, 24)), noise=Noise(turn=0.0, shift=0.0))
     assert exact.poses == pytest.approx(exact.poses_true, abs=1e-15)
 
 
 def test_cameras_stand_around_the_table():
-    made = scene("loop", size=(32, 24))
+    made = scene("loop", camera=Camera(size=(32, 24)))
     centres = made.poses_true[:, :3, 3]
     distance = np.linalg.norm(centres, axis=1)
     assert distance == pytest.approx(distance[0])
     assert np.degrees(np.arcsin(centres[:, 2] / distance)) == pytest.approx(50)
     assert np.degrees(np.arctan2(centres[:, 1], centres[:, 0])) == pytest.approx(np.arange(-90, 91, 30))
     assert -made.poses_true[:, :3, 2] * distance[:, None] == pytest.approx(centres)  # look at the origin
-    assert scene("loop", views=1, size=(32, 24)).poses_true[0, 1, 3] == 0.0
-    large = scene("loop", size=(640, 480), views=1)
+    assert scene("loop", views=1, camera=Camera(size=(32, 24))).poses_true[0, 1, 3] == 0.0
+    large = scene("loop", camera=Camera(size=(640, 480)), views=1)
     assert large.depth.shape == (1, 480, 640)
     assert large.intrinsics == pytest.approx(np.array([[424, 0, 319.5], [0, 424, 239.5], [0, 0, 1]]))
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_view_holds_the_rope(name):
-    made = scene(name, seed=6, noise=0.0003)
+    made = scene(name, seed=6, noise=Noise(depth=0.0003))
     nodes = made.truth[0]
     for pose in made.poses_true:
         seen = (nodes - pose[:3, 3]) @ pose[:3, :3]
@@ -85,7 +85,7 @@ def test_same_seed_same_bits():
     assert not np.array_equal(first.truth[0], other.truth[0])
     assert not np.array_equal(first.depth, other.depth)
     # the noise has no part in how the rope lies
-    assert np.array_equal(first.truth[0], scene(seed=5, views=2, noise=0.0).truth[0])
+    assert np.array_equal(first.truth[0], scene(seed=5, views=2, noise=Noise(depth=0.0)).truth[0])
 
 
 def test_several_ropes_of_ones_own():
@@ -146,6 +146,11 @@ def test_saved_in_the_format_of_the_stored_scenes(data, tmp_path):
             assert inside == pytest.approx(view.crop(made.bounds).world_points, abs=1e-12)
 
 
+def make(camera=None, noise=None, **arguments):
+    camera, noise = Camera(**{"size": (32, 24), **(camera or {})}), Noise(**(noise or {}))
+    return scene(**{"views": 1, "camera": camera, "noise": noise, **arguments})
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -153,16 +158,16 @@ def test_saved_in_the_format_of_the_stored_scenes(data, tmp_path):
         (dict(radius=0.0), "radius: expected a positive"),
         (dict(radius=-1.0), "radius: expected a positive"),
         (dict(length=0.3), "length: a rope of radius 0.0042 m needs at least 0.399 m"),
-        (dict(noise=-1e-3), "noise: expected a number >= 0"),
-        (dict(noise=math.nan), "noise: expected a number >= 0"),
+        (dict(noise=dict(depth=-1e-3)), "depth: expected a number >= 0"),
+        (dict(noise=dict(depth=math.nan)), "depth: expected a number >= 0"),
         (dict(views=0), "views: expected at least 1, got 0"),
         (dict(seed=-1), "seed: expected at least 0, got -1"),
-        (dict(size=(0, 240)), r"size\[0\]: expected at least 1, got 0"),
-        (dict(size=320), "size: expected a pair"),
-        (dict(depth_scale=0.0), "depth_scale: expected a positive"),
-        (dict(flying=1.5), "flying: expected a part from 0 to 1"),
-        (dict(turn_error=-0.1), "turn_error: expected a number >= 0"),
-        (dict(shift_error=math.inf), "shift_error: expected a number >= 0"),
+        (dict(camera=dict(size=(0, 240))), r"size\[0\]: expected at least 1, got 0"),
+        (dict(camera=dict(size=320)), "size: expected a pair"),
+        (dict(camera=dict(depth_scale=0.0)), "depth_scale: expected a positive"),
+        (dict(noise=dict(flying=1.5)), "flying: expected a fraction from 0 to 1"),
+        (dict(noise=dict(turn=-0.1)), "turn: expected a number >= 0"),
+        (dict(noise=dict(shift=math.inf)), "shift: expected a number >= 0"),
         (dict(chains=[]), "chains: expected at least one rope"),
         (dict(chains=[np.zeros((1, 3))]), r"chains\[0\]: expected at least two nodes"),
         (dict(chains=[np.zeros((2, 3))]), r"chains\[0\]: expected no two equal nodes"),
@@ -172,7 +177,7 @@ def test_saved_in_the_format_of_the_stored_scenes(data, tmp_path):
 )
 def test_wrong_values(arguments, message):
     with pytest.raises(ValueError, match=message):
-        scene(**{"views": 1, "size": (32, 24), **arguments})
+        make(**arguments)
 
 
 @pytest.mark.parametrize(
@@ -180,18 +185,18 @@ def test_wrong_values(arguments, message):
     [
         (dict(views=2.5), "views: expected an integer, got float"),
         (dict(seed="one"), "seed: expected an integer, got str"),
-        (dict(noise="low"), "noise: expected a number, got str"),
-        (dict(size=(320.0, 240.0)), r"size\[0\]: expected an integer"),
+        (dict(noise=dict(depth="low")), "depth: expected a number, got str"),
+        (dict(camera=dict(size=(320.0, 240.0))), r"size\[0\]: expected an integer"),
         (dict(chains=[np.zeros((4, 3), dtype=int)]), r"chains\[0\]: expected floating point"),
     ],
 )
 def test_wrong_types(arguments, message):
     with pytest.raises(TypeError, match=message):
-        scene(**{"views": 1, "size": (32, 24), **arguments})
+        make(**arguments)
 
 
 def test_a_scene_keeps_its_masks(tmp_path):
-    made = scene("arc", views=2, size=(64, 48))
+    made = scene("arc", views=2, camera=Camera(size=(64, 48)))
     made.save(tmp_path / "without.npz")
     assert made.mask is None
     with np.load(tmp_path / "without.npz") as arrays:

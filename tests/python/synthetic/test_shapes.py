@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from lib.measure import crossings
-from strand.synthetic import scene, shapes
+from strand.synthetic import Camera, scene, shapes
 from strand.synthetic.shapes import SHAPES, shape
 
 CROSSINGS = dict(
@@ -87,7 +87,7 @@ def test_lengths_from_the_shortest_to_long_ones(name):
 @pytest.mark.parametrize("name", SHAPES)
 def test_seeds_place_and_vary_valid_shapes(name):
     for seed in range(4):
-        (nodes,) = scene(name, seed=seed, views=1, size=(32, 24)).truth
+        (nodes,) = scene(name, seed=seed, views=1, camera=Camera(size=(32, 24))).truth
         assert_valid(name, nodes, RADIUS)
         assert shapes.arc_lengths(nodes)[-1] == pytest.approx(USUAL[name], rel=1e-3)
 

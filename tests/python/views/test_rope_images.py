@@ -9,11 +9,11 @@ import pytest
 
 import strand
 from strand.reconstruction.images.prepare import prepare_images
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Segmentation, scene
 from strand.views.rope_images import rope_images
 from strand.views.view import cropped
 
-SCENE = scene("loop", seed=2, views=3, camera="zed", mask=Segmentation(), size=(320, 240))
+SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
 
 
 def pixels_of(image, view):

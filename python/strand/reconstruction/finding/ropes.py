@@ -97,7 +97,7 @@ def find_ropes(
     Examples
     --------
     >>> import strand
-    >>> scene = strand.synthetic.cluttered(4)
+    >>> scene = strand.synthetic.cluttered_scene(4)
     >>> found = strand.find_ropes(scene.views)
     >>> model = strand.reconstruct(found.views, found.radius)
     """

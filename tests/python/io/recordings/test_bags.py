@@ -21,7 +21,7 @@ from strand.io.recordings import is_recording, limits
 from strand.io.recordings.bags import Bag
 from strand.support.files import FileFormatError
 
-SCENE = strand.synthetic.scene("arc", seed=0, views=2, size=(64, 48))
+SCENE = strand.synthetic.scene("arc", seed=0, views=2, camera=strand.synthetic.Camera(size=(64, 48)))
 KINDS = [
     *((kind, None) for kind in FORMATS),
     *[("ros1", "lz4"), ("ros1", "bz2"), ("mcap", "storage"), ("sqlite3", "message"), ("mcap", "message")],

@@ -11,7 +11,7 @@ from strand.io.recordings.bags import Bag
 from strand.io.recordings.contents import Topic, recording_contents
 from strand.support.files import FileFormatError
 
-SCENE = strand.synthetic.scene("arc", seed=0, views=2, size=(40, 30))
+SCENE = strand.synthetic.scene("arc", seed=0, views=2, camera=strand.synthetic.Camera(size=(40, 30)))
 SIZE = (40, 30)
 MOST = 1 << 24
 

@@ -13,7 +13,7 @@ from strand.io import recordings
 from strand.io.recordings import is_recording
 from strand.support.files import FileFormatError
 
-SCENE = strand.synthetic.scene("arc", seed=0, views=3, size=(160, 120))
+SCENE = strand.synthetic.scene("arc", seed=0, views=3, camera=strand.synthetic.Camera(size=(160, 120)))
 DEPTHS = millimetres(SCENE)
 K = SCENE.intrinsics
 

@@ -45,7 +45,7 @@ def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_m
 
 def test_joins_in_doubt_are_warned_of_where_they_are():
     chains = strand.synthetic.random_ropes(5, 2, seed=2)
-    scene = strand.synthetic.scene(chains=chains, seed=2, views=2, noise=0.0015)
+    scene = strand.synthetic.scene(chains=chains, seed=2, views=2, noise=strand.synthetic.Noise(depth=0.0015))
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     nodes = np.concatenate(chains)
     found = find_warnings(model, "join")

@@ -7,19 +7,19 @@ import pytest
 
 import strand
 from lib.measure import measured
-from strand.synthetic import SyntheticScene, cluttered
+from strand.synthetic import SyntheticScene, cluttered_scene
 
 
 @pytest.fixture(scope="module")
 def one() -> SyntheticScene:
     """One view."""
-    return cluttered(4)
+    return cluttered_scene(4)
 
 
 @pytest.fixture(scope="module")
 def three() -> SyntheticScene:
     """Three views of a tilted table."""
-    return cluttered(1)
+    return cluttered_scene(1)
 
 
 def rope_pixels(scene, number):
@@ -74,14 +74,19 @@ def test_bounds_that_hold_the_table_do_no_harm(scene, request):
 
 
 def test_bounds_whose_floor_is_the_table():
-    made = strand.synthetic.scene("overhand", views=2, noise=0.0005, size=(480, 360))
+    made = strand.synthetic.scene(
+        "overhand",
+        views=2,
+        noise=strand.synthetic.Noise(depth=0.0005),
+        camera=strand.synthetic.Camera(size=(480, 360)),
+    )
     low, high = made.bounds
     model = strand.reconstruct(made.views, made.radius, ((*low[:2], 0.0), high))
     assert "find" in model.timings
     assert right(made, model)
     # of bounds that leave the table out nothing is changed, nor where noise hides the rope's height
     assert "find" not in strand.reconstruct(made.views, made.radius, made.bounds).timings
-    noisy = strand.synthetic.scene("arc", views=1, noise=0.003)
+    noisy = strand.synthetic.scene("arc", views=1, noise=strand.synthetic.Noise(depth=0.003))
     assert "find" not in strand.reconstruct(noisy.views, noisy.radius, ((*low[:2], 0.0), high)).timings
 
 
@@ -108,7 +113,7 @@ def test_points_without_an_image_do_as_well(one):
 def test_a_table_without_a_rope_is_refused_and_says_what_there_is():
     for views in (1, 3):
         with pytest.raises(strand.NoRopeError, match=r"no rope on the table: .*strip of one width"):
-            strand.reconstruct(cluttered(2, views=views, rope=False).views)
+            strand.reconstruct(cluttered_scene(2, views=views, rope=False).views)
 
 
 def test_a_given_radius_is_used(one):

@@ -7,12 +7,12 @@ import pytest
 
 import strand
 from strand.report import figures, tables
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Segmentation, scene
 
 
 @pytest.fixture(scope="module")
 def made():
-    return scene("s", camera="zed", mask=Segmentation(), views=1, size=(320, 240))
+    return scene("s", camera=Camera("zed"), mask=Segmentation(), views=1)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Layout, Segmentation, scene
 
 RADIUS = 0.0045
 
@@ -20,11 +20,9 @@ def drawn(camera, views):
         radius=RADIUS,
         seed=5,
         views=views,
-        camera=camera,
-        size=(640, 480),
-        distance=0.6,
+        camera=Camera(camera, size=(640, 480)),
+        layout=Layout(distance=0.6, elevation=math.radians(70.0)),
         mask=Segmentation(),
-        elevation=math.radians(70.0),
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from strand.reconstruction.images.image_doubts import _difference, ends_at_strands
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Layout, Segmentation, scene
 
 RADIUS = 0.004
 
@@ -32,7 +32,14 @@ def test_a_rival_is_named_where_it_is_farthest_away_or_joined_otherwise():
 
 
 def test_mask_that_no_rope_covers_is_doubted_where_it_is():
-    made = scene("arc", seed=1, views=1, camera="d435", mask=Segmentation(), size=(640, 480), distance=0.5)
+    made = scene(
+        "arc",
+        seed=1,
+        views=1,
+        camera=Camera("d435", size=(640, 480)),
+        mask=Segmentation(),
+        layout=Layout(distance=0.5),
+    )
     mask = made.mask.copy()
     rows, columns = np.nonzero(mask[0])
     corner = rows.min() - 20, columns.min() - 20
@@ -51,7 +58,12 @@ def test_mask_that_no_rope_covers_is_doubted_where_it_is():
 @pytest.mark.parametrize("name", ["s", "loop", "overhand"])
 def test_masks_two_pixels_too_wide_are_read_and_doubted(camera, name, measure):
     made = scene(
-        name, seed=1, views=1, camera=camera, mask=Segmentation(grow=2), size=(640, 480), distance=0.5
+        name,
+        seed=1,
+        views=1,
+        camera=Camera(camera, size=(640, 480)),
+        mask=Segmentation(grow=2),
+        layout=Layout(distance=0.5),
     )
     model = strand.reconstruct(made.views, made.radius, made.bounds, ropes=1)
     found = measure(model, made.truth, made.radius)
@@ -67,7 +79,7 @@ def test_masks_two_pixels_too_wide_are_read_and_doubted(camera, name, measure):
 def test_a_pair_of_strands_that_a_radius_too_large_makes_one_is_doubted(larger):
     along = np.linspace(-0.1, 0.1, 201)
     pair = [np.column_stack([along, np.full(201, y), np.full(201, 0.0042)]) for y in (-0.0043, 0.0043)]
-    made = scene(chains=pair, camera="sgbm", views=1, mask=Segmentation(), size=(640, 480), seed=1)
+    made = scene(chains=pair, camera=Camera("sgbm", size=(640, 480)), views=1, mask=Segmentation(), seed=1)
     model = strand.reconstruct(made.views, larger * made.radius, made.bounds)
     assert len(model.chains) == 2 or model.confidence < 0.7
 

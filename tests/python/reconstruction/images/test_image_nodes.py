@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from strand.reconstruction.images.image_nodes import corrected_poses
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Segmentation, scene
 
-SCENE = scene("loop", seed=2, views=3, camera="zed", mask=Segmentation(), size=(320, 240))
+SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
 
 
 def test_corrections_of_frames_move_points_as_they_say():

@@ -16,7 +16,7 @@ from strand.reconstruction.images.mask_radius import shown_radius
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Noise, Segmentation, scene
 from strand.views.rope_images import rope_images
 from strand.views.view import cropped
 
@@ -24,7 +24,9 @@ from strand.views.view import cropped
 @pytest.mark.parametrize("camera", ["d435", "tof"])
 @pytest.mark.parametrize("radius", [0.003, 0.006])
 def test_exact_masks_show_the_radius(camera, radius):
-    made = scene("loop", seed=3, radius=radius, views=1, camera=camera, mask=Segmentation(), size=(640, 480))
+    made = scene(
+        "loop", seed=3, radius=radius, views=1, camera=Camera(camera, size=(640, 480)), mask=Segmentation()
+    )
     images = rope_images(made.views, made.views, None)
     (found,), (sd,) = shown_radius(images)
     assert found == pytest.approx(radius, rel=0.15)
@@ -32,7 +34,7 @@ def test_exact_masks_show_the_radius(camera, radius):
 
 
 def test_a_mask_without_rope_shows_no_radius():
-    made = scene("arc", views=1, camera="zed", mask=Segmentation(), size=(320, 240))
+    made = scene("arc", views=1, camera=Camera("zed"), mask=Segmentation())
     (image,) = rope_images(made.views, made.views, None)
     with pytest.raises(NotEnoughDataError, match="no rope"):
         shown_radius([image.masked(np.zeros_like(image.mask))])
@@ -46,7 +48,7 @@ def test_a_mask_of_most_of_an_image_is_as_wide_as_it_is(columns):
 
 
 def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
-    made = scene("arc", seed=1, views=1, camera="d435", mask=Segmentation(), size=(320, 240))
+    made = scene("arc", seed=1, views=1, camera=Camera("d435"), mask=Segmentation())
     model = strand.reconstruct(made.views, ropes=1)
     assert model.chains[0].radius == pytest.approx(made.radius, rel=0.2)
     assert model.chains[0].radius_sd > 0.0
@@ -54,8 +56,8 @@ def test_an_unknown_radius_of_masked_ropes_is_estimated_and_warned_of():
 
 
 def test_what_stands_out_of_a_table_is_rope():
-    made = scene("loop", seed=1, views=1, noise=0.8 * 0.0042, size=(320, 240))
-    still = scene("loop", seed=1, views=1, noise=1e-5, size=(320, 240))
+    made = scene("loop", seed=1, views=1, noise=Noise(depth=0.8 * 0.0042))
+    still = scene("loop", seed=1, views=1, noise=Noise(depth=1e-5))
     views = made.views
     points = [view.crop(made.bounds) for view in views]
     images = rope_images(points, views, strand.Box(*made.bounds))
@@ -74,7 +76,7 @@ def test_what_stands_out_of_a_table_is_rope():
 
 
 def test_a_view_without_a_mask_gets_one_of_what_stands_out_near_the_others_ropes():
-    made = scene("loop", seed=1, views=2, camera="zed", mask=Segmentation(), size=(320, 240))
+    made = scene("loop", seed=1, views=2, camera=Camera("zed"), mask=Segmentation())
     first, true = made.views
     image = true.image
     (fx, fy), (cx, cy) = image.camera
@@ -112,7 +114,7 @@ def test_a_convolution_is_that_of_a_full_sum():
 
 
 def test_wide_plain_noise_is_read_as_an_image(measure):
-    made = scene("loop", seed=1, views=3, noise=0.8 * 0.0042, size=(320, 240))
+    made = scene("loop", seed=1, views=3, noise=Noise(depth=0.8 * 0.0042))
     model = strand.reconstruct(made.views, made.radius, made.bounds)
     assert "readings" in model.timings
     assert measure(model, made.truth, made.radius).right

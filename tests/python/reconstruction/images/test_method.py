@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import strand
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Segmentation, scene
 
 SIZE = (320, 240)
 SCENES = {
-    name: scene(name, seed=seed, views=3, camera="zed", mask=Segmentation(), size=SIZE)
+    name: scene(name, seed=seed, views=3, camera=Camera("zed", size=SIZE), mask=Segmentation())
     for name, seed in (("loop", 2), ("overhand", 2), ("arc", 1))
 }
 

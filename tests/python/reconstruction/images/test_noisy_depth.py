@@ -15,14 +15,14 @@ from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.noisy_depth import _within
 from strand.reconstruction.images.outlined import averaged, outlined
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
-from strand.synthetic import scene
+from strand.synthetic import Camera, Noise, scene
 from strand.views.rope_images import pixels_of, rope_images
 
 RADIUS = 0.004
 
 
 def noisy(name, relative, **options):
-    return scene(name, radius=RADIUS, noise=relative * RADIUS, **options)
+    return scene(name, radius=RADIUS, noise=Noise(depth=relative * RADIUS), **options)
 
 
 def image_of(made):
@@ -55,7 +55,7 @@ def test_an_end_on_another_strand_is_found_in_wide_noise(past, views, seed, meas
     upper = np.stack([0.0 * s, s, 1.0 + 2.15 * np.exp(-((s / 3.0) ** 2))], axis=1)
     lower = np.stack([t, 2.0 * np.sin(t / 12.0), np.ones_like(t)], axis=1)
     chains = [RADIUS * upper, RADIUS * lower]
-    made = scene(chains=chains, radius=RADIUS, noise=0.75 * RADIUS, views=views, seed=seed)
+    made = scene(chains=chains, radius=RADIUS, noise=Noise(depth=0.75 * RADIUS), views=views, seed=seed)
     model = strand.reconstruct(made.views, made.radius, made.bounds)
     assert measure(model, made.truth, made.radius).right
 
@@ -121,7 +121,7 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
 
 
 def test_averaged_pixels_see_the_same_places():
-    made = noisy("arc", 0.0, views=1, seed=6, size=(1280, 720))
+    made = noisy("arc", 0.0, views=1, seed=6, camera=Camera(size=(1280, 720)))
     (image,) = rope_images(made.views, made.views, None)
     coarse, side = averaged(image, RADIUS)
     assert side > 2
@@ -173,7 +173,7 @@ def test_a_bare_table_in_wide_noise_shows_no_rope(seed):
 
 
 def test_a_radius_in_millimetres_is_refused_at_once():
-    made = noisy("arc", 0.8, views=1, seed=8, size=(160, 120))
+    made = noisy("arc", 0.8, views=1, seed=8, camera=Camera(size=(160, 120)))
     with pytest.raises(strand.NotEnoughDataError, match="the radius in metres"):
         strand.reconstruct(made.views, 1000.0 * made.radius, made.bounds)
 
@@ -201,7 +201,7 @@ def test_rope_within_other_strands_is_counted_along_long_ropes():
 
 
 def test_a_rope_on_rough_ground_is_not_taken_for_a_noisy_one(measure):
-    made = scene("figure8", radius=RADIUS, noise=0.05 * RADIUS, views=1, seed=9)
+    made = scene("figure8", radius=RADIUS, noise=Noise(depth=0.05 * RADIUS), views=1, seed=9)
     (true,) = rope_images(
         [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
     )
@@ -214,7 +214,7 @@ def test_a_rope_on_rough_ground_is_not_taken_for_a_noisy_one(measure):
 
 
 def test_the_sensor_is_that_of_single_pixels():
-    made = noisy("arc", 0.8, views=1, seed=10, size=(640, 480))
+    made = noisy("arc", 0.8, views=1, seed=10, camera=Camera(size=(640, 480)))
     model = strand.reconstruct(made.views, made.radius, made.bounds)
     assert model.sensor.sd == pytest.approx(made.noise, rel=0.1)
     assert model.sensor.correlation == 0.0

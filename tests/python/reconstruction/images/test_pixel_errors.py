@@ -9,7 +9,7 @@ import strand
 from limits import Truth, calibration
 from strand.reconstruction.images.pixel_errors import Errors, _of_discs, expected_errors
 from strand.reconstruction.images.prepare import prepare_images
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Layout, Segmentation, scene
 from strand.views.rope_images import rope_images
 
 SIZE = (320, 240)
@@ -17,7 +17,7 @@ SIZE = (320, 240)
 
 @pytest.fixture(scope="module")
 def made():
-    return scene("s", camera="zed", mask=Segmentation(), views=1, size=SIZE)
+    return scene("s", camera=Camera("zed", size=SIZE), mask=Segmentation(), views=1)
 
 
 def reconstructed(made, sensor=None):
@@ -113,7 +113,7 @@ def test_edges_that_are_known_worse_widen_covariances_across_the_rays(made):
 
 
 def test_a_bias_that_is_known_is_taken_off():
-    hung = scene("s", camera="zed", mask=Segmentation(), views=1, size=SIZE, wall=0.3)
+    hung = scene("s", camera=Camera("zed", size=SIZE), mask=Segmentation(), views=1, layout=Layout(wall=0.3))
     sd = 0.3 * hung.radius
     models = [
         reconstructed(hung, strand.Sensor(sd=sd, correlation=1.0, bias=bias)) for bias in (0.0, hung.radius)
@@ -129,6 +129,6 @@ def test_errors_of_nodes_are_as_large_as_covariances_say():
     for seed, (name, camera) in enumerate(
         (("s", "tof"), ("arc", "d435"), ("loop", "zed"), ("figure8", "sgbm"))
     ):
-        made = scene(name, seed=seed, camera=camera, mask=Segmentation(), views=1, size=SIZE)
+        made = scene(name, seed=seed, camera=Camera(camera, size=SIZE), mask=Segmentation(), views=1)
         found.append(calibration(reconstructed(made).chains, Truth.of(made.truth, made.radius))[1])
     assert 0.7 < np.sqrt(np.mean(found)) < 1.5

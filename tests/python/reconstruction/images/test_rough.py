@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 import strand
-from strand.synthetic import rough
+from strand.synthetic import rough_scene
 
 
 @pytest.mark.parametrize(
     ("kind", "seed", "told"), [("bar", 0, True), ("bar", 8, True), ("bar", 9, False), ("ragged", 6, True)]
 )
 def test_a_rope_behind_a_bar_and_one_in_a_ragged_mask_are_right(kind, seed, told, measure):
-    made = rough(kind, seed)
+    made = rough_scene(kind, seed)
     ropes = len(made.truth) if told else None
     model = strand.reconstruct(made.views, made.radius, made.bounds, ropes=ropes)
     assert measure(model, made.truth, made.radius).right

@@ -9,7 +9,7 @@ import open3d as o3d
 import pytest
 
 from strand.reconstruction.images.table_plane import Plane, find_largest_plane, find_table_beside_ropes
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Segmentation, scene
 from strand.views.rope_images import rope_images
 
 
@@ -60,7 +60,7 @@ def test_points_that_fix_no_plane_have_none():
 
 
 def test_the_table_is_found_where_it_is_and_nowhere_else():
-    made = scene("loop", seed=2, views=3, camera="zed", mask=Segmentation(), size=(320, 240))
+    made = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
     images = rope_images(made.views, made.views, None)
     normal, offset = find_table_beside_ropes(images[1], made.radius)
     assert np.linalg.norm(normal) == pytest.approx(1.0)

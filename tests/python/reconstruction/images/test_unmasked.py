@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from shared.ropes import find_warnings
-from strand.synthetic import Segmentation, scene
+from strand.synthetic import Camera, Layout, Noise, Segmentation, scene
 
 
 def only_first_masked(made):
@@ -17,7 +17,14 @@ def only_first_masked(made):
 @pytest.mark.parametrize("camera", ["d435", "d405", "zed"])
 @pytest.mark.parametrize("bounded", [True, False])
 def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_and_named(camera, bounded):
-    made = scene("s", seed=5, views=3, camera=camera, mask=Segmentation(), size=(640, 480), distance=0.6)
+    made = scene(
+        "s",
+        seed=5,
+        views=3,
+        camera=Camera(camera, size=(640, 480)),
+        mask=Segmentation(),
+        layout=Layout(distance=0.6),
+    )
     given = {"radius": made.radius, "ropes": 1, "bounds": made.bounds if bounded else None}
     some = strand.reconstruct(only_first_masked(made), **given)
     alone = strand.reconstruct(made.views[:1], **given)
@@ -32,7 +39,7 @@ def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_a
 @pytest.mark.parametrize("noise", [0.1, 0.3])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_where_noise_is_plain_views_without_masks_help(noise, seed, measure):
-    made = scene("loop", seed=seed, views=3, mask=Segmentation(), noise=noise * 0.0042)
+    made = scene("loop", seed=seed, views=3, mask=Segmentation(), noise=Noise(depth=noise * 0.0042))
     some = strand.reconstruct(only_first_masked(made), made.radius, made.bounds, ropes=1)
     alone = strand.reconstruct(made.views[:1], made.radius, made.bounds, ropes=1)
     found = measure(some, made.truth, made.radius)
@@ -42,7 +49,7 @@ def test_where_noise_is_plain_views_without_masks_help(noise, seed, measure):
 
 
 def test_points_without_an_image_are_used_unless_they_show_the_table():
-    made = scene("loop", seed=1, views=2, camera="d435", mask=Segmentation(), size=(480, 360))
+    made = scene("loop", seed=1, views=2, camera=Camera("d435", size=(480, 360)), mask=Segmentation())
     first, second = made.views
     rope = strand.View(second.points, second.pose)
     table = strand.View(dataclasses.replace(made, mask=None).views[1].points, second.pose)
@@ -53,7 +60,14 @@ def test_points_without_an_image_are_used_unless_they_show_the_table():
 
 @pytest.mark.parametrize("masked", [(1, 2), (0, 2), (0, 1)])
 def test_the_middle_view_keeps_its_pose_or_the_one_next_to_it(masked):
-    made = scene("s", seed=7, views=3, camera="d435", mask=Segmentation(), size=(640, 480), distance=0.6)
+    made = scene(
+        "s",
+        seed=7,
+        views=3,
+        camera=Camera("d435", size=(640, 480)),
+        mask=Segmentation(),
+        layout=Layout(distance=0.6),
+    )
     bare = dataclasses.replace(made, mask=None).views
     views = [made.views[i] if i in masked else bare[i] for i in range(3)]
     model = strand.reconstruct(views, made.radius, made.bounds, ropes=1)
@@ -64,7 +78,14 @@ def test_the_middle_view_keeps_its_pose_or_the_one_next_to_it(masked):
 
 
 def test_a_mask_of_everything_is_none(measure):
-    made = scene("s", seed=3, views=3, camera="zed", mask=Segmentation(), size=(640, 480), distance=0.6)
+    made = scene(
+        "s",
+        seed=3,
+        views=3,
+        camera=Camera("zed", size=(640, 480)),
+        mask=Segmentation(),
+        layout=Layout(distance=0.6),
+    )
     bare = dataclasses.replace(made, mask=None).views
     whole = dataclasses.replace(made, mask=np.ones_like(made.mask)).views
     for views in ([whole[0], *bare[1:]], bare):

@@ -15,7 +15,7 @@ from strand.reconstruction.mistakes.principal_point import off_centre
 from strand.reconstruction.mistakes.undo import MISTAKES, ray_lengths
 from strand.reconstruction.radius import Radii
 
-SCENE = strand.synthetic.scene("paper", seed=2, views=3, noise=0.5e-3)
+SCENE = strand.synthetic.scene("paper", seed=2, views=3, noise=strand.synthetic.Noise(depth=0.5e-3))
 BOUNDS = strand.Box(*SCENE.bounds)
 DEPTH, K, POSES, R = SCENE.depth * SCENE.depth_scale, SCENE.intrinsics, SCENE.poses, SCENE.radius
 
@@ -136,7 +136,7 @@ def test_a_table_is_flat_in_the_depth_that_it_was_seen_in():
 
 @pytest.mark.parametrize("camera", ["tof", "zed", "d405"])
 def test_errors_of_cameras_bend_no_table(camera):
-    made = strand.synthetic.scene("s", seed=4, views=1, camera=camera)
+    made = strand.synthetic.scene("s", seed=4, views=1, camera=strand.synthetic.Camera(camera))
     assert bent_tables(made.views) is None
 
 

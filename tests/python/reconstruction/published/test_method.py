@@ -75,7 +75,7 @@ def test_numbers_of_the_configuration_are_used():
 @pytest.fixture(scope="module")
 def coarse():
     """A rope on which a pixel has few neighbours."""
-    return strand.synthetic.scene("arc", views=3, size=(160, 120), seed=2)
+    return strand.synthetic.scene("arc", views=3, camera=strand.synthetic.Camera(size=(160, 120)), seed=2)
 
 
 def nodes_of(scene, config):

@@ -57,7 +57,9 @@ def test_points_that_lie_on_no_rope_make_unsure(paper):
 
 
 def test_noise_as_wide_as_the_rope_is_not_sure():
-    scene = strand.synthetic.scene("paper", seed=0, radius=0.0025, noise=0.0015, views=2)
+    scene = strand.synthetic.scene(
+        "paper", seed=0, radius=0.0025, noise=strand.synthetic.Noise(depth=0.0015), views=2
+    )
     assert strand.reconstruct(scene.views, scene.radius, scene.bounds).confidence < 0.7
 
 

@@ -25,7 +25,7 @@ def asked():
             return taken[-1][1]
 
         patch.setattr(default, "_found", kept)
-        scene = strand.synthetic.scene("arc", seed=0, views=5, noise=0.3e-3)
+        scene = strand.synthetic.scene("arc", seed=0, views=5, noise=strand.synthetic.Noise(depth=0.3e-3))
         strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (observed, found), *_ = taken
     return observed, found
@@ -52,7 +52,7 @@ def test_an_answer_without_tubes_says_nothing(asked):
 
 @pytest.mark.parametrize("factor", [0.95, 1.05])
 def test_a_radius_that_is_not_seen_is_doubted(factor):
-    scene = strand.synthetic.scene("arc", seed=0, views=3, noise=0.3e-3)
+    scene = strand.synthetic.scene("arc", seed=0, views=3, noise=strand.synthetic.Noise(depth=0.3e-3))
     model = strand.reconstruct(scene.views, factor * scene.radius, scene.bounds)
     (doubt,) = [doubt for doubt in model.doubts if doubt.kind == "radius"]
     assert doubt.amount > 0.3
