@@ -89,7 +89,7 @@ K = np.array([[200.0, 0, 32.0], [0, 200.0, 24.0], [0, 0, 1.0]])
 CHAIN, VIEW = strand.Chain(NODES, 0.005), strand.View(TUBE)
 # a rope on a table
 ON_TABLE = np.repeat(np.repeat(np.where(MASK, 0.49, 0.5), 3, axis=0), 3, axis=1)
-CLOUD = SimpleNamespace(**strand.msgs.point_cloud2(TUBE, "camera"))
+CLOUD = SimpleNamespace(**strand.msgs.make_point_cloud2(TUBE, "camera"))
 CLOUD.fields = [SimpleNamespace(**field) for field in CLOUD.fields]
 
 # function, positional arguments, keyword arguments
@@ -233,24 +233,24 @@ CALLS: dict[str, tuple[Callable, tuple, dict]] = {
         {},
     ),
     "chain.tube": (CHAIN.tube, (16,), {}),
-    "msgs.path": (
-        lambda nodes, *more: strand.msgs.path(strand.Chain(nodes, 0.005), *more),
+    "msgs.make_path": (
+        lambda nodes, *more: strand.msgs.make_path(strand.Chain(nodes, 0.005), *more),
         (NODES, "world", 7),
         {},
     ),
-    "msgs.marker_array": (
-        lambda nodes, *more: strand.msgs.marker_array(
+    "msgs.make_marker_array": (
+        lambda nodes, *more: strand.msgs.make_marker_array(
             strand.Model([strand.Chain(nodes, 0.005)], [EYE]), *more
         ),
         (NODES, "world", 7),
         {},
     ),
-    "msgs.point_cloud2": (
-        strand.msgs.point_cloud2,
+    "msgs.make_point_cloud2": (
+        strand.msgs.make_point_cloud2,
         (TUBE, "world", 7),
         {"colors": np.abs(NORMALS)},
     ),
-    "msgs.view": (strand.msgs.view, (CLOUD, None, EYE), {"depth_scale": 0.001}),
+    "msgs.read_view": (strand.msgs.read_view, (CLOUD, None, EYE), {"depth_scale": 0.001}),
 }
 # as many iterations as are asked for, unless they converge
 ITERATE = ("icp", "icp_planes", "register_in_turn", "fit_tubes")

@@ -10,7 +10,7 @@ import sys
 
 import strand
 from lib.tables import head, row
-from strand.report.tables import accuracy, chain_counts
+from strand.report.tables import count_chains, measure_accuracy
 
 
 def main() -> int:
@@ -24,8 +24,8 @@ def main() -> int:
         model = strand.reconstruct(
             scene.views, scene.radius, scene.bounds, ropes=1, config=published, keep_stages=True
         )
-        counts = chain_counts(model)
-        error = accuracy(model.chains[0], scene.truth[0])
+        counts = count_chains(model)
+        error = measure_accuracy(model.chains[0], scene.truth[0])
         errors = f"{error.length_error * 100:+.2f}", f"{error.rms * 1e3:.2f}"
         print(row(seed, *counts, *errors), flush=True)
         good += counts[1:] == (7, 1) and abs(error.length_error) < 0.02 and error.rms < 1e-3

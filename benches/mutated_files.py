@@ -70,10 +70,10 @@ def read(kind: Kind, folder: Path) -> object:
     if kind.reader == "config":
         return repr(config.load(path))
     if kind.reader == "model":
-        made = strand.load(path)
+        made = strand.load_model(path)
         repr(made), [str(one) for one in (*made.warnings, *made.doubts)], [one.length for one in made.chains]
         made.save(folder / "again.json")
-        again = strand.load(folder / "again.json")
+        again = strand.load_model(folder / "again.json")
         np.testing.assert_array_equal(again.poses, made.poses)
         return again
     scene = strand.load_scene(folder if kind.view else path, max_bytes=LIMIT)

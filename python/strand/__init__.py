@@ -22,7 +22,7 @@ from strand._core import (
 from strand.config import Config
 from strand.export.capsules import Capsules
 from strand.export.spheres import Spheres
-from strand.io.models import load
+from strand.io.models import load_model
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
@@ -101,7 +101,7 @@ __all__ = [
     "knot",
     "knot_diagram",
     "linking_number",
-    "load",
+    "load_model",
     "load_scene",
     "msgs",
     "num_threads",

@@ -466,8 +466,8 @@ def load(path: str | os.PathLike[str]) -> Config:
         try:
             sections[name] = section(**values)
         except (TypeError, ValueError) as error:
-            raise FileFormatError.of(path, error) from error
+            raise FileFormatError.from_error(path, error) from error
     try:
         return Config(**sections)
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.io.recordings.cameras import pinhole_of
-from strand.io.recordings.views import view_of
+from strand.io.recordings.camera_info import read_pinhole
+from strand.io.recordings.message_views import make_view
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.support.checks import (
@@ -43,7 +43,7 @@ _DEPTH_MESSAGES = {
 _GOLDEN = 0.618034  # of a turn of hue from rope to rope: neighbours differ
 
 
-def path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
+def make_path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
     """nav_msgs/Path of a chain: a pose at each node, x along the rope.
 
     Parameters
@@ -74,7 +74,7 @@ def path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
     return {"header": head, "poses": poses + poses[: int(chain.closed)]}
 
 
-def marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str = "strand") -> Message:
+def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str = "strand") -> Message:
     """visualization_msgs/MarkerArray of a model: a line for each chain, spheres at its ends.
 
     Lines are as thick as the ropes. Each chain has a colour, paler the less sure the model is. The first
@@ -118,7 +118,7 @@ def marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str 
     return {"markers": markers}
 
 
-def planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) -> Message:
+def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) -> Message:
     """moveit_msgs/PlanningScene of a model: a difference that adds a collision object for each chain.
 
     Objects are `rope_0`, `rope_1`, ...; one that is there already is replaced. MoveIt knows no capsule: each
@@ -165,7 +165,7 @@ def planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) ->
     return {"is_diff": True, "robot_state": {"is_diff": True}, "world": {"collision_objects": objects}}
 
 
-def point_cloud2(
+def make_point_cloud2(
     points: ArrayLike, frame_id: str, stamp: int = 0, *, colors: ArrayLike | None = None
 ) -> Message:
     """sensor_msgs/PointCloud2 of points: x, y and z in single precision, and rgb if there are colours.
@@ -220,7 +220,7 @@ def point_cloud2(
     }
 
 
-def view(
+def read_view(
     message: Any,
     camera_info: Any = None,
     pose: ArrayLike | None = None,
@@ -271,8 +271,8 @@ def view(
             check_bool("rectified", rectified),
             check_bool("ignore_distortion", ignore_distortion),
         )
-        camera = pinhole_of(camera_info, rectified=rectified, ignore_distortion=ignore)
-    return view_of(message, camera, pose, depth_scale)
+        camera = read_pinhole(camera_info, rectified=rectified, ignore_distortion=ignore)
+    return make_view(message, camera, pose, depth_scale)
 
 
 def _header(frame_id: str, stamp: int) -> Message:

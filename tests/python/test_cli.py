@@ -93,7 +93,7 @@ def test_demo_writes_models_and_figures_of_both_methods(demo):
     assert sorted(line for line in out.splitlines() if line.startswith(str(folder))) == written
     for place, method, figures in ((folder, "default", 8), (folder / "published", "published", 10)):
         assert len(list(place.glob("*.png"))) == figures
-        model = strand.load(place / "model.json")
+        model = strand.load_model(place / "model.json")
         assert (model.method, len(model.chains)) == (method, 1)
     assert len(written) == 8 + 10 + 2
 
@@ -111,7 +111,7 @@ def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
 def test_reconstruct_npz(scene_npz, tmp_path, capsys):
     assert main(["reconstruct", str(scene_npz), "-o", str(tmp_path / "a.json"), "--ropes", "1"]) == 0
     out, err = capsys.readouterr()
-    model = strand.load(tmp_path / "a.json")
+    model = strand.load_model(tmp_path / "a.json")
     (chain,) = model.chains
     row = f"0 +{chain.length * 1e3:.1f} +{len(chain.points)} +{chain.radius * 1e3:.2f} +open"
     assert re.search(rf"^{row} +{chain.confidence:.2f}( +[a-z ,+0-9]+)?$", out, re.MULTILINE)
@@ -131,7 +131,7 @@ def test_radius_is_estimated_and_printed_if_nobody_gives_it(tmp_path, capsys):
     assert main(["reconstruct", str(tmp_path), "-o", str(tmp_path / "a.json")]) == 0
     out, err = capsys.readouterr()
     (shown,) = re.findall(r"^radius: (\d\.\d\d) mm, estimated from what the views show$", out, re.MULTILINE)
-    (chain,) = strand.load(tmp_path / "a.json").chains
+    (chain,) = strand.load_model(tmp_path / "a.json").chains
     assert shown == f"{1e3 * chain.radius:.2f}"
     assert float(shown) == pytest.approx(4.2, rel=0.05)
     assert "strand: radius" in err.splitlines()
@@ -157,7 +157,7 @@ def test_reconstruct_folder_is_the_same_as_its_archive(scene_npz, tmp_path):
     write_folder(tmp_path)
     for scene, out in ((scene_npz, "a.json"), (tmp_path, "b.json"), (tmp_path / "scene.toml", "c.json")):
         assert main(["reconstruct", str(scene), "-o", str(tmp_path / out)]) == 0
-    a, b, c = (strand.load(tmp_path / f"{name}.json").chains[0].points for name in "abc")
+    a, b, c = (strand.load_model(tmp_path / f"{name}.json").chains[0].points for name in "abc")
     np.testing.assert_allclose(a, b, atol=1e-12)
     np.testing.assert_array_equal(b, c)
 
@@ -364,7 +364,7 @@ def test_installed_program(program, scene_npz, tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert strand.load(tmp_path / "a.json").chains
+    assert strand.load_model(tmp_path / "a.json").chains
 
 
 def test_closed_pipe_is_not_an_error(scene_npz, tmp_path):

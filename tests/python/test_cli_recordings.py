@@ -52,7 +52,7 @@ def test_cameras_together_and_a_file(tmp_path, capsys):
         for depth, pose in zip(millimetres(SCENE), SCENE.poses, strict=True)
     ]
     want = strand.reconstruct(views, radius=0.0042, bounds=SCENE.bounds, ropes=1)
-    got = strand.load(out)
+    got = strand.load_model(out)
     np.testing.assert_allclose(got.chains[0].points, want.chains[0].points, rtol=0, atol=1e-9)
 
 
@@ -60,7 +60,7 @@ def test_a_frame_by_its_number(tmp_path, capsys):
     path = write(tmp_path / "rope", "sqlite3", film(SCENE, 3))
     out = tmp_path / "a.json"
     assert main(["reconstruct", str(path), *KNOWN, "--frame", "2", "-o", str(out)]) == 0
-    np.testing.assert_allclose(strand.load(out).chains[0].points, direct(2), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(strand.load_model(out).chains[0].points, direct(2), rtol=0, atol=1e-9)
     capsys.readouterr()
     assert main(["reconstruct", str(path), *KNOWN, "--frame", "3"]) == 2
     assert capsys.readouterr().err == (

@@ -40,7 +40,7 @@ def test_a_cloud_becomes_a_model_in_every_format(folder, capsys, measure):
         code = run("cloud.pcd", "--viewpoint", CAMERA, "-o", out, "--tube", "tube.ply", "--radius", "4.2mm")
         assert code == 0
         assert capsys.readouterr().out.splitlines()[-2:] == [out, "tube.ply"]
-    model = strand.load("a.json")
+    model = strand.load_model("a.json")
     assert measure(model, MADE.truth, MADE.radius).right
     table = np.loadtxt("a.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 3:6], model.chains[0].points)

@@ -50,7 +50,7 @@ def there_and_back(kind, values):
 
 
 def test_a_path_has_a_pose_at_each_node():
-    sent = msgs.path(CHAIN, "world", STAMP)
+    sent = msgs.make_path(CHAIN, "world", STAMP)
     assert json.loads(json.dumps(sent)) == sent
     path = there_and_back("nav_msgs/msg/Path", sent)
     assert (path.header.frame_id, path.header.stamp.sec, path.header.stamp.nanosec) == (
@@ -69,14 +69,14 @@ def test_a_path_has_a_pose_at_each_node():
 
 def test_a_ring_ends_where_it_starts():
     ring = MODEL.chains[1]
-    poses = msgs.path(ring, "world")["poses"]
+    poses = msgs.make_path(ring, "world")["poses"]
     assert len(poses) == len(ring.points) + 1
     assert poses[0] == poses[-1]
 
 
 def test_markers_are_lines_with_spheres_at_their_ends():
     markers = there_and_back(
-        "visualization_msgs/msg/MarkerArray", msgs.marker_array(MODEL, "world", STAMP)
+        "visualization_msgs/msg/MarkerArray", msgs.make_marker_array(MODEL, "world", STAMP)
     ).markers
     kinds = STORE.types["visualization_msgs/msg/Marker"]
     first, line, ends, ring = markers
@@ -101,7 +101,7 @@ def test_markers_are_lines_with_spheres_at_their_ends():
 def test_colours_are_paler_if_the_model_is_unsure():
     def saturation(confidence):
         model = strand.Model((CHAIN,), np.eye(4)[None], confidence=confidence)
-        color = msgs.marker_array(model, "world", namespace="rope")["markers"][1]["color"]
+        color = msgs.make_marker_array(model, "world", namespace="rope")["markers"][1]["color"]
         rgb = [color[name] for name in "rgb"]
         return max(rgb) - min(rgb)
 
@@ -110,9 +110,9 @@ def test_colours_are_paler_if_the_model_is_unsure():
 
 @pytest.mark.parametrize("colors", [None, np.arange(18, dtype=np.uint8).reshape(6, 3)])
 def test_points_are_read_back_as_other_programs_do(colors):
-    sent = msgs.point_cloud2(NODES, "world", STAMP, colors=colors)
+    sent = msgs.make_point_cloud2(NODES, "world", STAMP, colors=colors)
     cloud = there_and_back("sensor_msgs/msg/PointCloud2", sent)
-    view = msgs.view(cloud)
+    view = msgs.read_view(cloud)
     np.testing.assert_array_equal(view.points, NODES[1:].astype(np.float32))  # the first one is the camera's
     if colors is not None:
         np.testing.assert_array_equal(view.colors, colors[1:] / 255.0)
@@ -125,28 +125,28 @@ def test_views_of_messages():
     depth = np.round(scene.depth[0] * 0.1).astype(np.uint16)
     image, info = made.image(depth, STAMP), made.info(scene.intrinsics, depth.shape, STAMP)
     want = strand.View.from_depth(depth, scene.intrinsics, scene.poses[0], depth_scale=0.001)
-    got = msgs.view(image, info, scene.poses[0])
+    got = msgs.read_view(image, info, scene.poses[0])
     np.testing.assert_array_equal(got.points, want.points)
     np.testing.assert_array_equal(got.pose, want.pose)
-    np.testing.assert_array_equal(msgs.view(made.compressed(depth, 0), info).points, want.points)
-    scaled = msgs.view(made.image(depth, 0, encoding="mono16"), info, depth_scale=1e-4)
+    np.testing.assert_array_equal(msgs.read_view(made.compressed(depth, 0), info).points, want.points)
+    scaled = msgs.read_view(made.image(depth, 0, encoding="mono16"), info, depth_scale=1e-4)
     np.testing.assert_allclose(scaled.points, want.points / 10)
     with pytest.raises(ValueError, match="depth images need a CameraInfo"):
-        msgs.view(image)
+        msgs.read_view(image)
     with pytest.raises(ValueError, match="mono16 has no unit"):
-        msgs.view(made.image(depth, 0, encoding="mono16"), info)
+        msgs.read_view(made.image(depth, 0, encoding="mono16"), info)
     with pytest.raises(ValueError, match="it is of images of 7 x 9 pixels, and this one has 64 x 48"):
-        msgs.view(image, made.info(scene.intrinsics, (9, 7), 0))
+        msgs.read_view(image, made.info(scene.intrinsics, (9, 7), 0))
     with pytest.raises(TypeError, match="rectified: expected True or False"):
-        msgs.view(image, info, rectified=1)
+        msgs.read_view(image, info, rectified=1)
     with pytest.raises(TypeError, match=r"message: expected one of sensor_msgs \(Image, .*\), got dict"):
-        msgs.view(msgs.point_cloud2(np.zeros((1, 3)), "world"))
+        msgs.read_view(msgs.make_point_cloud2(np.zeros((1, 3)), "world"))
     with pytest.raises(TypeError, match="camera_info: expected a CameraInfo, got ndarray"):
-        msgs.view(image, scene.intrinsics)
+        msgs.read_view(image, scene.intrinsics)
 
 
 def test_a_planning_scene_has_a_cylinder_and_balls_for_each_capsule():
-    scene = msgs.planning_scene(MODEL, 1e-3, "world", STAMP)
+    scene = msgs.make_planning_scene(MODEL, 1e-3, "world", STAMP)
     assert json.loads(json.dumps(scene)) == scene
     assert scene["is_diff"]
     assert scene["robot_state"] == {"is_diff": True}
@@ -175,16 +175,24 @@ def test_a_planning_scene_has_a_cylinder_and_balls_for_each_capsule():
 @pytest.mark.parametrize(
     ("call", "error", "reason"),
     [
-        (lambda: msgs.path(NODES, "world"), TypeError, "chain: expected a Chain, got ndarray"),
-        (lambda: msgs.path(CHAIN, 3), TypeError, "frame_id: expected text"),
-        (lambda: msgs.path(CHAIN, "world", -1), ValueError, "stamp: expected at least 0"),
-        (lambda: msgs.path(CHAIN, "world", 1.5), TypeError, "stamp: expected an integer"),
-        (lambda: msgs.marker_array(CHAIN, "world"), TypeError, "model: expected a Model, got Chain"),
-        (lambda: msgs.planning_scene(CHAIN, 1e-3, "world"), TypeError, "model: expected a Model, got Chain"),
-        (lambda: msgs.planning_scene(MODEL, 0.0, "world"), ValueError, "error: expected a positive"),
-        (lambda: msgs.point_cloud2(NODES[:, :2], "world"), ValueError, "points: expected shape"),
-        (lambda: msgs.point_cloud2(NODES * 1e50, "world"), ValueError, "fit in single precision"),
-        (lambda: msgs.point_cloud2(NODES, "world", colors=NODES[:2]), ValueError, "colors: expected shape"),
+        (lambda: msgs.make_path(NODES, "world"), TypeError, "chain: expected a Chain, got ndarray"),
+        (lambda: msgs.make_path(CHAIN, 3), TypeError, "frame_id: expected text"),
+        (lambda: msgs.make_path(CHAIN, "world", -1), ValueError, "stamp: expected at least 0"),
+        (lambda: msgs.make_path(CHAIN, "world", 1.5), TypeError, "stamp: expected an integer"),
+        (lambda: msgs.make_marker_array(CHAIN, "world"), TypeError, "model: expected a Model, got Chain"),
+        (
+            lambda: msgs.make_planning_scene(CHAIN, 1e-3, "world"),
+            TypeError,
+            "model: expected a Model, got Chain",
+        ),
+        (lambda: msgs.make_planning_scene(MODEL, 0.0, "world"), ValueError, "error: expected a positive"),
+        (lambda: msgs.make_point_cloud2(NODES[:, :2], "world"), ValueError, "points: expected shape"),
+        (lambda: msgs.make_point_cloud2(NODES * 1e50, "world"), ValueError, "fit in single precision"),
+        (
+            lambda: msgs.make_point_cloud2(NODES, "world", colors=NODES[:2]),
+            ValueError,
+            "colors: expected shape",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(call, error, reason):
@@ -193,5 +201,5 @@ def test_wrong_arguments_are_named(call, error, reason):
 
 
 def test_no_points_are_a_message_too():
-    cloud = there_and_back("sensor_msgs/msg/PointCloud2", msgs.point_cloud2(np.empty((0, 3)), "world"))
+    cloud = there_and_back("sensor_msgs/msg/PointCloud2", msgs.make_point_cloud2(np.empty((0, 3)), "world"))
     assert (cloud.width, len(cloud.data)) == (0, 0)

@@ -10,9 +10,9 @@ from pathlib import Path
 from strand.batch.settings import Settings
 from strand.batch.units import BAG, IMAGES, Unit, images_of, open_bag
 from strand.io.budget import Budget
-from strand.io.recordings.recording import Recording, Undecoded
+from strand.io.recordings.recording import Recording, UndecodedFrame
 from strand.io.scenes import load_scene
-from strand.io.single import Camera, read_view
+from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES
 from strand.support.files import FileFormatError
 from strand.views.box import Bounds
@@ -51,10 +51,10 @@ def frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], S
     """
     if unit.kind == BAG:
         with open_bag(unit.path, settings) as recording:
-            for frame in recording.undecoded(unit.start, unit.stop, settings.every):
+            for frame in recording.read_undecoded(unit.start, unit.stop, settings.every):
                 yield frame.number, partial(_decoded, recording, frame)
         return
-    camera = Camera(settings.viewpoint, settings.camera_frame, settings.intrinsics, settings.depth_scale)
+    camera = KnownCamera(settings.viewpoint, settings.camera_frame, settings.intrinsics, settings.depth_scale)
     if unit.kind == IMAGES:
         paths = images_of(unit.path)
         if not paths:
@@ -67,16 +67,16 @@ def frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], S
     yield 0, lambda: scene
 
 
-def _decoded(recording: Recording, frame: Undecoded) -> Seen:
-    decoded = recording.decoded(frame)
+def _decoded(recording: Recording, frame: UndecodedFrame) -> Seen:
+    decoded = recording.decode(frame)
     return Seen(decoded.time, decoded.views)
 
 
-def _image(path: str, camera: Camera, settings: Settings) -> Seen:
-    return Seen(None, (read_view(Path(path), camera, None, Budget(settings.max_bytes)),))
+def _image(path: str, camera: KnownCamera, settings: Settings) -> Seen:
+    return Seen(None, (read_single_view(Path(path), camera, None, Budget(settings.max_bytes)),))
 
 
-def _scene(path: str, camera: Camera, settings: Settings) -> Seen:
+def _scene(path: str, camera: KnownCamera, settings: Settings) -> Seen:
     single = Path(path).suffix.lower() in SUFFIXES
     scene = load_scene(
         path,

@@ -157,7 +157,7 @@ def _model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, in
             chains, np.empty((0, 4, 4)), warnings=warnings, confidence=float("nan") if sure is None else sure
         )
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
     yield rows[0]["recording"], rows[0]["frame"], model
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from strand.config import Config
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.recording import TOLERANCE
-from strand.io.single import Camera
+from strand.io.single_view import KnownCamera
 from strand.reconstruction.evidence.prior import Prior
 from strand.support.checks import (
     check_bool,
@@ -91,7 +91,7 @@ class Settings:
     def __post_init__(self) -> None:
         if not isinstance(self.config, Config):
             raise TypeError(f"config: expected a strand.Config, got {type(self.config).__name__}")
-        Camera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
+        KnownCamera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
         check_bool("ignore_distortion", self.ignore_distortion)
         check_bool("outside", self.outside)
         # in one form, however they are given: their digest says whether two are the same

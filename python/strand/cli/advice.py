@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from strand.io.contents import Contents, SceneContents, SingleContents
-from strand.io.recordings.contents import RecordingContents
+from strand.io.file_contents import Contents, SceneContents, SingleContents
+from strand.io.recordings.recording_contents import RecordingContents
 from strand.ropes.model import Model
 
 
@@ -48,7 +48,7 @@ def advice(path: Path, held: Contents, asked: bool = False) -> Advice:
     """
     match held:
         case Model():
-            return Advice(None, (), {"refused": "it is a model, which strand.load() reads"})
+            return Advice(None, (), {"refused": "it is a model, which strand.load_model() reads"})
         case SceneContents(views=views) if not any(view.points for view in views):
             return _NOTHING
         case SingleContents(view=view) if not view.points:

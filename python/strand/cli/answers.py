@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 
 from strand.cli.outcome import say
-from strand.report.remarks import remarks
+from strand.report.remarks import list_remarks
 from strand.ropes.model import Model, content
 
 # doubts that are not warned of are printed among the first so many remarks, and from this weight on: less
@@ -25,7 +25,7 @@ def warn(model: Model, about: str = "", doubts: bool = False) -> None:
     # what was printed before stands before it; that it cannot be printed is said at the end
     with suppress(OSError):
         sys.stdout.flush()
-    found = [one for one in remarks(model) if one.warned or one.weight >= _LEAST]
+    found = [one for one in list_remarks(model) if one.warned or one.weight >= _LEAST]
     shown = [one for i, one in enumerate(found) if one.warned or (doubts and i < _MOST)]
     for one in shown:
         weight = f", weight {one.weight:.2g}" if one.weight else ""

@@ -14,9 +14,9 @@ import numpy as np
 
 from strand.cli.advice import Advice
 from strand.cli.outcome import printable
-from strand.io.contents import Contents, SceneContents, SingleContents
-from strand.io.recordings.contents import CameraContents, RecordingContents
-from strand.io.seen import Seen
+from strand.io.file_contents import Contents, SceneContents, SingleContents
+from strand.io.recordings.recording_contents import CameraContents, RecordingContents
+from strand.io.view_summary import ViewSummary
 from strand.report import tables
 from strand.ropes.model import VERSION, Model
 from strand.views.box import metres
@@ -198,7 +198,7 @@ def _camera(camera: CameraContents) -> list[Row]:
     return [*rows, *_intrinsics([view]), *_points([view])]
 
 
-def _views(views: Sequence[Seen]) -> str:
+def _views(views: Sequence[ViewSummary]) -> str:
     """Say how many there are of each kind and size."""
     counts = Counter((view.kind, _size(view)) for view in views)
     return "; ".join(
@@ -207,11 +207,11 @@ def _views(views: Sequence[Seen]) -> str:
     )
 
 
-def _size(view: Seen) -> str:
+def _size(view: ViewSummary) -> str:
     return view.kind if view.size is None else f"{view.size[0]} x {view.size[1]} pixels"
 
 
-def _intrinsics(views: Sequence[Seen]) -> list[Row]:
+def _intrinsics(views: Sequence[ViewSummary]) -> list[Row]:
     """Return the pinhole of the first image, if there is one, and how many views have others."""
     known = [view.intrinsics for view in views if view.intrinsics is not None]
     if not known:
@@ -221,7 +221,7 @@ def _intrinsics(views: Sequence[Seen]) -> list[Row]:
     return [Row("intrinsics", numbers + (f"; {others} views have others" if others else ""))]
 
 
-def _points(views: Sequence[Seen], unit: str = "m") -> list[Row]:
+def _points(views: Sequence[ViewSummary], unit: str = "m") -> list[Row]:
     """Return how many points there are, what is missing, and how far away they are."""
     said = f"{sum(view.points for view in views)}"
     pixels = sum(view.size[0] * view.size[1] for view in views if view.size is not None)
@@ -243,7 +243,7 @@ def _points(views: Sequence[Seen], unit: str = "m") -> list[Row]:
     return rows
 
 
-def _masks(views: Sequence[Seen]) -> str:
+def _masks(views: Sequence[ViewSummary]) -> str:
     labels = [view.labels for view in views if view.labels is not None]
     if not labels:
         return "none"

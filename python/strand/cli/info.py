@@ -16,7 +16,7 @@ from strand.cli.described import described, format_of, kind_of
 from strand.cli.options import add_limits
 from strand.cli.outcome import code_of
 from strand.cli.progress import progress
-from strand.io.contents import Contents, contents
+from strand.io.file_contents import Contents, read_contents
 from strand.ropes.model import Model
 from strand.support.files import convert_to_json
 
@@ -52,7 +52,9 @@ def run(options: argparse.Namespace) -> int:
     for path in options.files:
         try:
             with progress("read"):
-                held = contents(path, options.topic, max_bytes=options.max_bytes, outside=options.outside)
+                held = read_contents(
+                    path, options.topic, max_bytes=options.max_bytes, outside=options.outside
+                )
         except Exception as error:
             # what was printed before stands before it
             with suppress(OSError):

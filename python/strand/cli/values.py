@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from strand.io.description import parse_length
+from strand.io.scene_description import parse_length
 
 
 def path(text: str) -> Path:

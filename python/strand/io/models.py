@@ -24,7 +24,7 @@ REQUIRED = (
 )
 
 
-def load(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
+def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
     """Read a model that `Model.save` wrote.
 
     Parameters

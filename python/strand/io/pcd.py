@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud
 from strand.io.lzf import MOST_GROWTH, decompress
-from strand.io.rows import holds, lines, read_rows
+from strand.io.point_cloud import PointCloud
+from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
 HEADER_BYTES = 1 << 16
@@ -66,7 +66,7 @@ class Header:
         return [np.dtype(kind).itemsize * count for _, kind, count in self.fields]
 
 
-def read_pcd(path: Path, budget: Budget) -> Cloud:
+def read_pcd(path: Path, budget: Budget) -> PointCloud:
     """Return the points of a PCD file, with their colours if there is rgb or rgba.
 
     Its viewpoint is that of the header, unless that is the origin: there it stands where nobody set it.
@@ -105,7 +105,7 @@ def read_pcd(path: Path, budget: Budget) -> Cloud:
             colors = _unpacked(numbers, kinds[color])
     except ValueError as error:
         raise FileFormatError(path, str(error), color) from error
-    return Cloud(points, colors, np.array(header.viewpoint) if any(header.viewpoint) else None)
+    return PointCloud(points, colors, np.array(header.viewpoint) if any(header.viewpoint) else None)
 
 
 def _unpacked(numbers: NDArray[Any], kind: str) -> NDArray[np.uint8]:
@@ -177,7 +177,7 @@ def _viewpoint(path: Path, entries: dict[str, list[str]]) -> tuple[float, ...]:
 def _require_room(path: Path, header: Header, body: memoryview) -> None:
     """Refuse more points than the bytes after the header can hold."""
     if header.encoding == "ascii":
-        enough = holds(body, header.points * sum(count for _, _, count in header.fields))
+        enough = is_long_enough(body, header.points * sum(count for _, _, count in header.fields))
     else:
         growth = MOST_GROWTH if header.encoding == "binary_compressed" else 1
         enough = header.points * sum(header.sizes) <= len(body) * growth
@@ -196,7 +196,7 @@ def _ascii_columns(
     places = [starts[at] for at in header.positions(wanted).values()]
     budget.take(path, 8 * len(wanted) * header.points)
     numbers = np.empty((header.points, len(wanted)))
-    if not read_rows(path, lines(path, body), numbers, places, starts[-1], "point"):
+    if not read_rows(path, split_lines(path, body), numbers, places, starts[-1], "point"):
         raise _too_few(path, header)
     return dict(zip(wanted, numbers.T, strict=True))
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud, colors_of
-from strand.io.rows import holds, lines, read_rows
+from strand.io.point_cloud import PointCloud, scale_colors
+from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
 HEADER_BYTES = 1 << 16
@@ -45,7 +45,7 @@ class Element:
     columns: tuple[tuple[str, str], ...]
 
 
-def read_ply(path: Path, budget: Budget) -> Cloud:
+def read_ply(path: Path, budget: Budget) -> PointCloud:
     """Return the vertices of a PLY file, with their colours if there are red, green and blue.
 
     Raises
@@ -84,12 +84,12 @@ def read_ply(path: Path, budget: Budget) -> Cloud:
     with np.errstate(over="ignore"):  # what a float does not hold is infinite
         points = np.stack([table[axis].astype(kinds[axis]) for axis in "xyz"], axis=1).astype(kind)
     if len(wanted) == 3:
-        return Cloud(points)
+        return PointCloud(points)
     whole = all(kinds[name][0] in "iu" for name in _COLORS)
     try:
-        return Cloud(points, colors_of(np.stack([table[name] for name in _COLORS], axis=1), whole))
+        return PointCloud(points, scale_colors(np.stack([table[name] for name in _COLORS], axis=1), whole))
     except ValueError as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
 
 
 def _parse_header(path: Path, header: bytes) -> tuple[str, list[Element]]:
@@ -154,12 +154,12 @@ def _ascii_columns(
 ) -> dict[str, NDArray[Any]]:
     """(N,) Those columns of the vertices that are wanted, by their names."""
     width, skipped = len(element.columns), sum(one.rows for one in before)
-    if not holds(body, skipped + element.rows * width):
+    if not is_long_enough(body, skipped + element.rows * width):
         raise _too_few(path, element)
     budget.take(path, 8 * len(wanted) * element.rows)
     numbers = np.empty((element.rows, len(wanted)))
     names = [name for name, _ in element.columns]
-    each = lines(path, body)
+    each = split_lines(path, body)
     if sum(1 for _ in islice(each, skipped)) < skipped:
         raise _too_few(path, element)
     if not read_rows(path, each, numbers, [names.index(name) for name in wanted], width, "vertex"):

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.io.arrays import Archive
 from strand.io.budget import MAX_BYTES, Budget
-from strand.io.cloud import Cloud
-from strand.io.description import Description, parse_description
 from strand.io.images import read_color
-from strand.io.single import Camera, read_view
+from strand.io.npy import Archive
+from strand.io.point_cloud import PointCloud
+from strand.io.scene_description import Description, parse_description
+from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
 from strand.support.checks import Array, check_finite_array, check_integer, check_sequence
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
@@ -172,10 +172,10 @@ def load_scene(
     path = Path(path)
     given = None if masks is None else [Path(one) for one in check_sequence("masks", masks, "paths")]
     budget = Budget(check_integer("max_bytes", max_bytes, 1))
-    camera = Camera(viewpoint, camera_frame, intrinsics, depth_scale)
+    camera = KnownCamera(viewpoint, camera_frame, intrinsics, depth_scale)
     suffix = path.suffix.lower()
     if suffix in SUFFIXES and not path.is_dir():
-        view = read_view(path, camera, given, budget)
+        view = read_single_view(path, camera, given, budget)
         return Scene(path.stem, (view,), None, None, files=(path, *(given or ())))
     camera.refuse(f"only of a single file of points or depth; {path} says it itself")
     if path.is_dir():
@@ -207,7 +207,7 @@ def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> S
     try:
         return replace(_archived_scene(path.stem, arrays), files=(path, *(masks or ())))
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
 
 
 def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
@@ -274,7 +274,7 @@ def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, 
     try:
         description = parse_description(table)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
     recorded = description.views
     if masks is not None:
         require_one_each(masks, len(recorded))
@@ -312,12 +312,12 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
     seen = read_view_file(path, budget)
     colors = read_color(files["color"], budget) if "color" in files else None
     try:
-        if isinstance(seen, Cloud):
+        if isinstance(seen, PointCloud):
             budget.take(path, _VIEW + seen.numbers * _DEPTH)
             for key, what in (("color", "colour images"), ("mask", "masks")):
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
-            return seen.view(pose)
+            return seen.make_view(pose)
         budget.take(path, _VIEW + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOUR))
         scale = None
         if seen.dtype == np.uint16:
@@ -331,4 +331,4 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
     except FileFormatError:  # the mask's, which names it
         raise
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.io.arrays import read_npy
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud, colors_of
 from strand.io.images import read_depth_png, read_depth_tiff, read_mask_png
+from strand.io.npy import read_npy
 from strand.io.pcd import read_pcd
 from strand.io.ply import read_ply
+from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.xyz import read_xyz
 from strand.support.checks import check_mask
 from strand.support.files import FileFormatError
@@ -22,7 +22,7 @@ from strand.support.files import FileFormatError
 _MASK = 4  # bytes of each pixel of a view's mask
 
 
-def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | Cloud:
+def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
     """Return a depth image, (H, W) of uint16 in units or of floats in metres, or a point cloud.
 
     Raises
@@ -55,10 +55,10 @@ def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.
     try:
         return check_mask("mask", labels, shape)
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
 
 
-def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any] | Cloud:
+def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
     """Return what an NPY file holds: floats three columns wide are points, six with their colours."""
     array = read_npy(path, budget)
     if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
@@ -70,9 +70,9 @@ def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any] | Cloud:
     if array.dtype == np.uint16 or array.shape[1] not in (3, 6):
         return array
     try:
-        return Cloud(array[:, :3], colors_of(array[:, 3:], False) if array.shape[1] == 6 else None)
+        return PointCloud(array[:, :3], scale_colors(array[:, 3:], False) if array.shape[1] == 6 else None)
     except ValueError as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
 
 
 _READERS = {

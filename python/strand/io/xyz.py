@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud, colors_of
-from strand.io.rows import lines, read_rows
+from strand.io.point_cloud import PointCloud, scale_colors
+from strand.io.text_rows import read_rows, split_lines
 from strand.support.files import FileFormatError
 
 COLORS = (("red", "green", "blue"), ("r", "g", "b"))
@@ -39,7 +39,7 @@ class Columns:
     heading: int
 
 
-def read_xyz(path: Path, budget: Budget) -> Cloud:
+def read_xyz(path: Path, budget: Budget) -> PointCloud:
     """Return the points of a text, one a line, with their colours if there are some.
 
     Commas, semicolons or white space stand between the columns. The first line may name them: x, y, z, and
@@ -62,21 +62,21 @@ def read_xyz(path: Path, budget: Budget) -> Cloud:
     if not read_rows(path, rows, numbers, columns.wanted, columns.width, "point", columns.separator):
         raise FileFormatError(path, f"truncated: expected {columns.width} numbers", f"point {count - 1}")
     if len(columns.wanted) == 3:
-        return Cloud(numbers)
+        return PointCloud(numbers)
     try:
-        return Cloud(numbers[:, :3], colors_of(numbers[:, 3:], False))
+        return PointCloud(numbers[:, :3], scale_colors(numbers[:, 3:], False))
     except ValueError as error:
         hint = "" if columns.heading else "; a first line such as x,y,z,nx,ny,nz says that there are none"
-        raise FileFormatError.of(path, ValueError(f"{error}{hint}")) from error
+        raise FileFormatError.from_error(path, ValueError(f"{error}{hint}")) from error
 
 
 def _rows(path: Path, body: memoryview) -> Iterator[bytes]:
     """Lines that are neither blank nor a comment."""
-    return (line for line in lines(path, body) if not line.lstrip().startswith(COMMENTS))
+    return (line for line in split_lines(path, body) if not line.lstrip().startswith(COMMENTS))
 
 
 def _columns(path: Path, body: memoryview) -> Columns:
-    first = next(lines(path, body), b"")
+    first = next(split_lines(path, body), b"")
     row = next(_rows(path, body), b"")
     named = _named(path, first, 1 if first == row else 0)
     if named is not None:

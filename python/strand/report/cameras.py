@@ -60,7 +60,7 @@ class Camera:
         return np.asarray(self.viewpoint + distance * rays @ self.pose[:3, :3].T)
 
 
-def cameras_of(model: Model, views: Sequence[View]) -> list[Camera | None]:
+def make_cameras(model: Model, views: Sequence[View]) -> list[Camera | None]:
     """Return each view's camera in the model's pose; None where a view has neither an image nor points.
 
     Raises
@@ -109,7 +109,7 @@ def _camera(view: View, pose: Array) -> Camera | None:
     return Camera(pose @ turned, Pinhole((focal, focal), (left, top)), depth, True)
 
 
-def side_seen(points: Array, viewpoints: Array) -> Array:
+def find_seen_side(points: Array, viewpoints: Array) -> Array:
     """(3,) Unit vector from points to where most of the cameras stand; z if they stand all around."""
     rays = viewpoints - points.mean(axis=0)
     lengths = np.linalg.norm(rays, axis=1, keepdims=True)

@@ -22,15 +22,15 @@ from strand.report.sheet import (
     RIGHT,
     WIDTH,
     Plan,
-    dot,
-    line_names,
-    new_figure,
-    new_panel,
-    new_sheet,
-    spread,
-    stroke,
+    make_dot,
+    make_figure,
+    make_line_entries,
+    make_panel,
+    make_sheet,
+    make_stroke,
+    pick_spread,
 )
-from strand.report.tables import stages_of
+from strand.report.tables import find_stage_names
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
@@ -82,38 +82,38 @@ def write_figures(
     """
     centrelines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
     figures: dict[str, Callable[[], Figure]]
-    if stages_of(model) == "published":
+    if find_stage_names(model) == "published":
         figures = {
-            "1-raw.png": lambda: raw(model),
-            "2-filtered.png": lambda: filtered(model),
-            "3-normals.png": lambda: normals(model),
-            "4-registered.png": lambda: registered(model),
-            "5-axis-points.png": lambda: axis_points(model),
-            "6-chains.png": lambda: chains(model),
-            "7-separation.png": lambda: separation(model),
-            "8-segments.png": lambda: segments(model),
-            "9-strings.png": lambda: ropes(model, centrelines),
-            "10-cameras.png": lambda: cameras(model),
+            "1-raw.png": lambda: draw_raw(model),
+            "2-filtered.png": lambda: draw_filtered(model),
+            "3-normals.png": lambda: draw_normals(model),
+            "4-registered.png": lambda: draw_registered(model),
+            "5-axis-points.png": lambda: draw_axis_points(model),
+            "6-chains.png": lambda: draw_chains(model),
+            "7-separation.png": lambda: draw_separation(model),
+            "8-segments.png": lambda: draw_segments(model),
+            "9-strings.png": lambda: draw_ropes(model, centrelines),
+            "10-cameras.png": lambda: draw_cameras(model),
         }
-    elif stages_of(model) == "images":
+    elif find_stage_names(model) == "images":
         figures = {
-            "1-raw.png": lambda: raw(model),
-            "2-filtered.png": lambda: filtered(model),
-            "3-registered.png": lambda: registered(model),
-            "4-ropes.png": lambda: ropes(model, centrelines),
-            "5-uncertainty.png": lambda: uncertainty(model),
-            "6-cameras.png": lambda: cameras(model),
+            "1-raw.png": lambda: draw_raw(model),
+            "2-filtered.png": lambda: draw_filtered(model),
+            "3-registered.png": lambda: draw_registered(model),
+            "4-ropes.png": lambda: draw_ropes(model, centrelines),
+            "5-uncertainty.png": lambda: draw_uncertainty(model),
+            "6-cameras.png": lambda: draw_cameras(model),
         }
     else:
         figures = {
-            "1-raw.png": lambda: raw(model),
-            "2-filtered.png": lambda: filtered(model),
-            "3-registered.png": lambda: registered(model),
-            "4-arcs.png": lambda: arcs(model),
-            "5-ropes.png": lambda: ropes(model, centrelines),
-            "6-residuals.png": lambda: residuals(model),
-            "7-uncertainty.png": lambda: uncertainty(model),
-            "8-cameras.png": lambda: cameras(model),
+            "1-raw.png": lambda: draw_raw(model),
+            "2-filtered.png": lambda: draw_filtered(model),
+            "3-registered.png": lambda: draw_registered(model),
+            "4-arcs.png": lambda: draw_arcs(model),
+            "5-ropes.png": lambda: draw_ropes(model, centrelines),
+            "6-residuals.png": lambda: draw_residuals(model),
+            "7-uncertainty.png": lambda: draw_uncertainty(model),
+            "8-cameras.png": lambda: draw_cameras(model),
         }
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
@@ -143,8 +143,8 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     """
     cloud = np.asarray(points, dtype=np.float64)
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
-    entries = [dot("points", GREY), *line_names(names)]
-    sheet = new_sheet(model, cloud, "Chains over the points", entries, elevation=False)
+    entries = [make_dot("points", GREY), *make_line_entries(names)]
+    sheet = make_sheet(model, cloud, "Chains over the points", entries, elevation=False)
     sheet.points(cloud, GREY, size=2.0)
     paths = [_closed(chain.points, chain.closed) for chain in model.chains]
     sheet.lines(_coloured(paths), width=2.6)
@@ -152,32 +152,32 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     _write(sheet.figure, Path(path))
 
 
-def raw(model: Model) -> Figure:
+def draw_raw(model: Model) -> Figure:
     """Points inside the extraction range, as the views' poses place them (fig. 6 a)."""
     return _by_view(model, model.stages["raw"], "Raw points inside the extraction range")
 
 
-def filtered(model: Model) -> Figure:
+def draw_filtered(model: Model) -> Figure:
     """Points that the outlier removal kept (fig. 6 b)."""
     return _by_view(model, model.stages["filtered"], "Points after outlier removal")
 
 
-def registered(model: Model) -> Figure:
+def draw_registered(model: Model) -> Figure:
     """Points in the registered poses (fig. 6 d)."""
     return _by_view(model, model.stages["registered"], "Registered points")
 
 
-def normals(model: Model) -> Figure:
+def draw_normals(model: Model) -> Figure:
     """Points, some of them with their outward unit normals (fig. 6 c)."""
     points, vectors = np.vstack(model.stages["filtered"]), np.vstack(model.stages["normals"])
     key = {"right": (1, 0), "up": (0, 1), "left": (-1, 0), "down": (0, -1)}
     key["towards the reader"] = (0, 0)
     key_colours = _direction_colours(np.array(list(key.values())))
-    legend = [stroke(name, colour) for name, colour in zip(key, key_colours, strict=True)]
-    sheet = new_sheet(model, points, f"Normals at {len(points):,} points", legend)
-    sheet.points(points[spread(len(points), MAX_POINTS // 3)], GREY, size=1.0)
+    legend = [make_stroke(name, colour) for name, colour in zip(key, key_colours, strict=True)]
+    sheet = make_sheet(model, points, f"Normals at {len(points):,} points", legend)
+    sheet.points(points[pick_spread(len(points), MAX_POINTS // 3)], GREY, size=1.0)
     reach = 0.03 * float(np.ptp(points, axis=0).max())
-    some = spread(len(points), MAX_NORMALS)
+    some = pick_spread(len(points), MAX_NORMALS)
     collections = import_extra("matplotlib.collections")
     for axes, across, up, depth in sheet.panels:
         order = some[np.argsort(depth(points[some]), kind="stable")]
@@ -188,22 +188,22 @@ def normals(model: Model) -> Figure:
     return sheet.figure
 
 
-def axis_points(model: Model) -> Figure:
+def draw_axis_points(model: Model) -> Figure:
     """Points moved inwards onto the ropes' axes, and averaged (fig. 6 e)."""
     points = model.stages["axis_points"]
-    sheet = new_sheet(model, points, f"{len(points):,} axis points", bar=True)
+    sheet = make_sheet(model, points, f"{len(points):,} axis points", bar=True)
     height = sheet.plan.of(points)[:, 2]
     colours = sheet.scale(height.min(), height.max(), "viridis", sheet.plan.label(2))
     sheet.points(points, colours(height), size=2.0)
     return sheet.figure
 
 
-def chains(model: Model) -> Figure:
+def draw_chains(model: Model) -> Figure:
     """Chains as they were traced (fig. 6 f)."""
     traced, cloud = model.stages["traced"], model.stages["axis_points"]
     names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced)]
     title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
-    sheet = new_sheet(model, cloud, title, line_names(names))
+    sheet = make_sheet(model, cloud, title, make_line_entries(names))
     sheet.points(cloud, GREY)
     sheet.lines(_coloured(traced))
     for i, chain in enumerate(traced):
@@ -211,7 +211,7 @@ def chains(model: Model) -> Figure:
     return sheet.figure
 
 
-def separation(model: Model) -> Figure:
+def draw_separation(model: Model) -> Figure:
     """Separation d* over the node index, with the cuts at its local minima (fig. 11)."""
     traced, cuts = model.stages["traced"], model.stages["cuts"]
     values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
@@ -224,10 +224,10 @@ def separation(model: Model) -> Figure:
     if len(shown) < len(traced):
         title += f" (the {len(shown)} longest of {len(traced)})"
     panel, gap = 1.6, 0.5
-    figure, foot = new_figure(title, (panel + gap) * len(shown) - 0.25, legend)
+    figure, foot = make_figure(title, (panel + gap) * len(shown) - 0.25, legend)
     highest = max((float(np.nanmax(values[i])) for i in shown if np.isfinite(values[i]).any()), default=1.0)
     for row, i in enumerate(reversed(shown)):
-        axes = new_panel(figure, LEFT, foot + (panel + gap) * row, WIDTH - LEFT - RIGHT, panel)
+        axes = make_panel(figure, LEFT, foot + (panel + gap) * row, WIDTH - LEFT - RIGHT, panel)
         colour = PALETTE[i % len(PALETTE)]
         axes.plot(np.arange(len(values[i])), values[i], ".-", color=colour, lw=1.4, ms=5)
         at = np.asarray(cuts[i], dtype=np.intp)
@@ -245,16 +245,16 @@ def separation(model: Model) -> Figure:
     return figure
 
 
-def segments(model: Model) -> Figure:
+def draw_segments(model: Model) -> Figure:
     """Segments that the split left, with the ropes' ends and the ends at crossings (fig. 12)."""
     parts, cloud = model.stages["segments"], model.stages["axis_points"]
     title = f"{len(parts)} {'segment' if len(parts) == 1 else 'segments'} after the split"
     legend = [
-        dot("rope's end", PALETTE[3], edge=INK),
-        dot("segment's end", "white", edge=INK),
-        dot("axis points", GREY),
+        make_dot("rope's end", PALETTE[3], edge=INK),
+        make_dot("segment's end", "white", edge=INK),
+        make_dot("axis points", GREY),
     ]
-    sheet = new_sheet(model, cloud, title, legend)
+    sheet = make_sheet(model, cloud, title, legend)
     sheet.points(cloud, GREY)
     sheet.lines(_coloured(parts))
     ends = _ends(parts)
@@ -266,7 +266,7 @@ def segments(model: Model) -> Figure:
     return sheet.figure
 
 
-def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
+def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     """Draw the model's chains, coloured by arc length, over the registered points (fig. 13).
 
     Nodes that no point supports, where a rope bridges a gap, are dotted. Crossings as seen in the plan, and
@@ -276,13 +276,13 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     count = len(model.chains)
     lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:4])
     title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > 4 else ''}"
-    legend = [dot("registered points", GREY), dot("rope's end", PALETTE[3], edge=INK)]
+    legend = [make_dot("registered points", GREY), make_dot("rope's end", PALETTE[3], edge=INK)]
     bridged = np.vstack([np.empty((0, 3)), *(chain.points[_bridged(chain)] for chain in model.chains)])
     if len(bridged):
-        legend.append(dot("node without points", "white", edge=INK))
+        legend.append(make_dot("node without points", "white", edge=INK))
     crossed = _crossed(model, cloud)
     if len(crossed):
-        legend.append(dot("crossing", "none", edge=INK))
+        legend.append(make_dot("crossing", "none", edge=INK))
     unsure = _doubted(model)
     if len(unsure):
         legend.append(_doubt_entry())
@@ -290,7 +290,7 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
         legend.append(
             import_extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth")
         )
-    sheet = new_sheet(model, cloud, title, legend, bar=True)
+    sheet = make_sheet(model, cloud, title, legend, bar=True)
     sheet.points(cloud, GREY)
     longest = max((chain.length for chain in model.chains), default=0.0)
     colours = sheet.scale(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
@@ -311,7 +311,7 @@ def ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     return sheet.figure
 
 
-def cameras(model: Model) -> Figure:
+def draw_cameras(model: Model) -> Figure:
     """Draw where the cameras stood in their registered poses, which way they looked, and the next view.
 
     Chains and places of doubts are drawn too. Poses whose z axis does not lead to the chains, as of points in
@@ -329,18 +329,18 @@ def cameras(model: Model) -> Figure:
     except ValueError:  # nothing to look at
         advised = np.empty((0, 3))
     unsure, count = _doubted(model), len(centres)
-    legend = [dot("camera", PALETTE[0], edge=INK)]
+    legend = [make_dot("camera", PALETTE[0], edge=INK)]
     if len(tips):
-        legend.append(stroke("the way it looks", PALETTE[0]))
+        legend.append(make_stroke("the way it looks", PALETTE[0]))
     if len(lines):
-        legend.append(stroke("chain", INK))
+        legend.append(make_stroke("chain", INK))
     if len(advised):
-        legend.append(dot("next view", PALETTE[2], edge=INK))
+        legend.append(make_dot("next view", PALETTE[2], edge=INK))
     if len(unsure):
         legend.append(_doubt_entry())
     title = f"{count} {'camera' if count == 1 else 'cameras'}, "
     title += f"{len(lines)} {'chain' if len(lines) == 1 else 'chains'}"
-    sheet = new_sheet(model, np.vstack([nodes, centres, tips, advised]), title, legend)
+    sheet = make_sheet(model, np.vstack([nodes, centres, tips, advised]), title, legend)
     sheet.lines([(line, INK) for line in lines], width=1.4)
     sheet.lines([(np.stack(ray), PALETTE[0]) for ray in zip(centres[looking], tips, strict=True)], width=1.2)
     sheet.markers(centres, "o", PALETTE[0])
@@ -349,11 +349,11 @@ def cameras(model: Model) -> Figure:
     return sheet.figure
 
 
-def arcs(model: Model) -> Figure:
+def draw_arcs(model: Model) -> Figure:
     """Arcs that the views saw of the ropes, with their ends, before they were linked."""
     parts, cloud = model.stages["arcs"], np.vstack(model.stages["registered"])
-    legend = [dot("arc's end", "white", edge=INK), dot("registered points", GREY)]
-    sheet = new_sheet(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
+    legend = [make_dot("arc's end", "white", edge=INK), make_dot("registered points", GREY)]
+    sheet = make_sheet(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
     sheet.points(cloud, GREY)
     sheet.lines(_coloured(parts))
     sheet.markers(_ends(parts), "o", "white")
@@ -361,7 +361,7 @@ def arcs(model: Model) -> Figure:
     return sheet.figure
 
 
-def residuals(model: Model) -> Figure:
+def draw_residuals(model: Model) -> Figure:
     """Distances of the points from the fitted surface: what is left after the fit, and where.
 
     A patch of one colour is something that the tubes or the poses do not describe; noise alone is mixed.
@@ -369,8 +369,8 @@ def residuals(model: Model) -> Figure:
     fit = model.stages["fit"]
     share = 100.0 * float(np.mean(fit.explained))
     title = f"Residuals: sd {fit.sigma * 1e3:.2f} mm, {share:.1f} % of {len(fit.points):,} points explained"
-    legend = [] if fit.explained.all() else [dot("point that no tube explains", INK)]
-    sheet = new_sheet(model, fit.points, title, legend, bar=True, elevation=False)
+    legend = [] if fit.explained.all() else [make_dot("point that no tube explains", INK)]
+    sheet = make_sheet(model, fit.points, title, legend, bar=True, elevation=False)
     limit = max(3e3 * fit.sigma, 1e-6)
     colours = sheet.scale(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
     explained = np.flatnonzero(fit.explained)
@@ -384,18 +384,18 @@ def residuals(model: Model) -> Figure:
     return sheet.figure
 
 
-def uncertainty(model: Model) -> Figure:
+def draw_uncertainty(model: Model) -> Figure:
     """Draw the nodes' standard deviation in their worst direction, and how many points see them."""
     shown = sorted(sorted(range(len(model.chains)), key=lambda i: -model.chains[i].length)[:MAX_NAMES])
     title = "Standard deviation of the nodes, and the points that see them"
     if len(shown) < len(model.chains):
         title += f" (the {len(shown)} longest of {len(model.chains)})"
-    legend = [stroke("in the worst direction", PALETTE[0])]
+    legend = [make_stroke("in the worst direction", PALETTE[0])]
     if any(_bridged(model.chains[i]).any() for i in shown):
-        legend.append(dot("node without points", PALETTE[3]))
+        legend.append(make_dot("node without points", PALETTE[3]))
     upper, lower, between, gap = 1.5, 0.7, 0.12, 0.55
     pitch = upper + between + lower + gap
-    figure, foot = new_figure(title, max(pitch * len(shown) - 0.25, 1.0), legend)
+    figure, foot = make_figure(title, max(pitch * len(shown) - 0.25, 1.0), legend)
     ticker = import_extra("matplotlib.ticker")
     deviations = {i: 1e3 * _deviations(model.chains[i]) for i in shown}
     highest = max((float(values.max()) for values in deviations.values()), default=1.0)
@@ -403,8 +403,8 @@ def uncertainty(model: Model) -> Figure:
     for row, i in enumerate(reversed(shown)):
         chain, bottom = model.chains[i], foot + pitch * row
         s, without = 1e3 * chain.arc_length, _bridged(chain)
-        below = new_panel(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, lower)
-        above = new_panel(figure, LEFT, bottom + lower + between, WIDTH - LEFT - RIGHT, upper)
+        below = make_panel(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, lower)
+        above = make_panel(figure, LEFT, bottom + lower + between, WIDTH - LEFT - RIGHT, upper)
         assert chain.points_seen is not None
         below.fill_between(s, chain.points_seen, step="mid", color=GREY, lw=0)
         below.plot(s[without], np.zeros(int(without.sum())), "o", ms=3, color=PALETTE[3], clip_on=False)
@@ -443,10 +443,10 @@ def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
     view = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     # neighbouring views in neighbouring colours: the order of the views shows
     colours = import_extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
-    legend = [dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES])]
+    legend = [make_dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES])]
     if len(clouds) > len(legend):
-        legend.append(dot(f"and {len(clouds) - len(legend)} more", "none"))
-    sheet = new_sheet(model, points, f"{title}: {len(points):,}", legend)
+        legend.append(make_dot(f"and {len(clouds) - len(legend)} more", "none"))
+    sheet = make_sheet(model, points, f"{title}: {len(points):,}", legend)
     sheet.points(points, colours[view])
     return sheet.figure
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from strand.geometry.polyline import runs
 from strand.report.cameras import Camera
-from strand.report.sheet import PALETTE, spread
+from strand.report.sheet import PALETTE, pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
 from strand.support.checks import Array
@@ -33,7 +33,7 @@ _MOST_NODES, MAX_CHAINS, _MOST_DOUBTS, _LONGEST = 800, 50, 20, 150
 _OUTSIDE = 1e5
 
 
-def overlay(camera: Camera, model: Model, max_bytes: int) -> str:
+def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
     """Draw a model's chains over one camera's depth image.
 
     Parameters
@@ -120,7 +120,7 @@ def _grey(depth: Array, radius: float) -> NDArray[np.uint8]:
     z = depth[rows, columns]
     # the inverse depth of a plane is linear in columns and rows
     terms = np.column_stack([columns - columns.mean(), rows - rows.mean(), np.ones(len(rows))])
-    kept = spread(len(rows), _FITTED)
+    kept = pick_spread(len(rows), _FITTED)
     nearer = np.zeros(len(rows))
     for _ in range(_ROUNDS):
         plane = terms @ np.linalg.lstsq(terms[kept], 1.0 / z[kept], rcond=None)[0]

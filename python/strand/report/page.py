@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import strand._core as _core
-from strand.report.cameras import Camera, cameras_of, side_seen
-from strand.report.overlay import MAX_CHAINS, overlay
-from strand.report.sheet import spread
-from strand.report.space import deviations, space
-from strand.report.tables import stage_counts
+from strand.report.cameras import Camera, find_seen_side, make_cameras
+from strand.report.overlay import MAX_CHAINS, draw_overlay
+from strand.report.sheet import pick_spread
+from strand.report.space_figure import compute_deviations, make_space_figure
+from strand.report.tables import count_stages
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_finite_array
@@ -83,9 +83,9 @@ def write_report(
         If the file cannot be written.
     """
     views = checked_views(views)
-    cameras = cameras_of(model, views)
+    cameras = make_cameras(model, views)
     lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
-    figure = space(model, points_by_view(model, views), cameras, lines)
+    figure = make_space_figure(model, place_points(model, views), cameras, lines)
     script = gzip.compress(import_extra("plotly.offline").get_plotlyjs().encode(), mtime=0)
     sections = [
         ("Chains over the depth images", _overlays(model, cameras)),
@@ -108,7 +108,7 @@ def write_report(
     write_bytes(path, page.encode("utf-8", "replace"))
 
 
-def points_by_view(model: Model, views: Sequence[View]) -> list[Array]:
+def place_points(model: Model, views: Sequence[View]) -> list[Array]:
     """Points of each view in its corrected pose, world frame, metres."""
     if "registered" in model.stages:
         return [np.asarray(points) for points in model.stages["registered"]]
@@ -136,12 +136,12 @@ def _counted(count: int, what: str) -> str:
 
 
 def _overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
-    shown = [i for i in spread(len(cameras), _MOST_IMAGES).tolist() if cameras[i] is not None]
+    shown = [i for i in pick_spread(len(cameras), _MOST_IMAGES).tolist() if cameras[i] is not None]
     figures = []
     for i in shown:
         camera = cameras[i]
         assert camera is not None
-        drawn = overlay(camera, model, _IMAGE_BYTES // len(shown))
+        drawn = draw_overlay(camera, model, _IMAGE_BYTES // len(shown))
         made = ", made of its points" if camera.imagined else ""
         figures.append(f"<figure>{drawn}<figcaption>view {i}{made}</figcaption></figure>")
     some = "" if len(shown) == len(cameras) else f" {len(shown)} of {len(cameras)} views are shown."
@@ -158,7 +158,7 @@ def _overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
 def _chains(model: Model) -> str:
     rows = []
     for i, chain in enumerate(model.chains[: _MOST_ROWS + 1]):
-        sd, seen = deviations(chain), chain.points_seen
+        sd, seen = compute_deviations(chain), chain.points_seen
         near = [
             doubt.kind
             for doubt in model.doubts[:_MOST_ROWS]
@@ -198,7 +198,7 @@ def _crossings(model: Model) -> str:
     if not model.chains:
         return ""
     nodes = np.concatenate([chain.points for chain in model.chains])
-    towards = side_seen(nodes, model.poses[:, :3, 3])
+    towards = find_seen_side(nodes, model.poses[:, :3, 3])
     met = listed_crossings(model.chains, towards, model.doubts)
     rows = [
         (
@@ -272,7 +272,7 @@ def _stages(model: Model, views: Sequence[View]) -> str:
                 *("" if n is None else f"{n:,}" for n in (s.points_in, s.points_out)),
                 _milliseconds(s.seconds),
             )
-            for s in stage_counts(views, model)
+            for s in count_stages(views, model)
         ]
     else:
         rows = [(name, "", "", _milliseconds(seconds)) for name, seconds in model.timings.items()]

@@ -26,7 +26,7 @@ class Remark:
     warned: bool
 
 
-def remarks(model: Model) -> tuple[Remark, ...]:
+def list_remarks(model: Model) -> tuple[Remark, ...]:
     """Return a model's doubts and warnings, the heaviest first; a warning about a doubt is one with it."""
     left = list(model.warnings)
     found = []

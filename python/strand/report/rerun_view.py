@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand._core import StrandError
-from strand.report.cameras import cameras_of, side_seen
-from strand.report.page import points_by_view
+from strand.report.cameras import find_seen_side, make_cameras
+from strand.report.page import place_points
 from strand.report.sheet import PALETTE
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
@@ -93,7 +93,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
 
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
     views = checked_views(views)
-    cameras = cameras_of(model, views)
+    cameras = make_cameras(model, views)
     lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
 
     def log(name: str, *what: Any) -> None:
@@ -101,7 +101,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
 
     nodes = np.vstack([np.zeros((0, 3)), *(chain.points for chain in model.chains)])
     middle = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
-    for i, (camera, points) in enumerate(zip(cameras, points_by_view(model, views), strict=True)):
+    for i, (camera, points) in enumerate(zip(cameras, place_points(model, views), strict=True)):
         log(f"points/{i}", rerun.Points3D(points, radii=rerun.Radius.ui_points(1.5)))
         if camera is None:
             continue
@@ -133,7 +133,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
             )
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
-        towards = side_seen(nodes, model.poses[:, :3, 3])
+        towards = find_seen_side(nodes, model.poses[:, :3, 3])
         met = listed_crossings(model.chains, towards, model.doubts)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)

@@ -102,7 +102,7 @@ class Sheet:
 
     def points(self, points: Array, colours: Any, size: float = 1.5) -> None:
         """Draw points, the farther ones first; `colours` is one colour, or one for each point."""
-        keep = spread(len(points), MAX_POINTS)
+        keep = pick_spread(len(points), MAX_POINTS)
         for axes, across, up, depth in self.panels:
             order = keep[np.argsort(depth(points[keep]), kind="stable")]
             where = self.plan.of(points[order])
@@ -168,7 +168,7 @@ class Sheet:
         return lambda values: np.asarray(mapping.to_rgba(values))
 
 
-def new_sheet(
+def make_sheet(
     model: Model,
     points: Array,
     title: str,
@@ -187,12 +187,12 @@ def new_sheet(
     tall = up + (deep if elevation else 0.0)
     room = WIDTH - LEFT - RIGHT - (BAR if bar else 0.0)
     scale = min(room / across, MAX_HEIGHT / tall)  # inches per millimetre
-    figure, foot = new_figure(title, scale * tall + (GAP if elevation else 0.0), legend)
+    figure, foot = make_figure(title, scale * tall + (GAP if elevation else 0.0), legend)
     left = LEFT + (room - scale * across) / 2
     locators = import_extra("matplotlib.ticker")
 
     def panel(bottom: float, rows: float, column: int) -> Axes:
-        axes = new_panel(figure, left, bottom, scale * across, scale * rows)
+        axes = make_panel(figure, left, bottom, scale * across, scale * rows)
         for name, k in (("xlim", 0), ("ylim", column)):
             axes.set(**{name: (low[k], high[k]) if plan.signs[k] > 0 else (high[k], low[k])})
         axes.set_ylabel(plan.label(column), fontsize=10)
@@ -210,14 +210,14 @@ def new_sheet(
     shown[0][0].tick_params(labelbottom=not elevation)
     shown[-1][0].set_xlabel(plan.label(0), fontsize=10)
     colours = (
-        new_panel(figure, left + scale * across + 0.2, foot, 0.16, bottom + scale * up - foot)
+        make_panel(figure, left + scale * across + 0.2, foot, 0.16, bottom + scale * up - foot)
         if bar
         else None
     )
     return Sheet(figure, plan, tuple(shown), colours)
 
 
-def new_figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure, float]:
+def make_figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure, float]:
     """Make a figure with room for so many inches of panels; return it and where they begin."""
     names = [entry.get_label() for entry in legend]
     columns, foot = 1, BOTTOM
@@ -244,7 +244,7 @@ def new_figure(title: str, panels: float, legend: Sequence[Any]) -> tuple[Figure
     return figure, foot
 
 
-def new_panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+def make_panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
     """Add axes at a place in inches."""
     across, up = figure.get_size_inches()
     axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
@@ -255,27 +255,27 @@ def new_panel(figure: Figure, left: float, bottom: float, width: float, height: 
     return axes
 
 
-def dot(label: str, colour: Any, edge: Any = None) -> Any:
+def make_dot(label: str, colour: Any, edge: Any = None) -> Any:
     """Make a legend's entry for points."""
     lines = import_extra("matplotlib.lines")
     edge = colour if edge is None else edge
     return lines.Line2D([], [], ls="", marker="o", ms=7, mfc=colour, mec=edge, mew=0.8, label=label)
 
 
-def stroke(label: str, colour: Any) -> Any:
+def make_stroke(label: str, colour: Any) -> Any:
     """Make a legend's entry for lines."""
     return import_extra("matplotlib.lines").Line2D([], [], color=colour, lw=2.2, label=label)
 
 
-def line_names(names: Sequence[str]) -> list[Any]:
+def make_line_entries(names: Sequence[str]) -> list[Any]:
     """Make a legend's entries for several lines in the palette's colours."""
-    entries = [stroke(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names[:MAX_NAMES])]
+    entries = [make_stroke(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names[:MAX_NAMES])]
     if len(names) > MAX_NAMES:
-        entries.append(stroke(f"and {len(names) - MAX_NAMES} more", "none"))
+        entries.append(make_stroke(f"and {len(names) - MAX_NAMES} more", "none"))
     return entries
 
 
-def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+def pick_spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.intp]]:
     """Pick the indices of at most so many of `count` things, spread without a pattern."""
     if count <= most:
         return np.arange(count)

@@ -101,7 +101,7 @@ class Accuracy:
     rms: float
 
 
-def stages_of(model: Model) -> str:
+def find_stage_names(model: Model) -> str:
     """Return whose stages a model holds, its branch or its method.
 
     Raises
@@ -115,7 +115,7 @@ def stages_of(model: Model) -> str:
     return name
 
 
-def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
+def count_stages(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
     """Count the points through the stages.
 
     Parameters
@@ -138,7 +138,7 @@ def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
     arrays = _handed_on(model)
     counts = []
     before = sum(len(view.points) for view in views)
-    for name, key in STAGE_ARRAYS[stages_of(model)].items():
+    for name, key in STAGE_ARRAYS[find_stage_names(model)].items():
         if name not in model.timings:
             continue
         if key is None:
@@ -150,7 +150,7 @@ def stage_counts(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
     return tuple(counts)
 
 
-def chain_counts(model: Model) -> tuple[int, ...]:
+def count_chains(model: Model) -> tuple[int, ...]:
     """Count what became whole ropes.
 
     Parameters
@@ -170,10 +170,10 @@ def chain_counts(model: Model) -> tuple[int, ...]:
         If the model was made without its stages.
     """
     arrays = _handed_on(model)
-    return tuple(len(arrays[key]) for key in COUNTED[stages_of(model)])
+    return tuple(len(arrays[key]) for key in COUNTED[find_stage_names(model)])
 
 
-def accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
+def measure_accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
     """Compare a chain with the true centreline.
 
     Parameters
@@ -207,15 +207,15 @@ def describe_stages(views: Sequence[View], model: Model) -> str:
     """Table of the stages: points in, points out, milliseconds."""
     rows = [
         (count.name, _shown(count.points_in), _shown(count.points_out), f"{count.seconds * 1e3:.1f}")
-        for count in stage_counts(views, model)
+        for count in count_stages(views, model)
     ]
     return _table([("stage", "points in", "points out", "ms"), *rows, _total(model.timings, columns=4)])
 
 
 def describe_counts(model: Model) -> str:
     """Table of the counts of `chain_counts`; by the published method with those of the paper beside them."""
-    made_by = stages_of(model)
-    names, counts = COUNTED[made_by].values(), map(str, chain_counts(model))
+    made_by = find_stage_names(model)
+    names, counts = COUNTED[made_by].values(), map(str, count_chains(model))
     if made_by == "published":
         return _table([("", "here", "paper"), *zip(names, counts, map(str, PAPER_COUNTS), strict=True)])
     return _table([("", "here"), *zip(names, counts, strict=True)])
@@ -229,7 +229,7 @@ def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
     lines = []
     centrelines = sorted(truth, key=_length, reverse=True)
     for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False)):
-        error = accuracy(chain, true)
+        error = measure_accuracy(chain, true)
         lines.append(
             f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_length(true) * 1e3:.1f} mm "
             f"({error.length_error:+.2%}), RMS distance from truth {error.rms * 1e3:.2f} mm"

@@ -603,8 +603,8 @@ class Model:
         ----------
         path : str or path-like
             The file; one that exists is replaced. A `.json` holds all but the arrays between the stages, and
-            `strand.load` reads it back. A `.csv` has a row for each node; a `.ply` has the nodes as vertices
-            and a polyline for each rope. Lengths are metres.
+            `strand.load_model` reads it back. A `.csv` has a row for each node; a `.ply` has the nodes as
+            vertices and a polyline for each rope. Lengths are metres.
 
         Raises
         ------

@@ -61,7 +61,7 @@ class FileFormatError(StrandError, ValueError):
         return type(self), (self.file, self.reason, self.place)
 
     @classmethod
-    def of(cls, file: str | os.PathLike[str], error: Exception) -> FileFormatError:
+    def from_error(cls, file: str | os.PathLike[str], error: Exception) -> FileFormatError:
         """Make one of a check's error, whose message names the argument first: here the place."""
         place, colon, reason = str(error).partition(": ")
         if colon and len(place) < 60:

@@ -115,7 +115,7 @@ def test_points_of_which_none_is_finite(tmp_path, capsys):
 def test_a_model(folder, capsys):
     lines = lines_of(capsys, "model.json")
     assert lines[0] == "model.json: model, version 2"
-    length = f"{strand.load('model.json').chains[0].length * 1e3:.1f}"
+    length = f"{strand.load_model('model.json').chains[0].length * 1e3:.1f}"
     assert lines[4].split() == ["0", length, "40", "4.00", "open", "0.50", "end"]
     assert lines[5:] == [
         "  confidence  0.50",
@@ -123,7 +123,7 @@ def test_a_model(folder, capsys):
         "  warnings    none",
         "",
         "  strand reconstruct",
-        "  refused     it is a model, which strand.load() reads",
+        "  refused     it is a model, which strand.load_model() reads",
     ]
 
 

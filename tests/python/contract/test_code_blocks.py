@@ -53,7 +53,7 @@ def test_blocks_that_run_elsewhere_are_there():
 
 def readme(names, out, folder):
     assert re.match(r"\d+ nodes, (39\d|40\d) mm, middle at \[.*\]\n", out)
-    assert len(strand.load(folder / "rope.json").chains) == 1
+    assert len(strand.load_model(folder / "rope.json").chains) == 1
     assert names["result"].fitness > 0.5
     assert len(names["axis_points"]) > 100
     assert max(len(chain) for chain in names["chains"]) > 10
@@ -132,7 +132,7 @@ def recipes(names, out, folder):
     assert len(names["every_20_mm"]) == 21
     assert names["long"].length > names["short"].length
     assert len(names["poses"]) == 7
-    assert len(strand.load(folder / "rope.json").chains) == len(names["model"].chains) == 1
+    assert len(strand.load_model(folder / "rope.json").chains) == len(names["model"].chains) == 1
     assert len(names["nodes"]) > 10
 
 
@@ -181,7 +181,7 @@ def test_commands_of_strand(page, tmp_path):
         written = [after for word, after in pairwise(words) if word in ("-o", "--tube")]
         assert [name for name in written if not (tmp_path / name).stat().st_size] == []
     if page == "README.md":
-        (chain,) = strand.load(tmp_path / "model.json").chains
+        (chain,) = strand.load_model(tmp_path / "model.json").chains
         assert np.isclose(chain.length, 0.4, rtol=0.02)
         assert len(list((tmp_path / "figures").glob("*.png"))) == 8
     if page == "docs/recordings.md":

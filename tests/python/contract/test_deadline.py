@@ -51,7 +51,7 @@ def test_the_models_of_hurried_answers_are_saved_and_used_as_others(tmp_path):
         scene.views, scene.radius, scene.bounds, ropes=1, deadline=SOON, keep_stages=True
     )
     model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json")
+    loaded = strand.load_model(tmp_path / "model.json")
     assert loaded.doubts[0].kind == model.doubts[0].kind
     assert strand.reconstruct(scene.views, scene.radius, scene.bounds, previous=model).chains
     assert np.isfinite(model.next_view()).all()

@@ -95,7 +95,7 @@ class Calls:
         if self.models:
             model = self.any(self.models)
             model.save(self.folder / "model.json")
-            loaded = strand.load(self.folder / "model.json")
+            loaded = strand.load_model(self.folder / "model.json")
             assert equal(model, loaded)
 
     def next_view(self) -> None:

@@ -70,7 +70,7 @@ def test_models_without_ropes(tmp_path, name):
     elif name == "a.ply":
         assert b"element vertex 0\n" in data
     else:
-        assert strand.load(tmp_path / name).chains == ()
+        assert strand.load_model(tmp_path / name).chains == ()
 
 
 @pytest.mark.parametrize("name", ["a", "a.obj", "a.json.gz", ".json"])
@@ -105,7 +105,7 @@ def test_what_the_schema_refuses_is_not_read_either(tmp_path, key):
             continue
         (tmp_path / "a.json").write_text(json.dumps(changed))
         with pytest.raises(strand.FileFormatError, match=r"a\.json: "):
-            strand.load(tmp_path / "a.json")
+            strand.load_model(tmp_path / "a.json")
 
 
 def test_every_field_of_the_values_is_in_the_schema():
@@ -150,6 +150,6 @@ def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
     change(content)
     (tmp_path / "a.json").write_text(json.dumps(content))
     with pytest.raises(strand.FileFormatError, match="not a strand model") as caught:
-        strand.load(tmp_path / "a.json")
+        strand.load_model(tmp_path / "a.json")
     assert caught.value.place == place
     assert reason in caught.value.reason

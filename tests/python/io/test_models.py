@@ -35,7 +35,7 @@ def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed
         branch="tubes",
     )
     model.save(path)
-    loaded = strand.load(path)
+    loaded = strand.load_model(path)
     np.testing.assert_array_equal(loaded.chains[0].points, points)
     assert loaded.chains[0].radius == 0.0042
     assert loaded.chains[0].closed is closed
@@ -77,10 +77,10 @@ def test_a_model_of_another_version_or_kind_is_refused_with_the_reason(tmp_path,
     path = tmp_path / "other.json"
     Model((draw_circle(0.05, 10, True),), np.eye(4)[None]).save(path)
     content = json.loads(path.read_text())
-    assert strand.load(path).chains
+    assert strand.load_model(path).chains
     path.write_text(json.dumps(content | change))
     with pytest.raises(strand.FileFormatError, match=rf"other\.json: .*{message}"):
-        strand.load(path)
+        strand.load_model(path)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_a_file_that_is_no_model_is_refused_by_name(tmp_path, content):
     path = tmp_path / "broken.json"
     path.write_text(content)
     with pytest.raises(strand.FileFormatError, match=r"broken\.json"):
-        strand.load(path)
+        strand.load_model(path)
 
 
 def test_a_truncated_model_is_refused(tmp_path):
@@ -109,15 +109,15 @@ def test_a_truncated_model_is_refused(tmp_path):
     json.loads(text)
     path.write_text(text[: len(text) // 2])
     with pytest.raises(strand.FileFormatError, match=r"model\.json"):
-        strand.load(path)
+        strand.load_model(path)
     with pytest.raises(FileNotFoundError):
-        strand.load(tmp_path / "missing.json")
+        strand.load_model(tmp_path / "missing.json")
 
 
 def test_numbers_of_numpy_are_saved_and_methods_are_known(tmp_path):
     model = strand.Model((), np.eye(4, dtype=int)[None], {"fit": np.float32(0.5)}, confidence=np.float32(0.5))
     model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json")
+    loaded = strand.load_model(tmp_path / "model.json")
     assert (loaded.confidence, loaded.timings) == (0.5, {"fit": 0.5})
     with pytest.raises(ValueError, match="method: expected one of default, published, got 'magic'"):
         strand.Model((), np.eye(4)[None], method="magic")

@@ -64,7 +64,7 @@ def test_the_model_says_what_found_its_ropes(model, numbers, tmp_path):
     answered = numbers.method, "tubes" if numbers.method == "default" else None
     assert (model.method, model.branch) == answered
     model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json")
+    loaded = strand.load_model(tmp_path / "model.json")
     assert (loaded.method, loaded.branch) == answered
 
 

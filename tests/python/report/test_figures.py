@@ -187,21 +187,21 @@ def test_upper_strand_crosses_over_the_lower_one(tmp_path, upper):
 @pytest.mark.parametrize(
     ("draw", "changes"),
     [
-        (figures.separation, {"chains": ()}),
-        (figures.separation, {"separation": (np.full(20, np.inf), np.full(21, np.inf))}),
+        (figures.draw_separation, {"chains": ()}),
+        (figures.draw_separation, {"separation": (np.full(20, np.inf), np.full(21, np.inf))}),
         (
-            figures.separation,
+            figures.draw_separation,
             {"traced": (LINE,) * 20, "separation": (LINE[:, 0] + 1,) * 20, "cuts": (np.array([3]),) * 20},
         ),
-        (figures.segments, {"chains": ()}),
-        (figures.segments, {"segments": (LINE[:2],)}),
-        (figures.chains, {"traced": tuple(LINE[i : i + 3] for i in range(30))}),
-        (figures.cameras, {"chains": ()}),
-        (figures.cameras, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
-        (figures.ropes, {"chains": ()}),
-        (figures.ropes, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
-        (figures.raw, {"raw": tuple(tube(0)[0][:30] for _ in range(40))}),
-        (figures.raw, {"raw": (LINE[:1],)}),
+        (figures.draw_segments, {"chains": ()}),
+        (figures.draw_segments, {"segments": (LINE[:2],)}),
+        (figures.draw_chains, {"traced": tuple(LINE[i : i + 3] for i in range(30))}),
+        (figures.draw_cameras, {"chains": ()}),
+        (figures.draw_cameras, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
+        (figures.draw_ropes, {"chains": ()}),
+        (figures.draw_ropes, {"chains": (Chain(LINE[:30], RADIUS, closed=True),) * 6}),
+        (figures.draw_raw, {"raw": tuple(tube(0)[0][:30] for _ in range(40))}),
+        (figures.draw_raw, {"raw": (LINE[:1],)}),
     ],
 )
 def test_draws_odd_models(draw, changes):
@@ -213,15 +213,15 @@ def test_draws_odd_models(draw, changes):
 @pytest.mark.parametrize(
     ("draw", "changes"),
     [
-        (figures.arcs, {"arcs": ()}),
-        (figures.arcs, {"arcs": (LINE[:2],) * 12}),
-        (figures.ropes, {"chains": ()}),
-        (figures.ropes, {"chains": (seen_chain(bridged=(0, 41)),)}),
-        (figures.residuals, {"explained": 0.0}),
-        (figures.residuals, {"explained": 1.0}),
-        (figures.uncertainty, {"chains": ()}),
-        (figures.uncertainty, {"chains": (seen_chain(LINE[:2], bridged=(0, 2)),)}),
-        (figures.uncertainty, {"chains": (seen_chain(LINE[:30], closed=True), seen_chain()) * 10}),
+        (figures.draw_arcs, {"arcs": ()}),
+        (figures.draw_arcs, {"arcs": (LINE[:2],) * 12}),
+        (figures.draw_ropes, {"chains": ()}),
+        (figures.draw_ropes, {"chains": (seen_chain(bridged=(0, 41)),)}),
+        (figures.draw_residuals, {"explained": 0.0}),
+        (figures.draw_residuals, {"explained": 1.0}),
+        (figures.draw_uncertainty, {"chains": ()}),
+        (figures.draw_uncertainty, {"chains": (seen_chain(LINE[:2], bridged=(0, 2)),)}),
+        (figures.draw_uncertainty, {"chains": (seen_chain(LINE[:30], closed=True), seen_chain()) * 10}),
     ],
 )
 def test_draws_odd_models_of_the_default_method(draw, changes):
@@ -231,13 +231,13 @@ def test_draws_odd_models_of_the_default_method(draw, changes):
 
 
 def test_residuals_are_on_a_scale_about_zero():
-    low, high = figures.residuals(tube_model_of()).axes[-1].get_ylim()
+    low, high = figures.draw_residuals(tube_model_of()).axes[-1].get_ylim()
     assert high == pytest.approx(3 * 0.3)
     assert low == -high
 
 
 def test_uncertainty_is_that_of_the_worst_direction():
-    below, above = figures.uncertainty(tube_model_of()).axes
+    below, above = figures.draw_uncertainty(tube_model_of()).axes
     deviations, bridged = above.get_lines()
     np.testing.assert_allclose(deviations.get_ydata(), 0.3)
     np.testing.assert_allclose(bridged.get_xdata(), 1e3 * seen_chain().arc_length[20:30])
@@ -247,12 +247,12 @@ def test_uncertainty_is_that_of_the_worst_direction():
 
 @pytest.mark.parametrize(("bridged", "marked"), [((0, 0), False), ((20, 30), True)])
 def test_bridged_nodes_are_marked_and_named(bridged, marked):
-    for draw in (figures.ropes, figures.uncertainty):
+    for draw in (figures.draw_ropes, figures.draw_uncertainty):
         (legend,) = draw(tube_model_of(chains=(seen_chain(bridged=bridged),))).legends
         assert ("node without points" in [text.get_text() for text in legend.get_texts()]) == marked
 
 
 def test_stray_points_do_not_make_a_figure_endless():
     points = np.array([[0.0, 0.0, 0.0], [0.0, 50.0, 0.01], [0.001, 0.0, 9.0]])
-    width, height = figures.raw(model_of(raw=(points,))).get_size_inches()
+    width, height = figures.draw_raw(model_of(raw=(points,))).get_size_inches()
     assert (width, height < 10) == (8, True)

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 import strand
-from strand.report.cameras import cameras_of
-from strand.report.overlay import overlay
+from strand.report.cameras import make_cameras
+from strand.report.overlay import draw_overlay
 
 K = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
 POSE = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -29,8 +29,8 @@ def table(tilt=0.0):
 
 def drawn(view, chain, max_bytes=100_000, **more):
     model = strand.Model((chain,), view.pose[None], **more)
-    (camera,) = cameras_of(model, [view])
-    return camera, overlay(camera, model, max_bytes)
+    (camera,) = make_cameras(model, [view])
+    return camera, draw_overlay(camera, model, max_bytes)
 
 
 def paths(svg, kind):

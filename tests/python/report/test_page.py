@@ -19,7 +19,7 @@ import strand
 from shared.browser import start_chromium
 from shared.ropes import draw_circle
 from strand.figures import write_report
-from strand.report import page, space
+from strand.report import page, space_figure
 
 LIMIT = 5_000_000  # bytes
 ATTACK = "<script>alert('a')</script><img src=x onerror=alert(1)>&amp;\"'"
@@ -142,7 +142,7 @@ def test_it_shows_chains_points_doubts_and_cameras_where_they_are(paper_model, r
     np.testing.assert_allclose(x[:-1][seen], 1e3 * chain.points[seen, 0], rtol=1e-5, atol=1e-3)
     about = unpacked(drawn["customdata"])[:-1]
     np.testing.assert_allclose(about[:, 1], 1e3 * chain.arc_length, rtol=1e-5, atol=1e-3)
-    np.testing.assert_allclose(about[:, 2], 1e3 * space.deviations(chain), rtol=1e-5)
+    np.testing.assert_allclose(about[:, 2], 1e3 * space_figure.compute_deviations(chain), rtol=1e-5)
     assert f"chain 0: {chain.length * 1e3:.0f} mm" in traces
     clouds = paper_model.stages["registered"]
     for i, cloud in enumerate(clouds):
@@ -203,7 +203,7 @@ def test_it_is_small_whatever_there_is(tmp_path):
     assert (tmp_path / "a.html").stat().st_size < LIMIT
     figure = figure_of(tmp_path / "a.html")
     points = sum(len(unpacked(t["x"])) for t in figure["data"] if t["name"].startswith("view"))
-    assert 0.9 * space.MAX_POINTS < points <= space.MAX_POINTS
+    assert 0.9 * space_figure.MAX_POINTS < points <= space_figure.MAX_POINTS
     assert "16 of 20 views are shown. The 50 longest of 220 chains are drawn." in (
         tmp_path / "a.html"
     ).read_text("utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import strand
-from strand.report.remarks import Remark, remarks
+from strand.report.remarks import Remark, list_remarks
 
 
 def model_of(doubts, warnings):
@@ -15,19 +15,19 @@ def model_of(doubts, warnings):
 def test_the_heaviest_is_first_and_what_has_no_weight_last():
     doubts = [strand.Doubt("join", 0.2, "how", "a"), strand.Doubt("end", 0.7, "where", "b")]
     warned = strand.ModelWarning("thing", "c")
-    assert remarks(model_of(doubts, [warned])) == (
+    assert list_remarks(model_of(doubts, [warned])) == (
         Remark("unsure where: b", 0.7, False),
         Remark("unsure how: a", 0.2, False),
         Remark("c", 0.0, True),
     )
-    assert remarks(model_of([], [])) == ()
+    assert list_remarks(model_of([], [])) == ()
 
 
 def test_a_warning_about_a_doubt_is_one_with_it():
     doubt = strand.Doubt("count", 0.4, "that", "few")
     own = strand.ModelWarning("count", "few ropes", amount=0.4)
     other = strand.ModelWarning("count", "few views", amount=0.3)
-    assert remarks(model_of([doubt, doubt], [other, own])) == (
+    assert list_remarks(model_of([doubt, doubt], [other, own])) == (
         Remark("few ropes", 0.4, True),
         Remark("unsure that: few", 0.4, False),
         Remark("few views", 0.0, True),
@@ -36,4 +36,4 @@ def test_a_warning_about_a_doubt_is_one_with_it():
 
 def test_the_same_words_are_said_once_with_the_greater_weight():
     doubts = [strand.Doubt("end", weight, "it", "why") for weight in (0.1, 0.3, 0.2)]
-    assert remarks(model_of(doubts, [])) == (Remark("unsure it: why", 0.3, False),)
+    assert list_remarks(model_of(doubts, [])) == (Remark("unsure it: why", 0.3, False),)

@@ -23,13 +23,13 @@ def model_of(*lines, **stages):
 
 
 def test_accuracy_of_a_shifted_chain():
-    found = tables.accuracy(Chain(LINE + np.array([0, 0.001, 0]), RADIUS), LINE)
+    found = tables.measure_accuracy(Chain(LINE + np.array([0, 0.001, 0]), RADIUS), LINE)
     assert found.rms == pytest.approx(0.001)
     assert found.length_error == pytest.approx(0)
 
 
 def test_accuracy_of_a_chain_with_a_part_missing():
-    found = tables.accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
+    found = tables.measure_accuracy(Chain(LINE[10:], RADIUS), LINE[::-1].astype(np.float32))
     assert found.rms == pytest.approx(0, abs=1e-8)
     assert found.length_error == pytest.approx(-0.25)
 
@@ -38,8 +38,8 @@ def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
     # one node far from the truth, most nodes on it
     few = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0.2, 0, 0]])
     uneven = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
-    want = tables.accuracy(Chain(few, RADIUS), LINE).rms
-    assert tables.accuracy(Chain(uneven, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
+    want = tables.measure_accuracy(Chain(few, RADIUS), LINE).rms
+    assert tables.measure_accuracy(Chain(uneven, RADIUS), LINE).rms == pytest.approx(want, rel=1e-6)
     # straight up to 0.1 m and down again: the mean of s squared is a third of 0.1 squared
     assert want == pytest.approx(0.1 / np.sqrt(3), rel=0.01)
 
@@ -47,7 +47,7 @@ def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
 @pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
 def test_accuracy_refuses_what_is_no_centreline(truth):
     with pytest.raises(ValueError, match="points"):
-        tables.accuracy(Chain(LINE, RADIUS), truth)
+        tables.measure_accuracy(Chain(LINE, RADIUS), truth)
 
 
 def test_stages_and_counts():
@@ -61,11 +61,11 @@ def test_stages_and_counts():
         "segments": (LINE[:6], LINE[:5], LINE[:4]),
     }
     model = model_of(LINE[:9], **stages)
-    counts = tables.stage_counts([SEEN, SEEN], model)
+    counts = tables.count_stages([SEEN, SEEN], model)
     assert [count.points_out for count in counts] == [50, 46, 46, 46, 40, 19, 15, 9]
     assert [count.points_in for count in counts] == [82, 50, 46, 46, 46, 40, 19, 15]
     assert {count.seconds for count in counts} == {0.0015}
-    assert tables.chain_counts(model) == (2, 3, 1)
+    assert tables.count_chains(model) == (2, 3, 1)
     assert tables.describe_stages([strand.View(LINE)], model).splitlines()[-1].split() == ["total", "12.0"]
 
 
@@ -78,7 +78,7 @@ def test_stages_and_counts_of_the_default_method():
         "fit": object(),
     }
     model = model_of(LINE[:9], **stages)
-    assert tables.stages_of(model) == "tubes"
+    assert tables.find_stage_names(model) == "tubes"
     assert tables.describe_stages([SEEN, SEEN], model).splitlines() == [
         "stage     points in  points out    ms",
         "extract          82          50   1.5",
@@ -97,7 +97,7 @@ def test_stages_and_counts_of_the_default_method():
         "whole ropes     1",
     ]
     del model.timings["radius"]
-    assert "radius" not in [count.name for count in tables.stage_counts([], model)]
+    assert "radius" not in [count.name for count in tables.count_stages([], model)]
 
 
 @pytest.mark.parametrize(
@@ -110,18 +110,18 @@ def test_every_stage_that_runs_is_known(settings, method):
     model = strand.reconstruct(
         scene.views, radius, scene.bounds, config=settings, keep_stages=True, progress=names.append
     )
-    assert tables.stages_of(model) == method
+    assert tables.find_stage_names(model) == method
     assert names == list(model.timings) == list(tables.STAGE_ARRAYS[method])
-    assert [count.name for count in tables.stage_counts(scene.views, model)] == names
-    assert tables.chain_counts(model)[-1] == len(model.chains)
+    assert [count.name for count in tables.count_stages(scene.views, model)] == names
+    assert tables.count_chains(model)[-1] == len(model.chains)
 
 
 def test_stages_are_needed():
     for describe in (
-        tables.stages_of,
-        tables.chain_counts,
+        tables.find_stage_names,
+        tables.count_chains,
         tables.describe_counts,
-        lambda model: tables.stage_counts([], model),
+        lambda model: tables.count_stages([], model),
     ):
         with pytest.raises(ValueError, match="model: expected one with its stages"):
             describe(model_of(LINE))

@@ -379,5 +379,5 @@ def test_a_crossing_that_makes_no_sense_is_refused():
 def test_saved_models_say_their_crossings(tmp_path, paper_model):
     path = tmp_path / "model.json"
     paper_model.save(path)
-    again = strand.load(path)
+    again = strand.load_model(path)
     np.testing.assert_array_equal(numbers(again.crossings()), numbers(paper_model.crossings()))

@@ -466,7 +466,7 @@ def test_models_that_were_asked_are_copied_pickled_and_saved(tmp_path):
     np.testing.assert_array_equal(chain.signed_distance(points), model.chains[0].signed_distance(points))
     model.save(tmp_path / "model.json")
     np.testing.assert_allclose(
-        strand.load(tmp_path / "model.json").signed_distance(points), expected, atol=1e-12
+        strand.load_model(tmp_path / "model.json").signed_distance(points), expected, atol=1e-12
     )
 
 

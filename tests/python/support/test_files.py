@@ -154,9 +154,9 @@ def test_the_error_says_file_place_and_reason():
 
 
 def test_the_place_of_a_check_is_what_its_message_begins_with():
-    error = FileFormatError.of("a", ValueError("camera.fx: expected a number, got 3: no"))
+    error = FileFormatError.from_error("a", ValueError("camera.fx: expected a number, got 3: no"))
     assert (error.place, error.reason) == ("camera.fx", "expected a number, got 3: no")
-    assert FileFormatError.of("a", RecursionError()).reason == "RecursionError"
+    assert FileFormatError.from_error("a", RecursionError()).reason == "RecursionError"
 
 
 def test_only_regular_files_are_opened(tmp_path):

@@ -16,8 +16,8 @@ from strand.io.recordings.limits import (
     GuardedPath,
     bound_mcap,
     bound_rosbag1,
-    bounded_zstd,
-    most_at_once,
+    count_open_bytes,
+    decompress_zstd,
 )
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file, read_bytes
@@ -112,11 +112,11 @@ class Bag:
         self._closed = True
         self._stack.close()
 
-    def of_kind(self, *kinds: str) -> list[str]:
+    def find_topics(self, *kinds: str) -> list[str]:
         """Topics of some types, in alphabetical order."""
         return sorted(topic for topic, kind in self.topics.items() if kind in kinds)
 
-    def messages(self, topics: Sequence[str]) -> Iterator[Message]:
+    def read_messages(self, topics: Sequence[str]) -> Iterator[Message]:
         """Go through the messages of some topics in the order in which they were recorded."""
         if self._closed:
             raise ValueError(f"{self.path}: the recording is closed")
@@ -138,17 +138,17 @@ class Bag:
                         return
                     connection, time, data = found
                     if self._zstd:
-                        data = bounded_zstd(data, self._max_bytes)
+                        data = decompress_zstd(data, self._max_bytes)
                     if not 0 <= time < _LAST:
                         raise ValueError(f"a time of {time} ns")
                     last = Message(connection.topic, connection.msgtype, time, bytes(data))
                 yield last
 
-    def first(self, topic: str) -> Message | None:
+    def read_first(self, topic: str) -> Message | None:
         """Return the first message of a topic; None if there is none."""
-        return next(self.messages([topic]), None)
+        return next(self.read_messages([topic]), None)
 
-    def decoded(self, message: Message) -> Any:
+    def decode(self, message: Message) -> Any:
         """Return a message's fields.
 
         Raises
@@ -182,7 +182,7 @@ class Bag:
             if hasattr(storage, "bio"):
                 storage.bio.indexed()
                 self._indexed &= bool(storage.chunks)
-                held = most_at_once(storage.chunks)
+                held = count_open_bytes(storage.chunks)
                 if held > self._max_bytes:
                     reason = f"chunks of {held} bytes overlap in time, more than max_bytes={self._max_bytes}"
                     raise FileFormatError(storage.path, reason)

@@ -23,7 +23,7 @@ def is_depth(message: Any) -> bool:
     return message.format.partition(";")[0].strip() in ("16UC1", "32FC1")
 
 
-def depth_of_image(message: Any) -> NDArray[Any]:
+def decode_image(message: Any) -> NDArray[Any]:
     """(H, W) Numbers of a sensor_msgs/Image: uint16 in its unit, or float32 in metres.
 
     Raises
@@ -48,7 +48,7 @@ def depth_of_image(message: Any) -> NDArray[Any]:
     return np.ascontiguousarray(rows).view(kind).astype(kind.newbyteorder("="))
 
 
-def depth_of_png(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[Any]:
+def decode_compressed_image(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[Any]:
     """(H, W) Numbers of a sensor_msgs/CompressedImage: uint16 in its unit, or float32 in metres.
 
     A "compressedDepth" message has 12 bytes before its PNG. Depth of floats is quantised there:

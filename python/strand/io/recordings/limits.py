@@ -59,7 +59,7 @@ class GuardedFile:
         return self._file.readline(_LINE)
 
 
-def bounded(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes:
+def decompress(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes:
     """Return what compressed bytes hold, if that is no more than so many bytes.
 
     Raises
@@ -79,9 +79,9 @@ def bounded(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes:
     return out
 
 
-def bounded_zstd(data: bytes, most: int) -> bytes:
+def decompress_zstd(data: bytes, most: int) -> bytes:
     """Return what bytes that zstd compressed hold, if that is no more than so many bytes."""
-    return bounded(import_extra("rosbags.rosbag2.storage_mcap").zstd.ZstdDecompressor, data, most)
+    return decompress(import_extra("rosbags.rosbag2.storage_mcap").zstd.ZstdDecompressor, data, most)
 
 
 def bound_mcap() -> None:
@@ -92,8 +92,8 @@ def bound_mcap() -> None:
         return lambda data, size: decompress(data, min(size, CHUNK_BYTES))
 
     lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
-    storage.DECOMPRESSORS["lz4"] = sized(lambda data, most: bounded(lz4, data, most))
-    storage.DECOMPRESSORS["zstd"] = sized(bounded_zstd)
+    storage.DECOMPRESSORS["lz4"] = sized(lambda data, most: decompress(lz4, data, most))
+    storage.DECOMPRESSORS["zstd"] = sized(decompress_zstd)
 
 
 def bound_rosbag1(reader: Any, max_bytes: int) -> None:
@@ -101,14 +101,14 @@ def bound_rosbag1(reader: Any, max_bytes: int) -> None:
     known = import_extra("rosbags.rosbag1.reader").decompressors
     lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
     bounds = {
-        known["bz2"]: lambda data: bounded(bz2.BZ2Decompressor, data, max_bytes),
-        known["lz4"]: lambda data: bounded(lz4, data, max_bytes),
+        known["bz2"]: lambda data: decompress(bz2.BZ2Decompressor, data, max_bytes),
+        known["lz4"]: lambda data: decompress(lz4, data, max_bytes),
     }
     for place, chunk in reader.chunks.items():
         reader.chunks[place] = chunk._replace(decompressor=bounds.get(chunk.decompressor, chunk.decompressor))
 
 
-def most_at_once(chunks: Iterable[Any]) -> int:
+def count_open_bytes(chunks: Iterable[Any]) -> int:
     """Bytes of the chunks of an MCAP file that are open at the same time, as their index says."""
     steps = []
     for chunk in chunks:

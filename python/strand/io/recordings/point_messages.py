@@ -14,7 +14,7 @@ _PACKED = (6, 7)  # UINT32 and FLOAT32: four bytes with blue, green, red
 _ORDER = {True: ">", False: "<"}
 
 
-def points_of_cloud(message: Any) -> tuple[Array, NDArray[np.uint8] | None]:
+def decode_points(message: Any) -> tuple[Array, NDArray[np.uint8] | None]:
     """(N, 3) Points, metres, with NaN where there is no return, and their (N, 3) colours if it has them.
 
     Raises

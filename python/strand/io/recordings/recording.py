@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
-from strand.io.recordings.synchronization import together
-from strand.io.recordings.topics import camera_of, chosen
-from strand.io.recordings.transforms import TF_KINDS, Transforms, stamp_of
-from strand.io.recordings.views import view_of
+from strand.io.recordings.message_views import make_view
+from strand.io.recordings.synchronization import match_messages
+from strand.io.recordings.topics import choose_topics, read_camera
+from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
 from strand.support.checks import (
     Array,
     check_bool,
@@ -65,7 +65,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Undecoded:
+class UndecodedFrame:
     """A frame whose messages were read, but not decoded.
 
     Attributes
@@ -168,10 +168,10 @@ class Recording:
         self._bag = Bag(self.path, self._max_bytes)
         try:
             self.files = self._bag.files
-            self.topics = chosen(self._bag, patterns)
+            self.topics = choose_topics(self._bag, patterns)
             self._poses = _fixed(poses, self.topics, world)
             self._cameras = {
-                topic: camera_of(self._bag, topic, camera, scale, ignore) for topic in self.topics
+                topic: read_camera(self._bag, topic, camera, scale, ignore) for topic in self.topics
             }
             if self._world is not None:
                 self._require_frames(self._world)
@@ -225,9 +225,11 @@ class Recording:
         strand.FileFormatError
             If a message of a frame is damaged.
         """
-        return (self.decoded(each) for each in self.undecoded(start, stop, step))
+        return (self.decode(each) for each in self.read_undecoded(start, stop, step))
 
-    def undecoded(self, start: int = 0, stop: int | None = None, step: int = 1) -> Iterator[Undecoded]:
+    def read_undecoded(
+        self, start: int = 0, stop: int | None = None, step: int = 1
+    ) -> Iterator[UndecodedFrame]:
         """Go through some of the frames before they are decoded: what is damaged in one spoils no other.
 
         Parameters
@@ -248,15 +250,15 @@ class Recording:
             return self._each(start, stop, step)
         return self._planned(range(len(self))[start:stop:step])
 
-    def _each(self, start: int, stop: int | None, step: int) -> Iterator[Undecoded]:
+    def _each(self, start: int, stop: int | None, step: int) -> Iterator[UndecodedFrame]:
         """Frames of one topic, without a look at the whole file first."""
-        for number, message in enumerate(self._bag.messages(self.topics)):
+        for number, message in enumerate(self._bag.read_messages(self.topics)):
             if stop is not None and number >= stop:
                 return
             if number >= start and (number - start) % step == 0:
-                yield Undecoded(number, (message,))
+                yield UndecodedFrame(number, (message,))
 
-    def _planned(self, numbers: range) -> Iterator[Undecoded]:
+    def _planned(self, numbers: range) -> Iterator[UndecodedFrame]:
         """Frames of which is known what they consist of; messages are held until their last frame is made."""
         parts = self._plan[1]
         left = Counter((k, int(n)) for number in numbers for k, n in enumerate(parts[number]))
@@ -264,7 +266,7 @@ class Recording:
         counts = [0] * len(self.topics)
         size, due = 0, iter(numbers)
         number = next(due, None)
-        messages = self._bag.messages(self.topics)
+        messages = self._bag.read_messages(self.topics)
         while number is not None:
             needed = [(k, int(n)) for k, n in enumerate(parts[number])]
             while not all(key in held for key in needed):
@@ -280,7 +282,7 @@ class Recording:
                 if size > self._max_bytes:
                     reason = f"views of one time lie more than max_bytes={self._max_bytes} apart in the file"
                     raise FileFormatError(self.path, reason, message.place)
-            frame = Undecoded(number, tuple(held[key] for key in needed))
+            frame = UndecodedFrame(number, tuple(held[key] for key in needed))
             for key in needed:
                 left[key] -= 1
                 if not left[key]:
@@ -288,7 +290,7 @@ class Recording:
             yield frame
             number = next(due, None)
 
-    def decoded(self, frame: Undecoded) -> Frame:
+    def decode(self, frame: UndecodedFrame) -> Frame:
         """Decode a frame.
 
         Raises
@@ -296,13 +298,13 @@ class Recording:
         strand.FileFormatError
             If one of its messages is damaged.
         """
-        decoded = [self._bag.decoded(message) for message in frame.messages]
+        decoded = [self._bag.decode(message) for message in frame.messages]
         views = []
         for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
             camera = self._cameras[message.topic]
             pose = self._pose(k, seen.header.frame_id, self._stamp(message, seen))
             try:
-                view = view_of(seen, camera.pinhole, pose, camera.depth_scale, self._max_bytes)
+                view = make_view(seen, camera.pinhole, pose, camera.depth_scale, self._max_bytes)
             except (TypeError, ValueError) as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
             views.append(view)
@@ -311,24 +313,24 @@ class Recording:
     def _pose(self, k: int, frame: str, stamp: int) -> Array | None:
         if self._world is None:
             return self._poses[k]
-        return self._transforms.pose(self._world, frame, stamp)
+        return self._transforms.find_pose(self._world, frame, stamp)
 
     @staticmethod
     def _stamp(message: Message, decoded: Any) -> int:
         """When it was seen; when it was recorded, if the message does not say that."""
-        return stamp_of(decoded.header) or message.time
+        return read_stamp(decoded.header) or message.time
 
     @lazy_property
     def _plan(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(F,) Time stamps of the frames, and (F, T) numbers of the messages that each consists of."""
         times: dict[str, list[int]] = {topic: [] for topic in self.topics}
         frames: dict[str, list[str]] = {topic: [] for topic in self.topics}
-        for message in self._bag.messages(self.topics):
-            decoded = self._bag.decoded(message)
+        for message in self._bag.read_messages(self.topics):
+            decoded = self._bag.decode(message)
             times[message.topic].append(self._stamp(message, decoded))
             frames[message.topic].append(decoded.header.frame_id)
         stamps = [np.array(times[topic], dtype=np.int64) for topic in self.topics]
-        parts = together(stamps, self._tolerance)
+        parts = match_messages(stamps, self._tolerance)
         if not len(parts):
             reason = f"no frame: never were messages of all topics within {self._tolerance / _SECOND:g} s"
             raise FileFormatError(self.path, reason, ", ".join(self.topics))
@@ -351,9 +353,9 @@ class Recording:
     @lazy_property
     def _transforms(self) -> Transforms:
         found = Transforms(self._tolerance, self._max_bytes)
-        for message in self._bag.messages(self._bag.of_kind(*TF_KINDS)):
+        for message in self._bag.read_messages(self._bag.find_topics(*TF_KINDS)):
             try:
-                found.add(self._bag.decoded(message), static=message.topic.endswith("tf_static"))
+                found.add(self._bag.decode(message), static=message.topic.endswith("tf_static"))
             except ValueError as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
         return found
@@ -361,10 +363,10 @@ class Recording:
     def _require_frames(self, world: str) -> None:
         """Refuse a world frame that TF does not lead to from every camera."""
         for topic in self.topics:
-            first = self._bag.first(topic)
+            first = self._bag.read_first(topic)
             if first is not None:
                 try:
-                    self._transforms.pose(world, self._bag.decoded(first).header.frame_id, first.time)
+                    self._transforms.find_pose(world, self._bag.decode(first).header.frame_id, first.time)
                 except FileFormatError:
                     raise
                 except ValueError as error:

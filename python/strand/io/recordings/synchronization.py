@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Times = NDArray[np.int64]
 
 
-def together(times: Sequence[Times], tolerance: int) -> NDArray[np.int64]:
+def match_messages(times: Sequence[Times], tolerance: int) -> NDArray[np.int64]:
     """(F, T) Numbers of the messages of T topics that belong together, one row for each frame.
 
     Each message of the first topic makes a frame with the message of every other topic that is nearest in

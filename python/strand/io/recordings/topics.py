@@ -8,7 +8,13 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from strand.io.recordings.bags import Bag
-from strand.io.recordings.cameras import Pinhole, info_topic, is_rectified, pinhole_of, units_topic
+from strand.io.recordings.camera_info import (
+    Pinhole,
+    is_rectified,
+    name_info_topic,
+    name_units_topic,
+    read_pinhole,
+)
 from strand.io.recordings.depth_messages import is_depth
 from strand.support.checks import Array
 from strand.support.files import FileFormatError
@@ -38,7 +44,7 @@ class Camera:
     depth_scale: float | None
 
 
-def chosen(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
+def choose_topics(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
     """Return the topics that were asked for, or else the one that shows depth.
 
     Raises
@@ -48,13 +54,13 @@ def chosen(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
     strand.FileFormatError
         If the bag has no depth.
     """
-    shown = bag.of_kind(*IMAGES, *CLOUDS)
+    shown = bag.find_topics(*IMAGES, *CLOUDS)
     if patterns is None:
-        found = depth_topics(bag)
+        found = find_depth_topics(bag)
         if len(found) == 1:
             return found
         if not found:
-            raise FileFormatError(bag.path, f"no topic shows depth; it has {listed(bag)}")
+            raise FileFormatError(bag.path, f"no topic shows depth; it has {list_topics(bag)}")
         raise ValueError(
             f"topics: several show depth, say which one, or which are of several cameras: {', '.join(found)}"
         )
@@ -64,26 +70,26 @@ def chosen(bag: Bag, patterns: Sequence[str] | None) -> tuple[str, ...]:
         if not matching:
             kind = bag.topics.get(pattern)
             what = f"no depth: {pattern} is {kind}" if kind else f"no topic {pattern}"
-            raise ValueError(f"topics: {what}; {bag.path} has {listed(bag)}")
+            raise ValueError(f"topics: {what}; {bag.path} has {list_topics(bag)}")
         topics += [topic for topic in matching if topic not in topics]
     return tuple(topics)
 
 
-def depth_topics(bag: Bag) -> tuple[str, ...]:
+def find_depth_topics(bag: Bag) -> tuple[str, ...]:
     """Return the images that show depth; points if there are none."""
-    images = [topic for topic in bag.of_kind(*IMAGES) if _shows_depth(bag, topic)]
-    return tuple(images or bag.of_kind(*CLOUDS))
+    images = [topic for topic in bag.find_topics(*IMAGES) if _shows_depth(bag, topic)]
+    return tuple(images or bag.find_topics(*CLOUDS))
 
 
-def listed(bag: Bag) -> str:
+def list_topics(bag: Bag) -> str:
     """Topics with their types, as messages name them: those that may show depth, if there are any."""
-    topics = bag.of_kind(*IMAGES, *CLOUDS) or sorted(bag.topics)
+    topics = bag.find_topics(*IMAGES, *CLOUDS) or sorted(bag.topics)
     named = [f"{topic} ({bag.topics[topic]})" for topic in topics[:_SHOWN]]
     more = [f"{len(topics) - _SHOWN} more"] if len(topics) > _SHOWN else []
     return ", ".join(named + more) or "no topics"
 
 
-def camera_of(
+def read_camera(
     bag: Bag, topic: str, intrinsics: Array | None, depth_scale: float | None, ignore_distortion: bool
 ) -> Camera:
     """Return what is known of a topic: its CameraInfo's first message says how it sees.
@@ -93,25 +99,25 @@ def camera_of(
     strand.FileFormatError
         If an image's CameraInfo is missing, or no pinhole.
     """
-    if bag.first(topic) is None:
+    if bag.read_first(topic) is None:
         raise FileFormatError(bag.path, "the topic has no messages", topic)
     if bag.topics[topic] in CLOUDS:
         return Camera(topic, None, None)
     if intrinsics is not None:
         pinhole = Pinhole(intrinsics)
     else:
-        place = info_topic(topic)
+        place = name_info_topic(topic)
         info = _first(bag, place, INFO)
         if info is None:
-            there = ", ".join(bag.of_kind(INFO)) or "none"
+            there = ", ".join(bag.find_topics(INFO)) or "none"
             reason = f"no CameraInfo on {place}, but on: {there}; intrinsics= says what the camera is"
             raise FileFormatError(bag.path, reason, topic)
         try:
-            pinhole = pinhole_of(info, rectified=is_rectified(topic), ignore_distortion=ignore_distortion)
+            pinhole = read_pinhole(info, rectified=is_rectified(topic), ignore_distortion=ignore_distortion)
         except (TypeError, ValueError) as error:
             raise FileFormatError(bag.path, str(error), place) from error
     if depth_scale is None:
-        unit = _first(bag, units_topic(topic), NUMBER)
+        unit = _first(bag, name_units_topic(topic), NUMBER)
         if unit is not None and unit.data > 0:
             depth_scale = round(float(unit.data), 9)  # from single precision
     return Camera(topic, pinhole, depth_scale)
@@ -121,14 +127,14 @@ def _first(bag: Bag, topic: str, kind: str) -> Any:
     """Return the first message of a topic of a type, decoded; None if there is none."""
     if bag.topics.get(topic) != kind:
         return None
-    message = bag.first(topic)
-    return None if message is None else bag.decoded(message)
+    message = bag.read_first(topic)
+    return None if message is None else bag.decode(message)
 
 
 def _shows_depth(bag: Bag, topic: str) -> bool:
-    message = bag.first(topic)
+    message = bag.read_first(topic)
     if message is None:
         return False
     if topic.endswith("/image/data") and "/Depth_" in topic:  # RealSense's files say mono16
         return True
-    return is_depth(bag.decoded(message))
+    return is_depth(bag.decode(message))

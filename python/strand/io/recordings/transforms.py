@@ -69,7 +69,7 @@ class Transforms:
             If one is no rigid motion, a frame has two parents, or there are too many.
         """
         for one in message.transforms:
-            child, parent = frame_name(one.child_frame_id), frame_name(one.header.frame_id)
+            child, parent = strip_slash(one.child_frame_id), strip_slash(one.header.frame_id)
             edge = self._edges.setdefault(child, _Edge(parent, static))
             if edge.parent != parent:
                 raise ValueError(f"frame {child!r}: expected one parent, got {edge.parent!r} and {parent!r}")
@@ -83,10 +83,10 @@ class Transforms:
             self._most -= 1
             if self._most < 0:
                 raise ValueError("more transforms than max_bytes holds")
-            edge.times.append(stamp_of(one.header))
+            edge.times.append(read_stamp(one.header))
             edge.values.extend([*place, *(v / norm for v in turn)])
 
-    def pose(self, world: str, frame: str, time: int) -> Array | None:
+    def find_pose(self, world: str, frame: str, time: int) -> Array | None:
         """(4, 4) Motion from a frame to the world at a time; None if it is not known then.
 
         Raises
@@ -94,7 +94,7 @@ class Transforms:
         ValueError
             If a frame is not there, or none leads from one to the other.
         """
-        world, frame = frame_name(world), frame_name(frame)
+        world, frame = strip_slash(world), strip_slash(frame)
         known = self.frames
         for name in (world, frame):
             if name not in known and world != frame:
@@ -147,12 +147,12 @@ class Transforms:
         return _motion(_between(values[after - 1], values[after], (time - start) / (stop - start)))
 
 
-def frame_name(name: str) -> str:
+def strip_slash(name: str) -> str:
     """Return a frame's name without the slash that older software writes before it."""
     return name.removeprefix("/")
 
 
-def stamp_of(header: Any) -> int:
+def read_stamp(header: Any) -> int:
     """Nanoseconds since 1970 of a message's header."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 

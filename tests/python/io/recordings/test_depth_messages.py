@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lib.bag_files import Messages
-from strand.io.recordings.depth_messages import depth_of_image, depth_of_png, is_depth
+from strand.io.recordings.depth_messages import decode_compressed_image, decode_image, is_depth
 
 MADE = Messages()
 DEPTH = np.random.default_rng(0).integers(0, 60_000, size=(5, 7)).astype(np.uint16)
@@ -21,7 +21,7 @@ METRES = DEPTH.astype(np.float32) / 1000
 @pytest.mark.parametrize("image", [DEPTH, METRES], ids=["16UC1", "32FC1"])
 def test_images_in_either_order_of_bytes(image, order):
     message = MADE.image(image.astype(image.dtype.newbyteorder(order)), 0)
-    found = depth_of_image(message)
+    found = decode_image(message)
     np.testing.assert_array_equal(found, image)
     assert found.dtype == image.dtype
     assert is_depth(message)
@@ -33,7 +33,7 @@ def test_rows_may_be_padded(cut):
     rows[:, :7] = DEPTH
     data = np.frombuffer(rows.tobytes(), np.uint8)
     message = MADE.image(DEPTH, 0, step=20, data=data[: len(data) - cut])
-    np.testing.assert_array_equal(depth_of_image(message), DEPTH)
+    np.testing.assert_array_equal(decode_image(message), DEPTH)
 
 
 @pytest.mark.parametrize(
@@ -52,15 +52,15 @@ def test_rows_may_be_padded(cut):
 )
 def test_images_that_do_not_fit_together_are_refused(changes, reason):
     with pytest.raises(ValueError, match=reason):
-        depth_of_image(MADE.image(DEPTH, 0, **changes))
+        decode_image(MADE.image(DEPTH, 0, **changes))
 
 
 def test_compressed_depth_of_whole_numbers():
     message = MADE.compressed(DEPTH, 0)
-    np.testing.assert_array_equal(depth_of_png(message), DEPTH)
+    np.testing.assert_array_equal(decode_compressed_image(message), DEPTH)
     assert is_depth(message)
     plain = SimpleNamespace(format="16UC1; png compressed ", data=message.data[12:])
-    np.testing.assert_array_equal(depth_of_png(plain), DEPTH)
+    np.testing.assert_array_equal(decode_compressed_image(plain), DEPTH)
 
 
 def test_compressed_depth_of_floats_is_quantised():
@@ -71,7 +71,7 @@ def test_compressed_depth_of_floats_is_quantised():
     metres[0, 0] = 0.0
     with np.errstate(divide="ignore"):
         numbers = np.where(metres > 0, a / metres + b, 0).astype(np.uint16)
-    found = depth_of_png(MADE.compressed(numbers, 0, kind="32FC1", a=a, b=b))
+    found = decode_compressed_image(MADE.compressed(numbers, 0, kind="32FC1", a=a, b=b))
     assert found[0, 0] == 0
     np.testing.assert_allclose(found.ravel()[1:], metres.ravel()[1:], rtol=0, atol=metres.max() ** 2 / a)
     assert np.abs(found - metres).max() > 0
@@ -91,16 +91,16 @@ def test_compressed_depth_of_floats_is_quantised():
 def test_what_is_no_compressed_depth_is_refused(kind, data, reason):
     message = SimpleNamespace(format=kind, data=data)
     with pytest.raises(ValueError, match=reason):
-        depth_of_png(message)
+        decode_compressed_image(message)
 
 
 def test_damaged_and_oversized_pictures_are_refused():
     whole = bytes(MADE.compressed(DEPTH, 0).data)
     for part in range(13, len(whole) - 20, 7):
         with pytest.raises(ValueError, match="truncated"):
-            depth_of_png(SimpleNamespace(format="16UC1; compressedDepth", data=whole[:part]))
+            decode_compressed_image(SimpleNamespace(format="16UC1; compressedDepth", data=whole[:part]))
     header = b"IHDR" + struct.pack(">II", 9_000, 9_000) + whole[36:41]
     huge = whole[:24] + header + struct.pack(">I", zlib.crc32(header)) + whole[45:]
     with pytest.raises(ValueError, match="max_bytes"):
-        depth_of_png(SimpleNamespace(format="16UC1; compressedDepth", data=huge), 1 << 20)
+        decode_compressed_image(SimpleNamespace(format="16UC1; compressedDepth", data=huge), 1 << 20)
     assert not is_depth(SimpleNamespace(format="jpeg"))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import strand
-from strand.io.recordings.point_messages import points_of_cloud
-from strand.io.recordings.views import view_of
+from strand.io.recordings.message_views import make_view
+from strand.io.recordings.point_messages import decode_points
 
 POINTS = np.random.default_rng(0).normal(size=(6, 3))
 COLORS = np.random.default_rng(1).integers(0, 256, size=(6, 3)).astype(np.uint8)
@@ -52,14 +52,14 @@ def test_points_in_any_layout(kind):
         {"offsets": (2 * size + 3, 1, size + 2), "step": 40},
         {"offsets": (0, size, 2 * size), "step": 32, "width": 3, "row_gap": 5},
     ):
-        points, colors = points_of_cloud(cloud(kind, **layout))
+        points, colors = decode_points(cloud(kind, **layout))
         np.testing.assert_array_equal(points, POINTS.astype(kind))
         assert colors is None
 
 
 @pytest.mark.parametrize("kind", ["<f4", ">f4"])
 def test_colours_are_four_bytes(kind):
-    points, colors = points_of_cloud(cloud(kind, step=32, rgb=16))
+    points, colors = decode_points(cloud(kind, step=32, rgb=16))
     np.testing.assert_array_equal(points, POINTS.astype(np.float32))
     np.testing.assert_array_equal(colors, COLORS)
 
@@ -70,7 +70,7 @@ def test_points_without_a_return_are_counted():
     data[16:20] = np.float32(np.nan).tobytes()
     data[40:44] = np.float32(np.inf).tobytes()
     message.data = bytes(data)
-    view = view_of(message, None, None)
+    view = make_view(message, None, None)
     assert (len(view.points), view.dropped) == (4, 2)
     np.testing.assert_array_equal(view.colors, COLORS[[0, 3, 4, 5]] / 255.0)
 
@@ -92,12 +92,12 @@ def test_points_without_a_return_are_counted():
 )
 def test_clouds_that_do_not_fit_together_are_refused(message, reason):
     with pytest.raises(ValueError, match=reason):
-        points_of_cloud(message)
+        decode_points(message)
 
 
 def test_what_strand_writes_comes_back():
-    said = strand.msgs.point_cloud2(POINTS, "world", colors=COLORS)
+    said = strand.msgs.make_point_cloud2(POINTS, "world", colors=COLORS)
     said["fields"] = [SimpleNamespace(**field) for field in said["fields"]]
-    points, colors = points_of_cloud(SimpleNamespace(**said))
+    points, colors = decode_points(SimpleNamespace(**said))
     np.testing.assert_array_equal(points, POINTS.astype(np.float32))
     np.testing.assert_array_equal(colors, COLORS)

@@ -270,7 +270,7 @@ def test_recordings_of_realsense_say_their_unit(tmp_path, unit):
 def test_points_and_compressed_depth_are_read_too(tmp_path):
     made = Messages()
     view = direct()[0]
-    cloud = strand.msgs.point_cloud2(view.points, "camera", START)
+    cloud = strand.msgs.make_point_cloud2(view.points, "camera", START)
     fields = [made.make("sensor_msgs/msg/PointField", **field) for field in cloud["fields"]]
     message = made.make(
         "sensor_msgs/msg/PointCloud2",

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strand.io.recordings.synchronization import together
+from strand.io.recordings.synchronization import match_messages
 
 TIMES = st.lists(st.integers(0, 60), min_size=1, max_size=12)
 
@@ -26,7 +26,7 @@ def searched(times, tolerance):
 
 @given(st.lists(TIMES, min_size=1, max_size=3), st.integers(0, 20))
 def test_the_nearest_are_together(times, tolerance):
-    found = together([np.array(one) for one in times], tolerance)
+    found = match_messages([np.array(one) for one in times], tolerance)
     assert found.shape == (len(found), len(times))
     want = searched(times, tolerance)
     assert [row[0] for row in found.tolist()] == [row[0] for row in want]
@@ -35,9 +35,9 @@ def test_the_nearest_are_together(times, tolerance):
 
 
 def test_of_two_as_near_the_earlier():
-    assert together([np.array([10]), np.array([15, 5])], 5).tolist() == [[0, 1]]
+    assert match_messages([np.array([10]), np.array([15, 5])], 5).tolist() == [[0, 1]]
 
 
 def test_a_topic_without_messages_makes_no_frame():
-    assert together([np.array([1, 2]), np.empty(0, np.int64)], 100).shape == (0, 2)
-    assert together([np.empty(0, np.int64)], 100).shape == (0, 1)
+    assert match_messages([np.array([1, 2]), np.empty(0, np.int64)], 100).shape == (0, 2)
+    assert match_messages([np.empty(0, np.int64)], 100).shape == (0, 1)

@@ -34,7 +34,7 @@ def test_frames_are_followed_up_and_down():
         ("base", "arm", B),
         ("/arm", "arm", np.eye(4)),
     ):
-        np.testing.assert_allclose(found.pose(world, frame, 5), want, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.find_pose(world, frame, 5), want, rtol=0, atol=1e-12)
     assert found.frames == ["arm", "base", "camera", "map"]
 
 
@@ -45,7 +45,7 @@ def test_between_two_transforms_the_way_is_straight_and_the_turn_even(part, turn
     span = 10**9
     found = tree(
         MADE.tf([("w", "c", one)], 10 * span), MADE.tf([("w", "c", other)], 11 * span), static=False
-    ).pose("w", "c", 10 * span + round(part * span))
+    ).find_pose("w", "c", 10 * span + round(part * span))
     np.testing.assert_allclose(found[:3, 3], (1 - part) * one[:3, 3] + part * other[:3, 3], atol=1e-8)
     between = Slerp([0, 1], Rotation.from_matrix(np.stack([one[:3, :3], other[:3, :3]])))
     np.testing.assert_allclose(found[:3, :3], between(part).as_matrix(), atol=1e-6)
@@ -55,27 +55,27 @@ def test_moving_transforms_are_known_at_their_times_only():
     at = [MADE.tf([("w", "c", pose)], time) for pose, time in ((A, 3000), (B, 1000), (C, 2000))]
     found = tree(*at, static=False, beyond=100)
     for time, want in ((1000, B), (2000, C), (3000, A), (901, B), (3099, A)):
-        np.testing.assert_allclose(found.pose("w", "c", time), want, rtol=0, atol=1e-12)
-    assert found.pose("w", "c", 899) is None
-    assert found.pose("w", "c", 3101) is None
-    assert found.pose("c", "w", 0) is None
+        np.testing.assert_allclose(found.find_pose("w", "c", time), want, rtol=0, atol=1e-12)
+    assert found.find_pose("w", "c", 899) is None
+    assert found.find_pose("w", "c", 3101) is None
+    assert found.find_pose("c", "w", 0) is None
 
 
 def test_the_last_static_transform_holds():
     found = tree(MADE.tf([("w", "c", A)], 0), MADE.tf([("w", "c", B)], 1))
-    np.testing.assert_allclose(found.pose("w", "c", 0), B, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.find_pose("w", "c", 0), B, rtol=0, atol=1e-12)
 
 
 def test_what_tf_does_not_know_is_said():
     found = tree(MADE.tf([("map", "base", A), ("sky", "moon", B)], 0))
     with pytest.raises(ValueError, match="no frame 'camera' in TF; there are base, map, moon, sky"):
-        found.pose("map", "camera", 0)
+        found.find_pose("map", "camera", 0)
     with pytest.raises(ValueError, match="TF does not connect 'moon' and 'map'"):
-        found.pose("map", "moon", 0)
+        found.find_pose("map", "moon", 0)
     with pytest.raises(ValueError, match="no frame 'map' in TF; there are none"):
-        tree().pose("map", "camera", 0)
+        tree().find_pose("map", "camera", 0)
     with pytest.raises(ValueError, match=r"c019, \.\.\.$"):
-        tree(many(500)).pose("w", "x", 0)
+        tree(many(500)).find_pose("w", "x", 0)
 
 
 def many(count):
@@ -85,7 +85,7 @@ def many(count):
 def test_circles_and_second_parents_are_refused():
     found = tree(MADE.tf([("a", "b", A), ("b", "c", B), ("c", "a", C)], 0))
     with pytest.raises(ValueError, match="TF leads from 'a' back to it"):
-        found.pose("a", "c", 0)
+        found.find_pose("a", "c", 0)
     with pytest.raises(ValueError, match="frame 'b': expected one parent, got 'a' and 'c'"):
         tree(MADE.tf([("a", "b", A), ("c", "b", B)], 0))
 

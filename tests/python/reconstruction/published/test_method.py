@@ -51,7 +51,7 @@ def test_the_published_method_does_not_say_how_sure_it_is(paper, tmp_path):
     assert np.isnan(model.confidence)
     assert model.joins == ()
     model.save(tmp_path / "model.json")
-    assert np.isnan(strand.load(tmp_path / "model.json").confidence)
+    assert np.isnan(strand.load_model(tmp_path / "model.json").confidence)
 
 
 def test_the_published_method_takes_one_radius(collected):

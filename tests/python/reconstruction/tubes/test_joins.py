@@ -30,7 +30,7 @@ def test_other_hypotheses_are_given_with_what_they_cost_more(collected, tmp_path
     assert costs == sorted(costs)
     assert costs[0] >= 0.0
     model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json").alternatives
+    loaded = strand.load_model(tmp_path / "model.json").alternatives
     assert [other.cost for other in loaded] == costs
     for a, b in zip(loaded, model.alternatives, strict=True):
         for some, others in zip(a.chains, b.chains, strict=True):

@@ -78,7 +78,7 @@ def test_a_model_keeps_its_sensor_in_a_file(tmp_path):
     drawn = scene("s", 51, SD, 1.5, 1)
     model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
     model.save(tmp_path / "model.json")
-    assert strand.load(tmp_path / "model.json").sensor == model.sensor
+    assert strand.load_model(tmp_path / "model.json").sensor == model.sensor
     assert isinstance(model.sensor, strand.Sensor)
 
 

@@ -15,7 +15,7 @@ def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):
     assert all(join.margin > 1.5 for join in paper_model.joins)
     assert [join.margin for join in paper_model.joins] == sorted(join.margin for join in paper_model.joins)
     paper_model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json")
+    loaded = strand.load_model(tmp_path / "model.json")
     assert loaded.confidence == paper_model.confidence
     assert len(loaded.joins) == len(paper_model.joins)
     for a, b in zip(loaded.joins, paper_model.joins, strict=True):

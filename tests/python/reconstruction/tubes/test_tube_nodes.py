@@ -28,7 +28,7 @@ def test_a_chain_says_what_it_knows(paper, tmp_path):
         assert found == pytest.approx(s, abs=1e-6)
         assert distance < 1e-9
     model.save(tmp_path / "model.json")
-    loaded = strand.load(tmp_path / "model.json")
+    loaded = strand.load_model(tmp_path / "model.json")
     np.testing.assert_array_equal(loaded.chains[0].covariance, chain.covariance)
     np.testing.assert_array_equal(loaded.chains[0].views_seen, chain.views_seen)
     np.testing.assert_array_equal(loaded.chains[0].at(0.1), chain.at(0.1))

@@ -26,7 +26,7 @@ class Pinhole:
     size: tuple[int, int] | None = None
 
 
-def pinhole_of(info: Any, *, rectified: bool, ignore_distortion: bool) -> Pinhole:
+def read_pinhole(info: Any, *, rectified: bool, ignore_distortion: bool) -> Pinhole:
     """Return P's left part for rectified images, else K.
 
     Parameters
@@ -62,7 +62,7 @@ def _field(info: Any, name: str) -> Any:
     return getattr(info, name) if hasattr(info, name) else getattr(info, name.upper())
 
 
-def info_topic(topic: str) -> str:
+def name_info_topic(topic: str) -> str:
     """Return the topic of an image's CameraInfo: beside it, or as RealSense's files have it."""
     base = topic
     for transport in ("/compressedDepth", "/compressed"):
@@ -77,7 +77,7 @@ def is_rectified(topic: str) -> bool:
     return any(part.startswith("image_rect") for part in topic.split("/"))
 
 
-def units_topic(topic: str) -> str:
+def name_units_topic(topic: str) -> str:
     """Return the topic where a file of RealSense's says how many metres a unit of its depth is."""
     sensor = topic.removesuffix("/image/data").rpartition("/")[0]
     return f"{sensor}/option/Depth Units/value"

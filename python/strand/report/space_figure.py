@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand.geometry.polyline import runs
-from strand.report.cameras import Camera, side_seen
-from strand.report.sheet import INK, PALETTE, spread
+from strand.report.cameras import Camera, find_seen_side
+from strand.report.sheet import INK, PALETTE, pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
@@ -62,7 +62,7 @@ class _Line:
     bridged: NDArray[np.bool_]
 
 
-def space(
+def make_space_figure(
     model: Model, clouds: Sequence[Array], cameras: Sequence[Camera | None], truth: Sequence[Array] = ()
 ) -> dict[str, Any]:
     """Describe the view in space.
@@ -88,7 +88,7 @@ def space(
     subject = subject if len(subject) else np.zeros((1, 3))
     viewpoints = np.array([camera.viewpoint for camera in cameras if camera is not None]).reshape(-1, 3)
     distance = np.linalg.norm(viewpoints - subject.mean(axis=0), axis=1)
-    towards = side_seen(subject, viewpoints)
+    towards = find_seen_side(subject, viewpoints)
     next_view = _next_view(model)
     box = np.vstack([subject, viewpoints, next_view, *clouds])
     far = np.abs(box).max() >= _FAR
@@ -153,18 +153,18 @@ class Pen:
 
     def trace(self, points: Array, mode: str, name: str) -> dict[str, Any]:
         """Make a trace of points, (N, 3) in metres of the world frame."""
-        x, y, z = (packed(column) for column in (1e3 * (points - self.origin)).T)
+        x, y, z = (pack_numbers(column) for column in (1e3 * (points - self.origin)).T)
         return {"type": "scatter3d", "x": x, "y": y, "z": z, "mode": mode, "name": name}
 
 
-def packed(values: ArrayLike) -> dict[str, Any]:
+def pack_numbers(values: ArrayLike) -> dict[str, Any]:
     """Return numbers as plotly reads them from text: 32 bits each, in base 64."""
     array = np.ascontiguousarray(values, dtype="<f4")
     entry = {"dtype": "f4", "bdata": b64encode(array.tobytes()).decode()}
     return entry if array.ndim == 1 else {**entry, "shape": ", ".join(map(str, array.shape))}
 
 
-def deviations(chain: Chain) -> Array | None:
+def compute_deviations(chain: Chain) -> Array | None:
     """(M,) Standard deviation of each node in its worst direction, metres; None if it is not known."""
     if chain.covariance is None:
         return None
@@ -202,7 +202,7 @@ def _views(pen: Pen, clouds: Sequence[Array]) -> list[dict[str, Any]]:
     traces = []
     for k, group in enumerate(groups):
         points = np.vstack([clouds[i] for i in group])
-        kept = points[spread(len(points), int(share * len(points)))]
+        kept = points[pick_spread(len(points), int(share * len(points)))]
         name = f"view {group[0]}" if len(group) == 1 else f"views {group[0]} to {group[-1]}"
         some = f"{len(points):,}" if len(kept) == len(points) else f"{len(kept):,} of {len(points):,}"
         marker = {"color": _hue(k / max(len(groups) - 1, 1)), "size": 1.6, "opacity": 0.4}
@@ -221,7 +221,7 @@ def _lines(chains: Sequence[Chain]) -> list[_Line]:
     lines = []
     for number, chain in enumerate(chains):
         kept = np.unique(np.append(np.arange(0, len(chain.points), every), len(chain.points) - 1))
-        along, sd = 1e3 * chain.arc_length[kept], deviations(chain)
+        along, sd = 1e3 * chain.arc_length[kept], compute_deviations(chain)
         if chain.closed:
             kept, along = np.append(kept, 0), np.append(along, 1e3 * chain.length)
         known = np.full(len(kept), np.nan) if sd is None else 1e3 * sd[kept]
@@ -250,7 +250,7 @@ def _chains(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
         traces.append(
             trace
             | {
-                "customdata": packed(_with_gaps(about)),
+                "customdata": pack_numbers(_with_gaps(about)),
                 "hovertemplate": "chain %{customdata[0]:.0f} at %{customdata[1]:.0f} mm"
                 + ("<br>standard deviation %{customdata[2]:.2f} mm" if known else "")
                 + "<br>x %{x:.1f}, y %{y:.1f}, z %{z:.1f} mm<extra></extra>",

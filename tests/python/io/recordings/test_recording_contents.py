@@ -8,7 +8,7 @@ import pytest
 import strand
 from lib.bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
 from strand.io.recordings.bags import Bag
-from strand.io.recordings.contents import Topic, recording_contents
+from strand.io.recordings.recording_contents import Topic, read_recording_contents
 from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=2, camera=strand.synthetic.Camera(size=(40, 30)))
@@ -19,7 +19,7 @@ MOST = 1 << 24
 @pytest.mark.parametrize("kind", FORMATS)
 def test_topics_are_counted_by_the_index(tmp_path, kind):
     path = write(tmp_path / "rope", kind, film(SCENE, 4, kind == "ros1"))
-    held = recording_contents(path, None, MOST)
+    held = read_recording_contents(path, None, MOST)
     assert held.format == ("ROS 1 bag" if kind == "ros1" else "ROS 2 bag" if path.is_dir() else "MCAP file")
     assert held.start == START
     assert held.seconds == pytest.approx(3 * PERIOD * 1e-9)
@@ -42,28 +42,28 @@ def test_topics_are_counted_by_the_index(tmp_path, kind):
 def test_only_the_first_messages_are_read(tmp_path, monkeypatch):
     path = write(tmp_path / "rope", "mcap", film(SCENE, 300))
     read = []
-    decoded = Bag.decoded
+    decoded = Bag.decode
 
     def counted(bag, message):
         read.append(message.topic)
         return decoded(bag, message)
 
-    monkeypatch.setattr(Bag, "decoded", counted)
-    assert recording_contents(path, None, MOST).topics[1].messages == 300
+    monkeypatch.setattr(Bag, "decode", counted)
+    assert read_recording_contents(path, None, MOST).topics[1].messages == 300
     assert read.count("/depth") < 5
     assert read.count("/tf") == 100
 
 
 def test_cameras_that_are_asked_for(tmp_path):
     path = write(tmp_path / "rope", "mcap", cameras(SCENE))
-    held = recording_contents(path, None, MOST)
+    held = read_recording_contents(path, None, MOST)
     assert [camera.topic for camera in held.cameras] == [f"/camera_{k}/depth/image_raw" for k in range(2)]
-    held = recording_contents(path, ["/camera_1/*"], MOST)
+    held = read_recording_contents(path, ["/camera_1/*"], MOST)
     assert [camera.frame for camera in held.cameras] == ["camera_1"]
     with pytest.raises(
         ValueError, match=r"topics: no topic /no; .* has /camera_0/depth/image_raw \(sensor_msgs"
     ):
-        recording_contents(path, ["/no"], MOST)
+        read_recording_contents(path, ["/no"], MOST)
 
 
 def test_what_strand_cannot_read_is_said(tmp_path):
@@ -76,7 +76,7 @@ def test_what_strand_cannot_read_is_said(tmp_path):
         ("/tf", START, made.tf([("world", "camera", np.eye(4))], START)),
         ("/tf", START + 1, made.tf([("map", "camera", np.eye(4))], START)),
     ]
-    held = recording_contents(write(tmp_path / "rope", "mcap", entries), None, MOST)
+    held = read_recording_contents(write(tmp_path / "rope", "mcap", entries), None, MOST)
     distorted, broken = held.cameras
     assert (distorted.view, distorted.size) == (None, SIZE)
     assert "--ignore-distortion" in distorted.trouble
@@ -88,9 +88,9 @@ def test_what_strand_cannot_read_is_said(tmp_path):
 def test_a_recording_without_depth_or_messages(tmp_path):
     made = Messages()
     info = made.info(SCENE.intrinsics, (30, 40), START)
-    held = recording_contents(write(tmp_path / "a", "mcap", [("/info", START, info)]), None, MOST)
+    held = read_recording_contents(write(tmp_path / "a", "mcap", [("/info", START, info)]), None, MOST)
     assert (len(held.topics), held.cameras, held.tf_frames) == (1, (), ())
-    held = recording_contents(write(tmp_path / "b", "sqlite3", []), None, MOST)
+    held = read_recording_contents(write(tmp_path / "b", "sqlite3", []), None, MOST)
     assert (held.start, held.seconds, held.topics) == (None, 0.0, ())
 
 
@@ -112,7 +112,7 @@ def test_damaged_files_are_described_or_the_one_error(tmp_path, kind):
         damaged = tmp_path / f"damaged{file.suffix}"
         damaged.write_bytes(data)
         try:
-            recording_contents(damaged, None, MOST)
+            read_recording_contents(damaged, None, MOST)
             seen.add("answer")
         except FileFormatError:
             seen.add("error")

@@ -7,7 +7,7 @@ import pytest
 
 from shared.scene_files import CAMERA, DEPTH, IDENTITY, POINTS, K, make_ply, save_png, write_scene
 from strand import FileFormatError, View, load_scene, pose_from_angles, turntable_pose
-from strand.io.description import parse_length
+from strand.io.scene_description import parse_length
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from strand.support.files import FileFormatError
 _BLOCK = 1 << 16  # bytes taken apart at once
 
 
-def lines(path: Path, body: memoryview) -> Iterator[bytes]:
+def split_lines(path: Path, body: memoryview) -> Iterator[bytes]:
     """Lines that are not blank, taken apart a block at a time.
 
     Raises
@@ -32,7 +32,7 @@ def lines(path: Path, body: memoryview) -> Iterator[bytes]:
         yield rest
 
 
-def holds(body: memoryview, numbers: int) -> bool:
+def is_long_enough(body: memoryview, numbers: int) -> bool:
     """Whether text is long enough for so many numbers: each takes a digit, and a space or a line's end."""
     return 2 * numbers <= len(body) + 1
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.io.budget import MAX_BYTES
-from strand.io.recordings.cameras import Pinhole
-from strand.io.recordings.depth_messages import MILLIMETRE, depth_of_image, depth_of_png
-from strand.io.recordings.point_messages import points_of_cloud
+from strand.io.recordings.camera_info import Pinhole
+from strand.io.recordings.depth_messages import MILLIMETRE, decode_compressed_image, decode_image
+from strand.io.recordings.point_messages import decode_points
 from strand.views.view import View
 
 
-def view_of(
+def make_view(
     message: Any,
     camera: Pinhole | None,
     pose: ArrayLike | None,
@@ -29,11 +29,11 @@ def view_of(
         If it holds no depth or points, or is damaged.
     """
     if hasattr(message, "point_step"):
-        points, colors = points_of_cloud(message)
+        points, colors = decode_points(message)
         finite = np.isfinite(points).all(axis=1)
         return View(points[finite], pose, int((~finite).sum()), None if colors is None else colors[finite])
     compressed = not hasattr(message, "encoding")
-    depth = depth_of_png(message, max_bytes) if compressed else depth_of_image(message)
+    depth = decode_compressed_image(message, max_bytes) if compressed else decode_image(message)
     if depth.dtype.kind == "f":
         depth_scale = None
     elif depth_scale is None:

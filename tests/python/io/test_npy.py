@@ -13,8 +13,8 @@ import pytest
 
 from shared.scene_files import DEPTH, POINTS, K, make_ply, save_npz, write_scene
 from strand import FileFormatError, View, load_scene
-from strand.io.arrays import read_npy
 from strand.io.budget import Budget
+from strand.io.npy import read_npy
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import strand
-from strand.io.seen import seen_of
+from strand.io.view_summary import summarize_view
 
 K = np.array([[10.0, 0.0, 1.5], [0.0, 11.0, 1.0], [0.0, 0.0, 1.0]])
 DEPTH = np.array([[0.0, np.nan, 0.4, 0.5], [0.6, np.inf, 0.0, 0.3], [0.3, 0.3, 0.0, 0.3]])
 
 
 def test_pixels_are_counted_by_what_they_are():
-    seen = seen_of(strand.View.from_depth(DEPTH, K))
+    seen = summarize_view(strand.View.from_depth(DEPTH, K))
     assert (seen.kind, seen.size, seen.corners, seen.colors) == ("depth image", (4, 3), None, False)
     assert (seen.points, seen.no_return, seen.not_finite) == (7, 3, 2)
     assert seen.distance == (0.3, 0.6)
@@ -24,13 +24,13 @@ def test_pixels_are_counted_by_what_they_are():
 def test_a_mask_is_counted_by_its_labels():
     labels = np.array([[0, 7, 7, 0], [3, 3, 3, 0], [0, 0, 0, 0]])
     colors = np.zeros((3, 4, 3))
-    seen = seen_of(strand.View.from_depth(DEPTH, K, None, colors, mask=labels))
+    seen = summarize_view(strand.View.from_depth(DEPTH, K, None, colors, mask=labels))
     assert (seen.points, seen.labels, seen.points_in_mask, seen.colors) == (7, 2, 2, True)
 
 
 def test_points_have_corners():
     points = np.array([[0.0, 0.0, 2.0], [-1.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.0, 3.0, 4.0]])
-    seen = seen_of(strand.View(points, dropped=4), no_return=1)
+    seen = summarize_view(strand.View(points, dropped=4), no_return=1)
     assert (seen.kind, seen.size, seen.intrinsics) == ("points", None, None)
     assert (seen.points, seen.no_return, seen.not_finite) == (3, 1, 4)
     assert seen.distance == pytest.approx((np.sqrt(1.25), 5.0))
@@ -39,5 +39,5 @@ def test_points_have_corners():
 
 @pytest.mark.parametrize("view", [strand.View.from_depth(np.zeros((2, 3)), K), strand.View(np.empty((0, 3)))])
 def test_nothing_is_nowhere(view):
-    seen = seen_of(view)
+    seen = summarize_view(view)
     assert (seen.points, seen.distance, seen.corners) == (0, None, None)

@@ -11,7 +11,7 @@ from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewSummary:
     """What one view holds.
 
     Attributes
@@ -55,13 +55,13 @@ class Seen:
     points_in_mask: int | None = None
 
 
-def seen_of(view: View, no_return: int | None = None) -> Seen:
+def summarize_view(view: View, no_return: int | None = None) -> ViewSummary:
     """Return what a view holds; of points the caller may know how many were no returns."""
     image = view.image
     if image is None:
         points = view.points
         far = np.linalg.norm(points, axis=1)
-        return Seen(
+        return ViewSummary(
             "points",
             None,
             len(points),
@@ -77,7 +77,7 @@ def seen_of(view: View, no_return: int | None = None) -> Seen:
     points_seen = int(np.count_nonzero(returned))
     near = float(np.min(depth, where=returned, initial=np.inf))
     height, width = depth.shape
-    return Seen(
+    return ViewSummary(
         "depth image",
         (width, height),
         points_seen,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud
+from strand.io.point_cloud import PointCloud
 from strand.io.view_files import read_mask, read_view_file, require_one_each
 from strand.support.checks import Array, check_bool, check_intrinsics, check_positive, check_small_array
 from strand.support.files import FileFormatError
@@ -22,7 +22,7 @@ _VIEW, _NUMBER = 4096, 8
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class KnownCamera:
     """What is known of the camera that made a file, as `strand.load_scene` takes it.
 
     Attributes
@@ -63,7 +63,7 @@ class Camera:
                 raise ValueError(f"{name}: {reason}")
 
 
-def read_view(path: Path, camera: Camera, masks: Sequence[Path] | None, budget: Budget) -> View:
+def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | None, budget: Budget) -> View:
     """Return the view of a single file.
 
     Raises
@@ -74,11 +74,11 @@ def read_view(path: Path, camera: Camera, masks: Sequence[Path] | None, budget: 
         If something is needed that is not known, or something is known that such a file does not have.
     """
     seen = read_view_file(path, budget)
-    if isinstance(seen, Cloud):
+    if isinstance(seen, PointCloud):
         viewpoint = _viewpoint_of(path, seen, camera, masks)
         budget.take(path, _VIEW + _NUMBER * seen.numbers)
         with _named(path):
-            return seen.view(np.eye(4)) if viewpoint is None else seen.view_from(viewpoint)
+            return seen.make_view(np.eye(4)) if viewpoint is None else seen.make_view_from(viewpoint)
     camera.refuse(f"{path} is a depth image, which is in its camera's frame", "viewpoint", "camera_frame")
     if camera.intrinsics is None:
         raise ValueError(
@@ -99,7 +99,9 @@ def read_view(path: Path, camera: Camera, masks: Sequence[Path] | None, budget: 
         return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, mask=mask)
 
 
-def _viewpoint_of(path: Path, seen: Cloud, camera: Camera, masks: Sequence[Path] | None) -> Array | None:
+def _viewpoint_of(
+    path: Path, seen: PointCloud, camera: KnownCamera, masks: Sequence[Path] | None
+) -> Array | None:
     """(3,) Where the points of a file were seen from; None: they are in the camera's frame."""
     camera.refuse(f"{path} holds points, not a depth image", "intrinsics", "depth_scale")
     if masks is not None:
@@ -123,4 +125,4 @@ def _named(path: Path) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error

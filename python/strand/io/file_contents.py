@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from strand.io.budget import Budget
-from strand.io.cloud import Cloud
-from strand.io.models import load
+from strand.io.models import load_model
+from strand.io.point_cloud import PointCloud
 from strand.io.recordings import is_recording
-from strand.io.recordings.contents import RecordingContents, recording_contents
+from strand.io.recordings.recording_contents import RecordingContents, read_recording_contents
 from strand.io.scenes import load_scene
-from strand.io.seen import Seen, seen_of
 from strand.io.view_files import SUFFIXES, read_view_file
+from strand.io.view_summary import ViewSummary, summarize_view
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_integer
 from strand.support.files import JSON_BYTES, FileFormatError
@@ -49,7 +49,7 @@ class SceneContents:
     """
 
     name: str
-    views: tuple[Seen, ...]
+    views: tuple[ViewSummary, ...]
     bounds: Box | None
     points_in_bounds: int | None
     radius: float | None
@@ -70,7 +70,7 @@ class SingleContents:
         Where the file says that its points were seen from, metres.
     """
 
-    view: Seen
+    view: ViewSummary
     whole: bool
     viewpoint: Array | None
 
@@ -78,13 +78,13 @@ class SingleContents:
 Contents = SceneContents | SingleContents | RecordingContents | Model
 
 
-def contents(
+def read_contents(
     path: Path, topics: Sequence[str] | None = None, *, max_bytes: int, outside: bool = False
 ) -> Contents:
     """Return what a file or folder holds.
 
     Of recordings little more is read than the index. Other files are read as `strand.load_scene` and
-    `strand.load` do.
+    `strand.load_model` do.
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ def contents(
     """
     max_bytes = check_integer("max_bytes", max_bytes, 1)
     if is_recording(path):
-        return recording_contents(path, topics, max_bytes)
+        return read_recording_contents(path, topics, max_bytes)
     if topics is not None:
         raise ValueError(f"topics: for recordings only, and {path} is none")
     suffix = path.suffix.lower()
     if suffix == ".json" and not path.is_dir():
-        return load(path, max_bytes=min(max_bytes, JSON_BYTES))
+        return load_model(path, max_bytes=min(max_bytes, JSON_BYTES))
     if suffix in SUFFIXES and not path.is_dir():
         return _single(path, max_bytes)
     if path.is_dir() and not (path / "scene.toml").exists():
@@ -126,7 +126,7 @@ def contents(
     inside = None
     if bounds is not None:
         inside = sum(len(view.points) for view in cropped(scene.views, bounds))
-    views = tuple(seen_of(view) for view in scene.views)
+    views = tuple(summarize_view(view) for view in scene.views)
     return SceneContents(scene.name, views, bounds, inside, scene.radius, len(scene.truth))
 
 
@@ -140,13 +140,13 @@ def _files_of(folder: Path) -> str:
 def _single(path: Path, max_bytes: int) -> SingleContents:
     seen = read_view_file(path, Budget(max_bytes))
     try:
-        if isinstance(seen, Cloud):
-            view = seen.view(np.eye(4))
+        if isinstance(seen, PointCloud):
+            view = seen.make_view(np.eye(4))
             none = len(seen.points) - view.dropped - len(view.points)
-            return SingleContents(seen_of(view, none), False, seen.viewpoint)
+            return SingleContents(summarize_view(view, none), False, seen.viewpoint)
         whole = seen.dtype.kind == "u"
         # any pinhole does: no point is made
-        image = seen_of(View.from_depth(seen, np.eye(3), depth_scale=1.0 if whole else None))
+        image = summarize_view(View.from_depth(seen, np.eye(3), depth_scale=1.0 if whole else None))
     except (TypeError, ValueError) as error:
-        raise FileFormatError.of(path, error) from error
+        raise FileFormatError.from_error(path, error) from error
     return SingleContents(replace(image, intrinsics=None), whole, None)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lib.bag_files import Messages
-from strand.io.recordings.cameras import info_topic, is_rectified, pinhole_of, units_topic
+from strand.io.recordings.camera_info import is_rectified, name_info_topic, name_units_topic, read_pinhole
 
 K = np.array([[200.0, 0, 79.5], [0, 210.0, 59.5], [0, 0, 1]])
 
 
 def read(info, rectified=False, ignore=False):
-    return pinhole_of(info, rectified=rectified, ignore_distortion=ignore)
+    return read_pinhole(info, rectified=rectified, ignore_distortion=ignore)
 
 
 @pytest.mark.parametrize("ros1", [False, True])
@@ -63,10 +63,10 @@ def test_other_matrices_are_refused(k, reason):
     ],
 )
 def test_where_the_camera_info_is(topic, info, rectified):
-    assert info_topic(topic) == info
+    assert name_info_topic(topic) == info
     assert is_rectified(topic) is rectified
 
 
 def test_where_realsense_says_its_unit():
     topic = "/device_0/sensor_0/Depth_0/image/data"
-    assert units_topic(topic) == "/device_0/sensor_0/option/Depth Units/value"
+    assert name_units_topic(topic) == "/device_0/sensor_0/option/Depth Units/value"

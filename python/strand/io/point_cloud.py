@@ -13,7 +13,7 @@ from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class PointCloud:
     """Points of a file.
 
     Attributes
@@ -35,7 +35,7 @@ class Cloud:
         """How many numbers a view of it holds."""
         return self.points.size * (1 if self.colors is None else 2)
 
-    def view(self, pose: Array) -> View:
+    def make_view(self, pose: Array) -> View:
         """Return a view of points in the camera frame, with the camera-to-world pose (4, 4).
 
         Points that are not finite are left out, and counted in `View.dropped`.
@@ -49,14 +49,14 @@ class Cloud:
         colors = None if self.colors is None else self.colors[finite]
         return View(self.points[finite], pose, int((~finite).sum()), colors)
 
-    def view_from(self, viewpoint: Array) -> View:
+    def make_view_from(self, viewpoint: Array) -> View:
         """Return a view of points in the world frame, seen from there (3,)."""
         pose = np.eye(4)
         pose[:3, 3] = viewpoint
-        return Cloud(self.points - viewpoint, self.colors).view(pose)
+        return PointCloud(self.points - viewpoint, self.colors).make_view(pose)
 
 
-def colors_of(numbers: NDArray[Any], whole: bool) -> NDArray[Any]:
+def scale_colors(numbers: NDArray[Any], whole: bool) -> NDArray[Any]:
     """Return the colours that a file writes as numbers.
 
     Parameters

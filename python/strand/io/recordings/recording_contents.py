@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from strand.io.recordings.bags import Bag
-from strand.io.recordings.topics import camera_of, chosen, depth_topics
+from strand.io.recordings.message_views import make_view
+from strand.io.recordings.topics import choose_topics, find_depth_topics, read_camera
 from strand.io.recordings.transforms import TF_KINDS, Transforms
-from strand.io.recordings.views import view_of
-from strand.io.seen import Seen, seen_of
+from strand.io.view_summary import ViewSummary, summarize_view
 from strand.support.files import FileFormatError
 
 # cameras that are looked at, and messages of each topic of TF
@@ -61,7 +61,7 @@ class CameraContents:
     messages: int
     frame: str | None
     size: tuple[int, int] | None
-    view: Seen | None
+    view: ViewSummary | None
     trouble: str | None
 
 
@@ -96,11 +96,11 @@ class RecordingContents:
     tf_trouble: str | None
 
 
-def recording_contents(path: Path, patterns: Sequence[str] | None, max_bytes: int) -> RecordingContents:
+def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_bytes: int) -> RecordingContents:
     """Return what a recording holds; arguments and errors are those of `strand.Recording`."""
     bag = Bag(path, max_bytes)
     try:
-        topics = depth_topics(bag) if patterns is None else chosen(bag, patterns)
+        topics = find_depth_topics(bag) if patterns is None else choose_topics(bag, patterns)
         frames, trouble = _tf_frames(bag, max_bytes)
         start, seconds = bag.span
         return RecordingContents(
@@ -124,19 +124,19 @@ def _rate(count: int, seconds: float) -> float | None:
 
 
 def _camera(bag: Bag, topic: str, max_bytes: int) -> CameraContents:
-    message = bag.first(topic)
+    message = bag.read_first(topic)
     if message is None:
         return CameraContents(topic, 0, None, None, None, "the topic has no messages")
-    decoded = bag.decoded(message)
+    decoded = bag.decode(message)
     frame, size, count = decoded.header.frame_id, _size(decoded), bag.counts[topic]
     try:
-        camera = camera_of(bag, topic, None, None, False)
-        view = view_of(decoded, camera.pinhole, None, camera.depth_scale, max_bytes)
+        camera = read_camera(bag, topic, None, None, False)
+        view = make_view(decoded, camera.pinhole, None, camera.depth_scale, max_bytes)
     except FileFormatError as error:
         return CameraContents(topic, count, frame, size, None, error.reason)
     except (TypeError, ValueError) as error:
         return CameraContents(topic, count, frame, size, None, str(error))
-    return CameraContents(topic, count, frame, size, seen_of(view), None)
+    return CameraContents(topic, count, frame, size, summarize_view(view), None)
 
 
 def _size(message: Any) -> tuple[int, int] | None:
@@ -147,10 +147,10 @@ def _size(message: Any) -> tuple[int, int] | None:
 def _tf_frames(bag: Bag, max_bytes: int) -> tuple[tuple[str, ...], str | None]:
     """Return the frames that TF names at first, and what is wrong with it."""
     found = Transforms(0, max_bytes)
-    for topic in bag.of_kind(*TF_KINDS):
-        for message in islice(bag.messages([topic]), _TRANSFORMS):
+    for topic in bag.find_topics(*TF_KINDS):
+        for message in islice(bag.read_messages([topic]), _TRANSFORMS):
             try:
-                found.add(bag.decoded(message), static=topic.endswith("tf_static"))
+                found.add(bag.decode(message), static=topic.endswith("tf_static"))
             except ValueError as error:
                 return tuple(found.frames), str(error)
     return tuple(found.frames), None

@@ -7,14 +7,14 @@ import pytest
 
 import strand
 from shared.scene_files import DEPTH, LABELS, POINTS, make_ply, save_npz, save_png, write_scene
-from strand.io.contents import contents
+from strand.io.file_contents import read_contents
 from strand.support.files import FileFormatError
 
 MOST = 1 << 24
 
 
 def held(path, *topics, **limits):
-    return contents(path, topics or None, **{"max_bytes": MOST} | limits)
+    return read_contents(path, topics or None, **{"max_bytes": MOST} | limits)
 
 
 def test_an_archive(tmp_path):
