@@ -1,4 +1,4 @@
-"""The numbers of both methods, in rope radii where that makes them carry over to other ropes.
+"""The numbers of both methods. Most lengths are in rope radii, so that they fit ropes of any thickness.
 
 Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 """
@@ -18,55 +18,52 @@ from strand.support.checks import check_choice
 from strand.support.files import FileFormatError, read_toml
 from strand.views.sensor import Sensor, preset
 
+METHODS = ("default", "published")
+"""Values of `Config.method`."""
 
-def _check(section: object) -> None:
-    """Refuse fields of the wrong type, not finite, or negative; only floats may be fractions.
+RINGS = ("maybe", "never", "always")
+"""Values of `Linking.rings`."""
 
-    NumPy's numbers become Python's.
 
-    Raises
-    ------
-    TypeError
-        If a value is not a number of its field's kind.
-    ValueError
-        If a value is not finite or not above 0 (whole numbers: below 0).
-    """
-    where = type(section).__name__
-    for entry in dataclasses.fields(section):  # type: ignore[arg-type]
-        value = getattr(section, entry.name)
-        if (value is None and entry.default is None) or entry.type == "str":
-            continue
-        if isinstance(value, (np.integer, np.floating)) or (
-            isinstance(value, np.ndarray) and value.ndim == 0
-        ):
-            value = value.item()
-            object.__setattr__(section, entry.name, value)
-        whole = entry.type == "int"
-        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
-            kind = "a whole number" if whole else "a number"
-            raise TypeError(f"{where}.{entry.name}: expected {kind}, got {value!r}")
-        if not abs(value) <= sys.float_info.max or value < 0 or (value == 0 and not whole):
-            bound = "at least 0" if whole else "above 0"
-            raise ValueError(f"{where}.{entry.name}: expected a number {bound}, got {value!r}")
+class _Section:
+    """A section of numbers. Each is positive and finite, whole numbers may be 0; NumPy's become Python's."""
+
+    def __post_init__(self) -> None:
+        where = type(self).__name__
+        for entry in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = getattr(self, entry.name)
+            if (value is None and entry.default is None) or entry.type == "str":
+                continue
+            if isinstance(value, (np.integer, np.floating)) or (
+                isinstance(value, np.ndarray) and value.ndim == 0
+            ):
+                value = value.item()
+                object.__setattr__(self, entry.name, value)
+            whole = entry.type == "int"
+            if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
+                kind = "a whole number" if whole else "a number"
+                raise TypeError(f"{where}.{entry.name}: expected {kind}, got {value!r}")
+            if not abs(value) <= sys.float_info.max or value < 0 or (value == 0 and not whole):
+                bound = "at least 0" if whole else "above 0"
+                raise ValueError(f"{where}.{entry.name}: expected a number {bound}, got {value!r}")
 
 
 @dataclass(frozen=True)
-class Filter:
-    """The outlier filter of both methods (section IV-A of the paper).
+class Filter(_Section):
+    """Both methods drop points with few neighbours as outliers (section IV-A of the paper).
 
     Parameters
     ----------
     radius : float
-        The searching radius, in rope radii.
+        Neighbours are points within this distance, in rope radii.
     min_fraction : float
-        Points with fewer neighbours than this share of their view's median are dropped: density, and with
-        it the paper's count, varies from camera to camera.
+        A point needs this share of its view's median number of neighbours. Raise it if outliers remain,
+        lower it if thin parts of ropes vanish.
     min_neighbors : int
-        The count below which a point is dropped in any case.
+        A point needs at least this number of neighbours in any view.
     widen_below : float
-        Where the median count is below this, the default method widens the searching radius until the median
-        should reach it: a coarse camera gives few neighbours, and edges would be dropped with outliers. The
-        published method keeps its searching radius.
+        The default method widens the search until the median number of neighbours reaches this. Coarse
+        cameras need it; the published method does not do it.
     """
 
     radius: float = 1.0
@@ -74,210 +71,67 @@ class Filter:
     min_neighbors: int = 4
     widen_below: float = 10.0
 
-    def __post_init__(self) -> None:
-        _check(self)
-
 
 @dataclass(frozen=True)
-class Normals:
-    """Plane normals of the published method (section IV-B, eq. 10-14).
+class Known(_Section):
+    """How exact the given radius and lengths are; the published method takes the radius as it is.
 
     Parameters
     ----------
-    radius : float
-        The neighbourhood that a plane is fitted to, in rope radii.
+    radius_sd : float
+        Standard deviation of a given radius, as a share of it. Raise it for a radius that was not measured
+        with a calliper.
+    length_share : float
+        A rope may miss its given length by this share of it, and by `length_radii`, before strand doubts the
+        answer. Raise it for lengths read off a reel.
+    length_radii : float
+        What a rope may miss its given length by in addition, in rope radii.
     """
 
-    radius: float = 1.0
-
-    def __post_init__(self) -> None:
-        _check(self)
+    radius_sd: float = 0.003
+    length_share: float = 0.02
+    length_radii: float = 1.0
 
 
 @dataclass(frozen=True)
-class Registration:
-    """ICP of the views in the published method (section IV-C, eq. 15).
-
-    Parameters
-    ----------
-    max_correspondence_distance : float
-        Pairs farther apart do not count, in rope radii. Short, so that a view stays near the pose that
-        the stage reports where the data let it slide.
-    max_iterations : int
-        Most updates of a view's pose.
-    tolerance : float
-        Change of fitness, and of inlier RMSE over the correspondence distance, that ends the iterations.
-    """
-
-    max_correspondence_distance: float = 0.5
-    max_iterations: int = 30
-    tolerance: float = 1e-6
-
-    def __post_init__(self) -> None:
-        _check(self)
-
-
-@dataclass(frozen=True)
-class Centerline:
-    """Axis points of the published method (section IV-D, eq. 16-18); it averages within two rope radii.
-
-    Parameters
-    ----------
-    min_neighbors : int
-        N_lim: how many points must lie within two rope radii of a surface point, itself included.
-    """
-
-    min_neighbors: int = 20
-
-    def __post_init__(self) -> None:
-        _check(self)
-
-
-@dataclass(frozen=True)
-class Tracing:
-    """Chains through the axis points of the published method (section V-A, fig. 9-10).
-
-    Parameters
-    ----------
-    near : float
-        r_n, the least distance between nodes, in rope radii.
-    far : float
-        r_f > r_n, the reach to the next node, in rope radii.
-    min_length : float
-        Chains shorter than this are left out, in rope radii.
-
-    Raises
-    ------
-    ValueError
-        If `far` is not above `near`.
-    """
-
-    near: float = 1.0
-    far: float = 2.5
-    min_length: float = 1.0
-
-    def __post_init__(self) -> None:
-        _check(self)
-        if self.far <= self.near:
-            raise ValueError(f"Tracing.far: expected more than near = {self.near}, got {self.far}")
-
-
-@dataclass(frozen=True)
-class Splitting:
-    """Cuts of the published method at minima of d*, a node's distance from the rest of the rope.
-
-    Section V-B, eq. 19-20, fig. 11-12.
-
-    Parameters
-    ----------
-    neighborhood : float
-        Nodes this near along a chain do not count for d*, in rope radii of arc length. Above `threshold`, or
-        every node would seem to cross.
-    threshold : float
-        Minima above this are no crossings, in rope radii. Strands in contact are 2 apart.
-    closure : float
-        A chain whose ends are this near to each other goes round and has no ends, in rope radii.
-    prominence : float
-        How much d* must rise on both sides of a minimum, in rope radii, so that noise is not cut at.
-
-    Raises
-    ------
-    ValueError
-        If `neighborhood` is not above `threshold`: every node would seem to cross.
-    """
-
-    neighborhood: float = 6.0
-    threshold: float = 3.2
-    prominence: float = 0.75
-    closure: float = 2.5
-
-    def __post_init__(self) -> None:
-        _check(self)
-        if self.neighborhood <= self.threshold:
-            raise ValueError(
-                f"Splitting.neighborhood: expected more than threshold = {self.threshold}, "
-                f"got {self.neighborhood}"
-            )
-
-
-@dataclass(frozen=True)
-class Reconnection:
-    """Ends grouped by four, one group for a crossing, and paired by direction, in the published method.
-
-    Section V-B, fig. 13.
-
-    Parameters
-    ----------
-    reach : float
-        Ends farther apart than this do not meet at one crossing, in rope radii.
-    loop : float
-        Both ends of one segment meet at a crossing only if it is longer than this, in rope radii.
-    skip : float
-        Nodes this near to an end do not count for its direction, in rope radii of arc length: where
-        strands cross, eq. 17-18 mixes them.
-    span : float
-        The stretch over which the direction is taken, in rope radii of arc length.
-    min_agreement : float
-        Cosine between the directions of two ends below which a group of fewer than four is not joined.
-    trim : float
-        The stretch left out at ends that meet others, in rope radii of arc length, before a cubic
-        bridges the gap.
-    gap : float
-        With the number of ropes given: the longest gap that is bridged away from crossings, in rope
-        radii.
-    """
-
-    reach: float = 5.0
-    loop: float = 10.0
-    skip: float = 1.5
-    span: float = 3.0
-    min_agreement: float = 0.25
-    trim: float = 2.0
-    gap: float = 12.0
-
-    def __post_init__(self) -> None:
-        _check(self)
-
-
-@dataclass(frozen=True)
-class Poses:
-    """How well the default method takes the reported poses to be known: as of a stage read off by hand.
+class Poses(_Section):
+    """How exact the reported poses are: the default method corrects them within these limits.
 
     Parameters
     ----------
     rotation_sd : float
-        Standard deviation of each component of the rotation vector, radians.
+        Standard deviation of each component of the rotation vector, radians. Set it to what your calibration
+        reports.
     translation_sd : float
-        Standard deviation of each component of the translation, metres.
+        Standard deviation of each component of the translation, metres. Set it to what your calibration
+        reports.
     """
 
     rotation_sd: float = math.radians(0.5)
     translation_sd: float = 1.5e-3
 
-    def __post_init__(self) -> None:
-        _check(self)
-
 
 @dataclass(frozen=True)
-class Tubes:
-    """Tubes of the default method: traced through the points and fitted together with the poses.
+class Tubes(_Section):
+    """The default method traces tubes through the points and fits them together with the poses.
 
     Parameters
     ----------
     spacing : float
-        Length of a spline's spans, in rope radii; at least 0.5.
+        Length of a spline's spans, in rope radii; at least 0.5. Lower it for ropes with very tight bends.
     rounds : int
-        How often arcs are traced in all views and fitted, at most, before they are linked; at least 1. They
-        are traced again only where the fit moved the poses much.
+        How often strand traces and fits at most before it joins; at least 1. Raise it if the reported poses
+        are far off.
     min_arc : float
-        Arcs shorter than this are left out, in rope radii.
+        Traced pieces shorter than this are dropped, in rope radii. Raise it if noise is traced.
     node_spacing : float
         Distance between a chain's nodes, in rope radii; at least 0.01.
     min_bend : float
-        The tightest bend of a rope's axis: its radius of curvature, in rope radii; at least 1.
+        The tightest radius of curvature that a rope's axis can have, in rope radii; at least 1. Raise it for
+        stiff cables.
     noise : float, optional
-        Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the data if
-        not given.
+        Standard deviation of the depth noise along the viewing rays, metres; measured in the data if not
+        given. Set it if you know your camera's noise.
     """
 
     spacing: float = 2.5
@@ -288,43 +142,41 @@ class Tubes:
     noise: float | None = None
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         for name, least in (("rounds", 1), ("spacing", 0.5), ("node_spacing", 0.01), ("min_bend", 1.0)):
             value = getattr(self, name)
             if value < least:
                 raise ValueError(f"Tubes.{name}: expected at least {least}, got {value}")
 
 
-RINGS = ("maybe", "never", "always")
-
-
 @dataclass(frozen=True)
-class Linking:
-    """Arcs joined to ropes by the default method: by the matching of their ends that costs least.
+class Linking(_Section):
+    """The default method joins traced pieces to ropes by the matching of their ends that costs least.
 
     Parameters
     ----------
     free_end : float
-        Cost of an end that is joined to none.
+        Cost of an end that is joined to none. Raise it to join more, lower it to join less.
     seen_through : float
-        Cost of a join for each radius of it that lies in free space.
+        Cost of each rope radius of a join that lies where a camera saw free space.
     gap : float
-        The longest gap that is bridged, in rope radii, unless the number of ropes is given; somewhat longer
-        ones where no camera could have seen the rope.
+        The longest gap that is bridged, in rope radii. Gaps that no camera could see may be longer, and so
+        may all gaps if the number of ropes is given.
     margin : float
-        A join is warned of if the next best way costs less than this more.
+        A join is warned about if the next best way costs less than this more. Raise it to hear of more joins.
     loop : float
-        An arc's two ends are joined to a ring only if it is longer than this, in rope radii.
+        The two ends of a piece are joined to a ring only if it is longer than this, in rope radii.
     contact : float
-        An arc's end nearer than this to the inside of another cuts it, in rope radii: two strands are 2
-        apart.
+        An end nearer than this to the inside of another piece cuts that piece, in rope radii. Two strands
+        that touch are 2 apart.
     contact_gap : float
-        How much is cut out on each side, in rope radii of arc length.
+        How much a cut removes on each side, in rope radii of arc length.
     min_length : float
-        Ropes shorter than this are left out, in rope radii.
+        Ropes shorter than this are dropped, in rope radii. Lower it for short ropes, raise it if scraps look
+        like ropes.
     rings : {"maybe", "never", "always"}
-        `"maybe"`: as the data show. `"never"`: no rope is a ring, all have ends. `"always"`: all are rings;
-        the ends that are left are joined over gaps of any length, but not through free space.
+        `"maybe"` lets the data decide, `"never"` gives every rope two ends, `"always"` closes every rope.
+        To close a rope, strand bridges gaps of any length, but not through free space.
     """
 
     free_end: float = 5.0
@@ -338,11 +190,156 @@ class Linking:
     rings: str = "maybe"
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         check_choice("Linking.rings", self.rings, RINGS)
 
 
-METHODS = ("default", "published")
+@dataclass(frozen=True)
+class Normals(_Section):
+    """The published method fits a plane to each point's neighbourhood (section IV-B, eq. 10-14).
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the neighbourhood, in rope radii.
+    """
+
+    radius: float = 1.0
+
+
+@dataclass(frozen=True)
+class Registration(_Section):
+    """The published method registers views by ICP (section IV-C, eq. 15).
+
+    Parameters
+    ----------
+    max_correspondence_distance : float
+        Points farther from each other than this are no correspondence, in rope radii. Raise it if the
+        reported poses are far off; views slide along straight ropes then.
+    max_iterations : int
+        How often a view's pose is updated at most.
+    tolerance : float
+        ICP stops at a smaller change of the fitness, and of the inlier RMSE over the correspondence
+        distance.
+    """
+
+    max_correspondence_distance: float = 0.5
+    max_iterations: int = 30
+    tolerance: float = 1e-6
+
+
+@dataclass(frozen=True)
+class Centerline(_Section):
+    """The published method averages axis points within two rope radii (section IV-D, eq. 16-18).
+
+    Parameters
+    ----------
+    min_neighbors : int
+        N_lim: a surface point needs this number of points within two rope radii, itself included. Lower it
+        for coarse cameras.
+    """
+
+    min_neighbors: int = 20
+
+
+@dataclass(frozen=True)
+class Tracing(_Section):
+    """The published method traces chains through axis points (section V-A, fig. 9-10).
+
+    Parameters
+    ----------
+    near : float
+        r_n: the least distance between nodes, in rope radii.
+    far : float
+        r_f: the greatest distance to the next node, in rope radii; above `near`. Raise it if chains break.
+    min_length : float
+        Chains shorter than this are dropped, in rope radii.
+
+    Raises
+    ------
+    ValueError
+        If `far` is not above `near`.
+    """
+
+    near: float = 1.0
+    far: float = 2.5
+    min_length: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.far <= self.near:
+            raise ValueError(f"Tracing.far: expected more than near = {self.near}, got {self.far}")
+
+
+@dataclass(frozen=True)
+class Splitting(_Section):
+    """The published method cuts chains at minima of d*, a node's distance from the rest of the rope.
+
+    Section V-B, eq. 19-20, fig. 11-12.
+
+    Parameters
+    ----------
+    neighborhood : float
+        Nodes nearer than this along their chain do not count for d*, in rope radii of arc length; above
+        `threshold`.
+    threshold : float
+        A minimum above this is no crossing, in rope radii. Strands that touch are 2 apart.
+    prominence : float
+        How far d* must rise on both sides of a minimum, in rope radii. Raise it if noise is cut at.
+    closure : float
+        A chain is closed if its ends are nearer to each other than this, in rope radii.
+
+    Raises
+    ------
+    ValueError
+        If `neighborhood` is not above `threshold`: every node would seem to cross.
+    """
+
+    neighborhood: float = 6.0
+    threshold: float = 3.2
+    prominence: float = 0.75
+    closure: float = 2.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.neighborhood <= self.threshold:
+            raise ValueError(
+                f"Splitting.neighborhood: expected more than threshold = {self.threshold}, "
+                f"got {self.neighborhood}"
+            )
+
+
+@dataclass(frozen=True)
+class Reconnection(_Section):
+    """The published method groups four ends to a crossing and pairs them by direction (section V-B, fig. 13).
+
+    Parameters
+    ----------
+    reach : float
+        Ends farther from each other than this do not meet at a crossing, in rope radii.
+    loop : float
+        Both ends of a segment meet at a crossing only if it is longer than this, in rope radii.
+    skip : float
+        Nodes nearer than this to an end do not count for its direction, in rope radii of arc length. Eq.
+        17-18 mixes strands there.
+    span : float
+        The direction of an end is taken over this stretch, in rope radii of arc length.
+    min_agreement : float
+        Least cosine between the directions of two ends that are joined, unless four ends meet.
+    trim : float
+        Ends that meet others lose this stretch before a cubic bridges the gap, in rope radii of arc length.
+    gap : float
+        The longest gap that is bridged away from crossings, in rope radii. It counts only if the number of
+        ropes is given.
+    """
+
+    reach: float = 5.0
+    loop: float = 10.0
+    skip: float = 1.5
+    span: float = 3.0
+    min_agreement: float = 0.25
+    trim: float = 2.0
+    gap: float = 12.0
 
 
 @dataclass(frozen=True)
@@ -354,16 +351,19 @@ class Config:
     method : {"default", "published"}
         The method that finds the ropes: strand's own, or the published one.
     sensor : Sensor or str, optional
-        The default method: the camera's errors, as a `strand.Sensor` or a camera's name, a key of
-        `strand.views.sensor.PRESETS`; measured in the data if not given. Not together with `Tubes.noise`.
+        The camera's errors in the default method: a `strand.Sensor`, or a camera's name from
+        `strand.views.sensor.PRESETS`. If not given, strand measures them in the data. Set either this or
+        `Tubes.noise`.
     filter : Filter
         Both methods: the outlier filter.
+    known : Known
+        How exact the given radius (default method) and lengths (both methods) are.
     poses : Poses
-        The default method: how well poses are known.
+        The default method: how exact the reported poses are.
     tubes : Tubes
         The default method: how tubes are traced and fitted.
     linking : Linking
-        The default method: how arcs are joined.
+        The default method: how traced pieces are joined.
     normals : Normals
         The published method: section IV-B.
     registration : Registration
@@ -376,11 +376,18 @@ class Config:
         The published method: the cuts of section V-B.
     reconnection : Reconnection
         The published method: the joins of section V-B.
+
+    Examples
+    --------
+    >>> from strand.config import Config, Linking
+    >>> Config(linking=Linking(rings="never")).linking.rings
+    'never'
     """
 
     method: str = "default"
     sensor: Sensor | str | None = None
     filter: Filter = field(default_factory=Filter)
+    known: Known = field(default_factory=Known)
     poses: Poses = field(default_factory=Poses)
     tubes: Tubes = field(default_factory=Tubes)
     linking: Linking = field(default_factory=Linking)
@@ -399,11 +406,11 @@ class Config:
             if not isinstance(getattr(self, name), section):
                 raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")
         if self.sensor is not None and self.tubes.noise is not None:
-            raise ValueError("Config.sensor: says how large the noise is; leave out Tubes.noise")
+            raise ValueError("Config.sensor: expected a sensor without Tubes.noise, got both")
 
     @classmethod
     def published(cls) -> Config:
-        """Return the published method with its numbers, the same as `Config(method="published")`.
+        """Return `Config(method="published")`.
 
         Returns
         -------
@@ -413,29 +420,22 @@ class Config:
 
 
 _SECTIONS: dict[str, type[Any]] = {
-    "filter": Filter,
-    "poses": Poses,
-    "tubes": Tubes,
-    "linking": Linking,
-    "normals": Normals,
-    "registration": Registration,
-    "centerline": Centerline,
-    "tracing": Tracing,
-    "splitting": Splitting,
-    "reconnection": Reconnection,
+    entry.name: type(entry.default_factory())
+    for entry in dataclasses.fields(Config)
+    if entry.default_factory is not dataclasses.MISSING
 }
 
 
 def load(path: str | os.PathLike[str]) -> Config:
     """Read a configuration from a TOML file with a table for each section.
 
-    Sections and fields that it does not name keep their values.
+    Sections and fields that the file does not name keep their defaults.
 
     Parameters
     ----------
     path : str or path-like
-        The file, for example ``[tracing]`` followed by ``near = 0.8``. A camera's name may stand for the
-        section of the sensor: ``sensor = "d435"``.
+        The file, for example ``[tracing]`` followed by ``near = 0.8``. A camera's name may replace the
+        sensor's section: ``sensor = "d435"``.
 
     Returns
     -------

@@ -58,6 +58,23 @@ def test_a_method_that_there_is_not_is_refused():
         strand.Config(method="tube")
 
 
+def test_lengths_are_as_exact_as_the_configuration_says(paper, paper_model):
+    true = 1.05 * paper_model.chains[0].length
+    for known, doubted in ((config.Known(), True), (config.Known(length_share=0.08), False)):
+        settings = strand.Config(known=known)
+        model = strand.reconstruct(paper.views, paper.radius, paper.bounds, length=true, config=settings)
+        assert ("length" in {doubt.kind for doubt in model.doubts}) is doubted
+
+
+def test_a_radius_is_as_exact_as_the_configuration_says(paper):
+    errors = []
+    for known in (config.Known(radius_sd=1e-4), config.Known(radius_sd=0.3)):
+        settings = strand.Config(known=known)
+        model = strand.reconstruct(paper.views, 0.9 * paper.radius, paper.bounds, config=settings)
+        errors.append(abs(model.chains[0].radius - paper.radius))
+    assert errors[1] < 0.3 * errors[0]
+
+
 def test_numbers_that_would_fill_the_memory_are_refused():
     for wrong in ({"spacing": 1e-6}, {"node_spacing": 1e-12}, {"rounds": 0}, {"min_bend": 0.5}):
         (name,) = wrong

@@ -152,7 +152,7 @@ def reconstruct(
         raise TypeError(f"progress: expected a callable or None, got {type(progress).__name__}")
     views, radii, method = _checked(views, radius, config, previous)
     box = None if bounds is None else extraction_range(bounds)
-    prior = Prior.given(ropes, length, box)
+    prior = Prior.given(ropes, length, box, config.known)
     run = Run(progress)
     if deadline is not None:
         run.deadline = begun + check_positive("deadline", deadline)
@@ -270,9 +270,9 @@ def _checked(
 ) -> tuple[tuple[View, ...], Radii | None, _Method]:
     """Check the arguments that have no type of their own; return the method too."""
     views = checked_views(views)
-    radii = None if radius is None else Radii.given(radius)
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
+    radii = None if radius is None else Radii.given(radius, config.known)
     if previous is not None and not isinstance(previous, Model):
         raise TypeError(f"previous: expected a Model or None, got {type(previous).__name__}")
     method = _METHODS[config.method]

@@ -10,6 +10,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import NotEnoughDataError
+from strand.config import Known
 from strand.support.checks import Array, check_radius
 from strand.views.box import Bounds
 from strand.views.view import View, checked_views
@@ -24,8 +25,6 @@ _KERNEL, _STEP, _APART = 0.08, 0.01, 0.3
 _LEAST_MODE = 0.1
 # radii that differ by less than this share, or this many standard deviations, are taken for one
 _SAME, _SAME_SD = 0.05, 3.0
-# what is not known of a radius that is given, in radii
-_GIVEN_SD = 0.003
 # how far noise pulls a fitted radius, in squares of its standard deviation over the radius: silhouettes lose
 # points to the outlier filter and gain pixels that fly, and neither shows in the residuals
 _PULL = 0.2
@@ -81,8 +80,8 @@ class Radii:
         return sd if self.free else np.minimum(sd, self.sd)
 
     @classmethod
-    def given(cls, radius: float | Sequence[float]) -> Radii:
-        """Return radii that were given: known to 0.3 %, as measured by a calliper.
+    def given(cls, radius: float | Sequence[float], known: Known | None = None) -> Radii:
+        """Return given radii after checking them.
 
         Raises
         ------
@@ -95,7 +94,8 @@ class Radii:
         values = np.unique([check_radius(one) for one in each])
         if not len(values):
             raise ValueError("radius: expected a number of metres or several, got none")
-        return cls(values, _GIVEN_SD * values, free=False)
+        known = Known() if known is None else known
+        return cls(values, known.radius_sd * values, free=False)
 
 
 def estimate_radius(views: Sequence[View], bounds: Bounds | None = None) -> tuple[Array, Array]:

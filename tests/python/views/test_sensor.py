@@ -72,7 +72,7 @@ def test_a_camera_that_is_not_known_is_named_with_one_that_is():
 
 
 def test_noise_is_given_once():
-    with pytest.raises(ValueError, match=r"Config\.sensor: .*leave out Tubes\.noise"):
+    with pytest.raises(ValueError, match=r"Config\.sensor: .* without Tubes\.noise"):
         strand.Config(sensor="d435", tubes=config.Tubes(noise=0.001))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.reconstruction.evidence.prior import Prior, contradiction
+from strand.reconstruction.evidence.prior import Prior
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array, round_to_millimeters
@@ -106,7 +106,7 @@ def contradictions(
     lengths = [chain.length for chain in chains]
     true_lengths = prior.expected(lengths) if prior.lengths else [None] * len(chains)
     for number, (chain, true) in enumerate(zip(chains, true_lengths, strict=True)):
-        off = contradiction(chain.length, true, chain.radius)
+        off = prior.length_excess(chain.length, true, chain.radius)
         if true is not None and off > 0:
             more = chain.length - true
             contradicts(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 
+from strand.config import Known
 from strand.support.checks import check_positive
 from strand.views.box import Box
 
-# a length counts as right within this share of it and so many radii: rulers slip, ends lie under strands
-_SHARE, _RADII = 0.02, 1.0
 _MOST_ROPES = 10_000
 
 
@@ -30,12 +29,15 @@ class Prior:
         Whether there is one length, that of every rope.
     bounds : Box or None
         The extraction range, which holds all ropes, metres.
+    known : Known
+        How exact the lengths are.
     """
 
     ropes: int | None = None
     lengths: tuple[float, ...] = ()
     alike: bool = False
     bounds: Box | None = None
+    known: Known = field(default_factory=Known)
 
     @classmethod
     def given(
@@ -43,6 +45,7 @@ class Prior:
         ropes: int | None,
         length: float | Sequence[float] | None,
         bounds: Box | None = None,
+        known: Known | None = None,
     ) -> Prior:
         """Return what is known after checking it; several lengths say how many ropes there are.
 
@@ -53,6 +56,7 @@ class Prior:
         ValueError
             If a number is out of range, or there are not as many lengths as ropes.
         """
+        known = Known() if known is None else known
         if ropes is not None:
             if isinstance(ropes, bool) or not isinstance(ropes, (int, np.integer)):
                 raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
@@ -61,16 +65,16 @@ class Prior:
             if ropes > _MOST_ROPES:
                 raise ValueError(f"ropes: expected at most {_MOST_ROPES}, got {ropes}")
         if length is None:
-            return cls(ropes, bounds=bounds)
+            return cls(ropes, bounds=bounds, known=known)
         each = np.asarray(length, dtype=object)
         lengths = [check_positive("length", value) for value in each.ravel()]
         if each.ndim == 0:
-            return cls(ropes, tuple(lengths), True, bounds)
+            return cls(ropes, tuple(lengths), True, bounds, known)
         if each.ndim != 1 or not len(each):
             raise ValueError(f"length: expected one length or one for each rope, got {length!r}")
         if ropes is not None and len(each) != ropes:
             raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(each)}")
-        return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds)
+        return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds, known=known)
 
     def of_some(self) -> Prior:
         """Return what it says of only some of the ropes."""
@@ -103,12 +107,12 @@ class Prior:
             true[k] = value
         return true
 
+    def length_excess(self, length: float, true: float | None, radius: float) -> float:
+        """Return by how many radii a length misses the true one beyond what is allowed; 0 without one."""
+        if true is None:
+            return 0.0
+        share, radii = self.known.length_share, self.known.length_radii
+        return max(abs(length - true) / radius - share * true / radius - radii, 0.0)
+
 
 NO_PRIOR = Prior()
-
-
-def contradiction(length: float, true: float | None, radius: float) -> float:
-    """By how many radii a length misses the known one, beyond what is usual; 0 if none is known."""
-    if true is None:
-        return 0.0
-    return max(abs(length - true) / radius - _SHARE * true / radius - _RADII, 0.0)

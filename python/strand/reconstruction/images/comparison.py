@@ -10,7 +10,6 @@ import numpy as np
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.polyline import path_length, runs
-from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
 from strand.reconstruction.images.labels import label_changes
 from strand.reconstruction.images.pixel_errors import Errors
@@ -223,7 +222,7 @@ def contradiction_of(fit: ImageFit, observed: Observed) -> float:
     radius = float(observed.radii.values[0])
     lengths = [float(path_length(nodes)[-1]) for nodes in fit.nodes]
     return sum(
-        min(_LENGTH * contradiction(length, true, radius), _MOST)
+        min(_LENGTH * prior.length_excess(length, true, radius), _MOST)
         for length, true in zip(lengths, prior.expected(lengths), strict=True)
     )
 

@@ -104,7 +104,7 @@ def register_views(
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
-    radii = Radii.given(radius)
+    radii = Radii.given(radius, config.known)
     few = clouds.thinned(radius)
     motions = registered_roughly(few, radii.values, config)
     fit, _ = fit_arcs(clouds, few, motions, radii, config, Run(None), uncertainty=True)

@@ -9,7 +9,6 @@ from strand._core import TubeFit
 from strand.geometry.polyline import path_length, runs
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.evidence.prior import contradiction
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.second_look import is_phantom, unexplained
 from strand.reconstruction.tubes.tube_ends import extents
@@ -80,5 +79,5 @@ def contradiction_cost(chains: Chains, evidence: JoinEvidence) -> float:
     if prior.lengths:
         lengths = [float(path_length(nodes)[-1]) for nodes, _ in chains]
         for length, true in zip(lengths, prior.expected(lengths), strict=True):
-            cost += min(_LENGTH * contradiction(length, true, evidence.radius), _COUNT)
+            cost += min(_LENGTH * prior.length_excess(length, true, evidence.radius), _COUNT)
     return cost

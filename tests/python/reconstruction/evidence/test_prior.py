@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shared.ropes import R
-from strand.reconstruction.evidence.prior import Prior, contradiction
+from strand.reconstruction.evidence.prior import Prior
 
 
 def test_lengths_are_those_of_the_ropes_that_they_fit_best():
@@ -19,6 +19,6 @@ def test_lengths_are_those_of_the_ropes_that_they_fit_best():
     assert (every.ropes, every.expected([0.2, 0.1, 0.3])) == (2, [0.3, 0.3, 0.3])
     assert every.of_some().expected([0.2]) == [0.3]
     assert known.of_some().lengths == ()
-    assert contradiction(0.305, 0.3, R) == 0.0
-    assert contradiction(0.4, 0.3, 0.005) == pytest.approx(20.0 - 1.2 - 1.0)
-    assert contradiction(0.4, None, R) == 0.0
+    assert known.length_excess(0.305, 0.3, R) == 0.0
+    assert known.length_excess(0.4, 0.3, 0.005) == pytest.approx(20.0 - 1.2 - 1.0)
+    assert known.length_excess(0.4, None, R) == 0.0
