@@ -63,13 +63,29 @@ def test_every_public_name_is_on_an_api_page():
     assert "`strand.__version__`" in pages
 
 
-def test_the_architecture_names_every_room():
-    said = (ROOT / "ARCHITECTURE.md").read_text()
+ARCHITECTURE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("folder", ["python/strand", "python/strand/reconstruction", "rust/src"])
+def test_the_architecture_names_every_folder(folder):
+    folders = [path.name for path in (ROOT / folder).iterdir() if path.is_dir() and path.name[0] != "_"]
+    assert len(folders) > 5
+    assert [name for name in folders if f"`{name}/`" not in ARCHITECTURE] == []
+
+
+def test_the_files_that_the_architecture_names_exist():
     package = ROOT / "python" / "strand"
-    rooms = [path for path in package.rglob("*.py") if not path.name.startswith("__")]
-    rooms += (ROOT / "docs" / "making").glob("*.py")
-    assert len(rooms) > 50
-    assert [path.name for path in rooms if f"{path.name}`" not in said] == []
+    places = [
+        ROOT,
+        package,
+        package / "reconstruction",
+        *(package / "reconstruction").iterdir(),
+        ROOT / "rust" / "src",
+    ]
+    named = re.findall(r"`([\w/.]+(?:/|\.\w+))`", ARCHITECTURE)
+    files = [name for name in named if name.endswith(("/", ".py", ".rs", ".pyi", ".md", ".yml"))]
+    assert len(files) > 50
+    assert [name for name in files if not any((place / name).exists() for place in places)] == []
 
 
 @pytest.mark.parametrize("command", ["python benches/scenes.py\n", "python benches/scenes.py --published\n"])

@@ -22,6 +22,7 @@ def test_the_commands_exist():
 
 
 def test_it_is_short():
-    assert len(README.splitlines()) <= 120
+    assert len(README.splitlines()) <= 90
+    assert len(re.findall(r"(?<!!)\[[^]]+\]\((?!https?:)", README)) == 6
     assert len(re.findall(r"!\[", README)) == 1
     assert len(re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1).splitlines()) <= 12

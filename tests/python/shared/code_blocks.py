@@ -114,7 +114,7 @@ def give_messages() -> dict[str, Any]:
 
 # by page: names for its n-th block of Python, from 0 on; they stay for those that follow
 GIVEN: dict[str, dict[int, Callable[[], dict[str, Any]]]] = {
-    "README.md": {1: give_clouds, 2: give_image},
+    "README.md": {1: give_image, 2: give_clouds},
     "docs/configuration.md": {0: give_views},
     "docs/export.md": {0: give_views},
     "docs/method.md": {0: give_views, 1: give_image},
