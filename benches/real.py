@@ -69,7 +69,7 @@ def main() -> int:
         view = frames.view(frame, arguments.masks)
         models[frame] = model = strand.reconstruct([view], radius=RADIUS, ropes=1)
         (chain, *_) = model.chains
-        off = [abs(chain.nearest(point)[1] - RADIUS) for point in view.world_points]
+        off = np.abs(chain.nearest(view.world_points).distance - RADIUS)
         millimetres = (
             f"{chain.length * 1e3:.0f}",
             f"{chain.bridged.mean() * chain.length * 1e3:.0f}",

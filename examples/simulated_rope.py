@@ -30,7 +30,7 @@ def main() -> None:
 
     chain, truth = found.chains[0], rope(world)
     places = truth.at(np.linspace(0.0, truth.length, 400))
-    off = np.array([chain.nearest(place)[1] for place in places])
+    off = chain.nearest(places).distance
     print(f"off by {np.sqrt((off**2).mean()) * 1e3:.2f} mm (RMS), {off.max() * 1e3:.2f} mm at most")
     # the simulated rope has round ends
     whole = truth.length + 2.0 * RADIUS

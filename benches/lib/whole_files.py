@@ -14,7 +14,8 @@ import strand
 from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
-from strand.ropes.model import Alternative, Doubt, Join, Model, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.model import Model
 from strand.support.files import convert_to_json
 from strand.views.sensor import Sensor
 

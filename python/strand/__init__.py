@@ -22,6 +22,7 @@ from strand._core import (
 from strand.config import Config
 from strand.export.capsules import Capsules
 from strand.export.spheres import Spheres
+from strand.geometry.nearest import Nearest
 from strand.io.models import load_model
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
@@ -34,14 +35,12 @@ from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact
 from strand.ropes.crossings import Crossing
 from strand.ropes.diagram import Diagram, knot_diagram
-from strand.ropes.doubt import Doubt
-from strand.ropes.grasps import Grasp, Grasps, Refused
-from strand.ropes.gripper import Gripper
-from strand.ropes.knots import Knot, knot
-from strand.ropes.linking import linking_number
-from strand.ropes.model import Alternative, Join, Model, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.grasps import Grasp, Grasps, Gripper, Refused
+from strand.ropes.knots import Knot, knot, linking_number
+from strand.ropes.model import Model
 from strand.ropes.pulls import Pull, PullPlan
-from strand.ropes.queries import Nearest, RayHits, Sweeps
+from strand.ropes.queries import RayHits, Sweeps
 from strand.ropes.shape import ShapeError
 from strand.support.files import FileFormatError
 from strand.views.box import Box

@@ -13,7 +13,8 @@ import numpy as np
 from strand.batch.shards import VERSION_KEY, names
 from strand.batch.table import SCHEMA_VERSION, schema
 from strand.ropes.chain import Chain
-from strand.ropes.model import Model, ModelWarning
+from strand.ropes.doubt import ModelWarning
+from strand.ropes.model import Model
 from strand.support.checks import check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError

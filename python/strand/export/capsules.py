@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
 # of the error: how far a smooth curve may be from the places on it that stand for it
@@ -69,12 +69,12 @@ class Capsules:
         return poses
 
 
-def capsules_of(chains: Sequence[Chain], error: float) -> Capsules:
+def capsules_of(chains: Sequence[Line], error: float) -> Capsules:
     """Return capsules along chains, see `strand.Model.capsules`.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Line
     error : float
         How far the axes may be from the centrelines, metres.
     """
@@ -99,7 +99,7 @@ def capsules_of(chains: Sequence[Chain], error: float) -> Capsules:
     )
 
 
-def _places(chain: Chain, error: float) -> tuple[Array, Array]:
+def _places(chain: Line, error: float) -> tuple[Array, Array]:
     """Return arc lengths and places; lines between them stand for the centreline."""
     if chain.curve is None:
         if not chain.closed:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from strand.export.segments import segment_ends
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import check_instances
 
 
-def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:
+def dismech(chains: Sequence[Line], spacing: float | None = None) -> str:
     """Geometry file of DisMech, of its versions for Python and MATLAB: nodes and the edges between them.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Line
         Such as `Model.chains`.
     spacing : float, optional
         How long edges are, metres; three radii of each rope if not given.
@@ -35,7 +35,7 @@ def dismech(chains: Sequence[Chain], spacing: float | None = None) -> str:
     """
     nodes: list[str] = []
     edges: list[str] = []
-    for chain in check_instances("chains", chains, Chain):
+    for chain in check_instances("chains", chains, Line):
         places = segment_ends(chain, spacing)
         first, last = len(nodes) + 1, len(nodes) + len(places)
         nodes += [",".join(f"{value:.12g}" for value in place) for place in places.tolist()]

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from strand.export.segments import segment_ends
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 
 
-def elastica(chain: Chain, spacing: float | None = None) -> dict[str, Any]:
+def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     """Geometry of a PyElastica rod: arguments of `CosseratRod.straight_rod`, or of `ring_rod` for a ring.
 
     The material is the caller's: `CosseratRod.straight_rod(**elastica(chain), density=1000.0,
@@ -20,7 +20,7 @@ def elastica(chain: Chain, spacing: float | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    chain : Chain
+    chain : Line
     spacing : float, optional
         How long elements are, metres; three radii if not given.
 
@@ -35,19 +35,19 @@ def elastica(chain: Chain, spacing: float | None = None) -> dict[str, Any]:
     Raises
     ------
     TypeError
-        If `chain` is no Chain, or `spacing` is not a number.
+        If `chain` is no Line, or `spacing` is not a number.
     ValueError
         If `spacing` is not positive, or so small that there are more than 100,000 elements.
     """
-    if not isinstance(chain, Chain):
-        raise TypeError(f"chain: expected a Chain, got {type(chain).__name__}")
+    if not isinstance(chain, Line):
+        raise TypeError(f"chain: expected a Chain or Line, got {type(chain).__name__}")
     places = segment_ends(chain, spacing)
     path = np.vstack([places, places[:1]]) if chain.closed else places
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     tangents = steps / lengths
     # the rings of a tube turn as little as can be: the first vertex of each shows where across is
-    rings = Chain(places, 1.0, chain.closed).tube(3)[0][: 3 * len(places)].reshape(-1, 3, 3)
+    rings = Line(places, 1.0, chain.closed).tube(3)[0][: 3 * len(places)].reshape(-1, 3, 3)
     across = rings[: len(steps), 0] - places[: len(steps)]
     normals = across - (across * tangents).sum(axis=1, keepdims=True) * tangents
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

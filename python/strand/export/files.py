@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import Array
 
 FORMATS = ("json", "csv", "ply")
@@ -35,7 +35,7 @@ def format_of(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS)
     return suffix
 
 
-def csv_of(chains: Sequence[Chain]) -> bytes:
+def csv_of(chains: Sequence[Line]) -> bytes:
     """Return a table with a row for each node, numbers to the last bit; what is not known is empty."""
     rows = [",".join(COLUMNS)]
     for k, chain in enumerate(chains):
@@ -46,7 +46,7 @@ def csv_of(chains: Sequence[Chain]) -> bytes:
     return ("\n".join(rows) + "\n").encode()
 
 
-def polylines_of(chains: Sequence[Chain]) -> bytes:
+def polylines_of(chains: Sequence[Line]) -> bytes:
     """Return a binary PLY file with the nodes as vertices, and edges from each to the next."""
     counts = [len(chain.points) for chain in chains]
     number = np.repeat(np.arange(len(chains)), counts)

@@ -10,7 +10,7 @@ import numpy as np
 
 from strand.export.segments import segment_ends
 from strand.export.xml import document, numbers
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import Array, check_integer, check_positive
 
 # radii: segments two apart touch below two, and chords of bends are shorter than their arcs
@@ -21,7 +21,7 @@ _CABLE = "mujoco.elasticity.cable"
 
 
 def mjcf_of(
-    chains: Sequence[Chain], version: int, spacing: float | None, density: float, young: float
+    chains: Sequence[Line], version: int, spacing: float | None, density: float, young: float
 ) -> bytes:
     """Return a model of MuJoCo, see `strand.Model.to_mjcf`."""
     version = check_integer("version", version, 3, 4)
@@ -47,7 +47,7 @@ def mjcf_of(
 
 
 def _add_rod(
-    world: ElementTree.Element, name: str, chain: Chain, places: Array, mass: float, young: float
+    world: ElementTree.Element, name: str, chain: Line, places: Array, mass: float, young: float
 ) -> None:
     """Add a flex of one dimension, whose edges keep their lengths."""
     here = np.arange(len(places))
@@ -73,7 +73,7 @@ def _add_cable(
     model: ElementTree.Element,
     world: ElementTree.Element,
     name: str,
-    chain: Chain,
+    chain: Line,
     places: Array,
     mass: float,
     young: float,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive
 
 # radii: shorter ones would touch the neighbours of their neighbours
@@ -12,12 +12,12 @@ SPACING = 3.0
 _MOST = 100_000
 
 
-def segment_ends(chain: Chain, spacing: float | None, least: float = 0.0, fewest: int = 2) -> Array:
+def segment_ends(chain: Line, spacing: float | None, least: float = 0.0, fewest: int = 2) -> Array:
     """(N + 1, 3) Places on the centreline, from end to end, where N segments meet; of a ring (N, 3).
 
     Parameters
     ----------
-    chain : Chain
+    chain : Line
     spacing : float or None
         How long segments are along the rope, metres; they are as long or longer, but for ropes that are too
         short for the fewest. None: three radii.

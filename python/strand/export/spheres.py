@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.export.capsules import capsules_of
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
 # of the error: how far the line of the centres may be from the centreline; spheres need the rest most
@@ -48,12 +48,12 @@ class Spheres:
         return f"Spheres({len(self)} of {len(np.unique(self.chain))} ropes)"
 
 
-def spheres_of(chains: Sequence[Chain], error: float) -> Spheres:
+def spheres_of(chains: Sequence[Line], error: float) -> Spheres:
     """Return spheres along chains, see `strand.Model.spheres`.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Line
     error : float
         How deep the surface may be between two spheres, metres, and how far aside.
     """

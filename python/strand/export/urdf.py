@@ -10,10 +10,10 @@ import numpy as np
 
 from strand.export.capsules import Capsules, capsules_of
 from strand.export.xml import document, numbers
-from strand.ropes.chain import Chain
+from strand.geometry.line import Line
 
 
-def urdf_of(chains: Sequence[Chain], error: float) -> bytes:
+def urdf_of(chains: Sequence[Line], error: float) -> bytes:
     """Return a URDF with a link for each rope, see `strand.Model.to_urdf`."""
     capsules = capsules_of(chains, error)
     robot = ElementTree.Element("robot", name="strand")

@@ -69,8 +69,31 @@ def torsion_of_curve(curve: Curve, s: Array) -> Array:
     return np.asarray(np.where(straight, 0.0, found).reshape(s.shape))
 
 
+def derivatives_of_nodes(path: Array, closed: bool) -> tuple[Array, Array]:
+    """Return unit tangents and curvature vectors at the nodes of straight segments.
+
+    A closed path has the first node again at the end.
+    """
+    if closed:
+        path = np.vstack([path[-2], path])
+    steps = np.diff(path, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    units = steps / lengths
+    before, after = lengths[:-1], lengths[1:]
+    # tangent of the circle through three nodes, at the middle one
+    middle = (units[:-1] * after + units[1:] * before) / (before + after)
+    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-300)
+    bend = 2.0 * np.diff(units, axis=0) / (before + after)
+    if closed:
+        return middle, bend
+    if len(path) == 2:
+        return np.repeat(units, 2, axis=0), np.zeros((2, 3))
+    tangents = np.vstack([units[:1], middle, units[-1:]])
+    return tangents, np.vstack([bend[:1], bend, bend[-1:]])
+
+
 def torsion_of_nodes(nodes: Array, closed: bool, s: Array) -> Array:
-    """(...,) Torsion of straight segments at arc lengths, 1/m: see `Chain.torsion`."""
+    """(...,) Torsion of straight segments at arc lengths, 1/m: see `Line.torsion_at`."""
     path = np.vstack([nodes[-1:], nodes, nodes[:2]]) if closed else nodes
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

@@ -11,6 +11,8 @@ import strand._core as _core
 from strand.support.checks import Array, check_finite_array, check_number, freeze_array
 from strand.support.lazy import lazy_property
 
+_NEWTON_STEPS = 4  # to the closest place of a curve
+
 
 def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
     """Return the first of the four control points that each parameter depends on, and their weights."""
@@ -122,6 +124,15 @@ class Curve:
         square = (slope * slope).sum(axis=1, keepdims=True)
         along = (slope * bend).sum(axis=1, keepdims=True)
         return position, slope / np.sqrt(square), (bend - slope * along / square) / square
+
+    def closest(self, points: Array, s: Array) -> Array:
+        """Return (N,) arc lengths of the closest places to points, by Newton's method from near ones."""
+        for _ in range(_NEWTON_STEPS):
+            position, tangent, bend = self.at(s)
+            offset = points - position
+            slope = np.maximum(1.0 - (offset * bend).sum(axis=1), 0.1)
+            s = np.clip(s + (offset * tangent).sum(axis=1) / slope, 0.0, self.length)
+        return s
 
     def nodes(self, spacing: float) -> Array:
         """Arc lengths about `spacing` apart from end to end, metres, at least two."""

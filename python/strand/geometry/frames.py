@@ -14,6 +14,20 @@ def least_turned(tangent: Array) -> Array:
     return np.asarray(across / np.linalg.norm(across))
 
 
+def tangents_of_turns(path: Array, tangents: Array, closed: bool) -> Array:
+    """(M, 3) Tangents; where nodes turn back on themselves and have none, the direction of the step before.
+
+    A closed path has the first node again at the end.
+    """
+    lost = np.linalg.norm(tangents, axis=1) < 0.5
+    if not lost.any():
+        return tangents
+    steps = np.diff(path, axis=0)
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    before = np.roll(steps, 1, axis=0) if closed else np.vstack([steps[:1], steps])
+    return np.where(lost[:, None], before, tangents)
+
+
 def node_frames(nodes: Array, tangents: Array, start: Array) -> Array:
     """(M, 3) A direction across each tangent, turned about the tangents as little as can be.
 

@@ -12,7 +12,7 @@ from strand.support.checks import Array
 def tube_mesh(
     nodes: Array, tangents: Array, radius: float, closed: bool, sides: int
 ) -> tuple[Array, NDArray[np.int32]]:
-    """Return a closed triangle mesh of rings around nodes, see `Chain.tube`.
+    """Return a closed triangle mesh of rings around nodes, see `Line.tube`.
 
     Parameters
     ----------

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rustworkx as rx
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from strand._core import bridge, end_direction, path_length
-from strand.support.checks import Array
+from strand.support.checks import Array, to_array
 
-__all__ = ["between", "bridge", "end_direction", "path_length", "runs", "walk"]
+__all__ = ["between", "bridge", "end_direction", "node_values", "path_length", "runs", "walk"]
 
 
 def between(s: Array, known: Array, values: Array) -> Array:
@@ -29,6 +30,20 @@ def between(s: Array, known: Array, values: Array) -> Array:
     part = np.asarray((s - known[k]) / (known[k + 1] - known[k]))
     part = part.reshape(part.shape + (1,) * (values.ndim - 1))
     return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
+
+
+def node_values(name: str, value: ArrayLike, shape: tuple[int, ...], counts: bool) -> NDArray[Any]:
+    """Return an argument with one value for each node: finite floats, or counts."""
+    array = to_array(name, value)
+    if array.dtype.kind not in ("iu" if counts else "f"):
+        raise TypeError(f"{name}: expected numbers of its kind, got dtype {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
+    if counts and (array < 0).any():
+        raise ValueError(f"{name}: expected counts, got negative numbers")
+    return array
 
 
 def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:

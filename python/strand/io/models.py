@@ -12,8 +12,8 @@ import numpy as np
 from strand.geometry.curve import Curve
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import Crossing
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import FORMAT, VERSION, Alternative, Join, Model, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.model import FORMAT, VERSION, Model
 from strand.support.checks import check_integer, check_number, check_sequence
 from strand.support.files import JSON_BYTES, FileFormatError, describe_value, open_file, parse_json, read_json
 from strand.views.sensor import Sensor

@@ -25,7 +25,7 @@ from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes import view_bias as of_tubes
 from strand.reconstruction.tubes.method import find_chains as find_tubes
 from strand.reconstruction.wide_surfaces import no_ropes
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
 
 # an answer this sure is not compared

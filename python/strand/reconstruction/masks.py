@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import Doubt, ModelWarning
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
 from strand.views.box import Box

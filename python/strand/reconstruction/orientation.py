@@ -60,7 +60,7 @@ def _same(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
     places = chain.at(np.linspace(0.0, chain.length, 25))
     for before in previous:
         if before.closed == chain.closed:
-            apart = float(np.mean([before.nearest(place)[1] for place in places]))
+            apart = float(before.nearest(places).distance.mean())
             if apart < least:
                 best, least = before, apart
     return best
@@ -69,7 +69,7 @@ def _same(chain: Chain, previous: Sequence[Chain]) -> Chain | None:
 def _against(chain: Chain, before: Chain) -> bool:
     """Tell whether a chain runs against an earlier one."""
     places = np.linspace(0.0, chain.length, 25)
-    s = np.array([before.nearest(place)[0] for place in chain.at(places)])
+    s = before.nearest(chain.at(places)).s
     steps = np.diff(s)
     if before.closed:
         # the shorter way round

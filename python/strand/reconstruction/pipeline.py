@@ -28,8 +28,8 @@ from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii, estimate_radius
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.wide_surfaces import no_ropes
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import Model, ModelWarning
+from strand.ropes.doubt import Doubt, ModelWarning
+from strand.ropes.model import Model
 from strand.support.checks import check_bool, check_positive, round_to_millimeters
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.rope_images import rope_images

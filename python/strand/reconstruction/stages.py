@@ -13,8 +13,7 @@ from strand._core import EndObservation
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.radius import Radii
 from strand.ropes.chain import Chain
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import Alternative, Join, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.support.checks import Array
 from strand.support.lazy import lazy_property
 from strand.views.box import Box

@@ -18,7 +18,6 @@ from strand.report.sheet import (
     LEFT,
     MAX_NAMES,
     MAX_POINTS,
-    PALETTE,
     RIGHT,
     WIDTH,
     Plan,
@@ -34,6 +33,7 @@ from strand.report.tables import find_stage_names
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
+from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from strand.geometry.polyline import runs
 from strand.report.cameras import Camera
-from strand.report.sheet import PALETTE, pick_spread
+from strand.report.sheet import pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
+from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 

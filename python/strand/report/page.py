@@ -162,7 +162,7 @@ def _chains(model: Model) -> str:
         near = [
             doubt.kind
             for doubt in model.doubts[:_MOST_ROWS]
-            if doubt.place is not None and chain.nearest(doubt.place)[1] < _NEAR * chain.radius
+            if doubt.place is not None and chain.nearest(doubt.place[None]).distance[0] < _NEAR * chain.radius
         ]
         rows.append(
             (

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from strand._core import StrandError
 from strand.report.cameras import find_seen_side, make_cameras
 from strand.report.page import place_points
-from strand.report.sheet import PALETTE
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
+from strand.ropes.notebook import PALETTE
 from strand.support.checks import check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes

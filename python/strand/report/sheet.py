@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 
@@ -29,7 +30,6 @@ MAX_HEIGHT = 7.0  # inches, of the panels together
 LEFT, RIGHT, TOP, BOTTOM, GAP, LEGEND_ROW = 0.75, 0.25, 0.45, 0.6, 0.2, 0.25
 BAR = 0.9  # inches kept for a colour bar
 
-PALETTE = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
 GREY = "#c0c0c0"
 DIMENSION = "#777777"
 INK = "#202020"

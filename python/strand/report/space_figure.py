@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from strand.geometry.polyline import runs
 from strand.report.cameras import Camera, find_seen_side
-from strand.report.sheet import INK, PALETTE, pick_spread
+from strand.report.sheet import INK, pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import listed_crossings
 from strand.ropes.model import Model
+from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
 
 # what is drawn at most, so that the page stays small: a point takes 16 bytes there, a node 80

@@ -198,7 +198,7 @@ def measure_accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
     """
     true = Chain(np.asarray(truth), chain.radius)
     places = np.linspace(0.0, chain.length, max(round(chain.length / 1e-3) + 1, 2))
-    distances = np.array([true.nearest(point)[1] for point in chain.at(places)])
+    distances = true.nearest(chain.at(places)).distance
     rms = float(np.sqrt(np.mean(distances**2)))
     return Accuracy(chain.length / true.length - 1.0, rms)
 

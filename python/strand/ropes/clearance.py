@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from strand.geometry.line import Line
 from strand.support.checks import Array
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
 
 # places to either side along each strand, and finer ones between those next to the nearest
 _PLACES, _FINER = 12, 2
@@ -20,13 +17,13 @@ _AT_ONCE = 2_000
 
 
 def least_distance(
-    chains: Sequence[Chain], number: NDArray[np.intp], at: Array, back: Array, ahead: Array
+    chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array
 ) -> Array:
     """Return the least distance of axes near places of both.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Line
     number : (2, K) ndarray of int
         Numbers of the chains of both strands.
     at : (2, K) ndarray
@@ -47,7 +44,7 @@ def least_distance(
     return found
 
 
-def _least(chains: Sequence[Chain], number: NDArray[np.intp], at: Array, back: Array, ahead: Array) -> Array:
+def _least(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array) -> Array:
     """(K,) Least distances: between a few places, then between straight steps around the nearest of them."""
     share = np.linspace(-1.0, 1.0, 2 * _PLACES + 1)
     s = at[..., None] + share * np.where(share < 0, back[..., None], ahead[..., None])
@@ -69,7 +66,7 @@ def _least(chains: Sequence[Chain], number: NDArray[np.intp], at: Array, back: A
     return np.asarray(away.reshape(-1, count * count).min(axis=1))
 
 
-def _places(chains: Sequence[Chain], number: NDArray[np.intp], s: Array) -> Array:
+def _places(chains: Sequence[Line], number: NDArray[np.intp], s: Array) -> Array:
     """(2, K, P, 3) Places of chains at arc lengths, from the middle of both strands' places."""
     places = np.empty((*s.shape, 3))
     for i in np.unique(number):

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import ceil, pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
+from strand.geometry.line import Line
 from strand.geometry.meeting import meeting
 from strand.ropes.clearance import nearest_on_segments
 from strand.ropes.crossings import Crossing, find_crossings, unit_direction
 from strand.support.checks import Array, check_nonnegative
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
 
 # strands are compared in steps of so many radii, and of not more than so many in all
 _STEP, _MOST_STEPS = 0.5, 1_000_000
@@ -85,7 +83,7 @@ class _Steps:
     after: NDArray[np.intp]
 
 
-def find_contacts(chains: Sequence[Chain], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
+def find_contacts(chains: Sequence[Line], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
     """Find where strands are near each other and do not cross, see `Model.contacts`."""
     most = check_nonnegative("distance", distance)
     towards = unit_direction(direction)
@@ -101,7 +99,7 @@ def find_contacts(chains: Sequence[Chain], distance: float, direction: ArrayLike
     return tuple(sorted(found, key=lambda contact: (contact.first, contact.second)))
 
 
-def _steps(chains: Sequence[Chain]) -> _Steps:
+def _steps(chains: Sequence[Line]) -> _Steps:
     """Cut chains in even steps."""
     least = min(chain.radius for chain in chains)
     step = max(_STEP * least, sum(chain.length for chain in chains) / _MOST_STEPS)
@@ -120,7 +118,7 @@ def _steps(chains: Sequence[Chain]) -> _Steps:
     return _Steps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _near(chains: Sequence[Chain], steps: _Steps, distance: float) -> tuple[NDArray[np.intp], Array, Array]:
+def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArray[np.intp], Array, Array]:
     """Return pairs of steps near each other, sorted: where on both, and how far apart the surfaces are."""
     radius, length, closed = (
         np.array([getattr(chain, name) for chain in chains]) for name in ("radius", "length", "closed")
@@ -154,7 +152,7 @@ def _along(arcs: Array, share: Array) -> Array:
 
 
 def _of_crossings(
-    chains: Sequence[Chain],
+    chains: Sequence[Line],
     steps: _Steps,
     pairs: NDArray[np.intp],
     places: Array,
@@ -217,7 +215,7 @@ def _together(
 
 
 def _contact(
-    chains: Sequence[Chain], steps: _Steps, pairs: NDArray[np.intp], places: Array, best: int
+    chains: Sequence[Line], steps: _Steps, pairs: NDArray[np.intp], places: Array, best: int
 ) -> Contact:
     """Make a contact of pairs of steps that are near each other, the best of them the nearest."""
     numbers = steps.chain[pairs[best]].tolist()

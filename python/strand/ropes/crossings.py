@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import crossed_segments
+from strand.geometry.line import Line
 from strand.ropes.clearance import least_distance
 from strand.ropes.doubt import Doubt
 from strand.ropes.order import probability_of_order
@@ -23,9 +23,6 @@ from strand.support.checks import (
     check_small_array,
     freeze_array,
 )
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
 
 Places = tuple[NDArray[np.intp], Array]
 """(K,), (K,) Numbers of chains, and arc lengths on them."""
@@ -118,13 +115,13 @@ class Crossing:
 
 
 def find_crossings(
-    chains: Sequence[Chain], direction: ArrayLike, doubts: Sequence[Doubt]
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
 ) -> tuple[Crossing, ...]:
     """Find where chains cross in the plan across a direction, see `Model.crossings`.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Line
     direction : (3,) array_like
         Towards who looks, of any length but zero.
     doubts : sequence of Doubt
@@ -168,7 +165,7 @@ def find_crossings(
 
 
 def listed_crossings(
-    chains: Sequence[Chain], direction: ArrayLike, doubts: Sequence[Doubt]
+    chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
 ) -> tuple[Crossing, ...]:
     """Return crossings for files, tables and pages: none where chains are too long for a list.
 
@@ -180,7 +177,7 @@ def listed_crossings(
 
 
 def free_stretch(
-    chain: Chain, number_of_chain: int, s: float, crossings: Sequence[Crossing]
+    chain: Line, number_of_chain: int, s: float, crossings: Sequence[Crossing]
 ) -> tuple[float, float]:
     """Return the stretch around a place in which nothing crosses, see `Model.segment_between_crossings`."""
     place = check_number("s", s)
@@ -214,7 +211,7 @@ def unit_direction(direction: ArrayLike) -> Array:
     return np.asarray(scaled / np.linalg.norm(scaled))
 
 
-def segments_of(chains: Sequence[Chain]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+def segments_of(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
     """Return the nodes of all chains, and their segments: nodes, number of the chain, arc lengths.
 
     Returns
@@ -247,7 +244,7 @@ def segments_of(chains: Sequence[Chain]) -> tuple[Array, NDArray[np.intp], NDArr
     )
 
 
-def _met(chains: Sequence[Chain], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
+def _met(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
     """Return where chains meet in the plan, along them, and to which side the second leaves the first."""
     aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     aside /= np.linalg.norm(aside)
@@ -289,7 +286,7 @@ def _touching(
     return cancelled
 
 
-def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis: Array) -> Array:
+def _refined(chains: Sequence[Line], which: NDArray[np.intp], at: Array, basis: Array) -> Array:
     """(K, 2) Arc lengths where smooth curves meet in the plan: Newton's method from where chords do."""
     smooth = np.array([chain.curve is not None for chain in chains], dtype=bool)
     some = np.flatnonzero(smooth[which].all(axis=1)) if len(which) else np.empty(0, dtype=np.intp)
@@ -317,7 +314,7 @@ def _refined(chains: Sequence[Chain], which: NDArray[np.intp], at: Array, basis:
     return refined
 
 
-def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array]:
+def _at(chains: Sequence[Line], places: Places) -> tuple[Array, Array]:
     """Return positions (K, 3) and unit tangents (K, 3)."""
     number, s = places
     point, tangent = np.empty((2, len(s), 3))
@@ -330,7 +327,7 @@ def _at(chains: Sequence[Chain], places: Places) -> tuple[Array, Array]:
     return point, tangent
 
 
-def _covariance(chains: Sequence[Chain], places: Places) -> Array:
+def _covariance(chains: Sequence[Line], places: Places) -> Array:
     """(K, 3, 3) Covariances of positions; NaN where none is known."""
     number, s = places
     covariance = np.full((len(s), 3, 3), np.nan)
@@ -341,7 +338,7 @@ def _covariance(chains: Sequence[Chain], places: Places) -> Array:
     return covariance
 
 
-def _gap(chains: Sequence[Chain], number: NDArray[np.intp], at: Array, height: Array, radii: Array) -> Array:
+def _gap(chains: Sequence[Line], number: NDArray[np.intp], at: Array, height: Array, radii: Array) -> Array:
     """(K,) Clearance between the surfaces around crossings, metres."""
     # the nearest place of a steep strand is as far along it as it is high
     reach = np.broadcast_to(height + 0.5 * _APART * radii, at.shape)

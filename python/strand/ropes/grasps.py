@@ -6,17 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, product
 from math import ceil, inf
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing, unit_direction
-from strand.ropes.gripper import Gripper
-from strand.support.checks import Array, check_number, check_sequence
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
+from strand.support.checks import Array, check_nonnegative, check_number, check_positive, check_sequence
 
 Table = tuple[Array, float]
 """Unit normal n, (3,), and n.x of the table's top, metres."""
@@ -43,6 +40,43 @@ REASONS = {
     "bend": "the rope bends too closely for the fingers",
     "table": "the table is in the way of a finger or of the palm",
 }
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """Two fingers that close towards each other, below a palm. All in metres.
+
+    Parameters
+    ----------
+    opening : float
+        How far apart the fingers' inner faces can be.
+    width : float
+        Of a finger, along the rope.
+    thickness : float
+        Of a finger, from its inner to its outer face.
+    depth : float
+        From the palm to the fingers' tips.
+    clearance : float
+        How near anything may come to what it must not touch.
+
+    Raises
+    ------
+    TypeError
+        If one is no number.
+    ValueError
+        If one is not positive, or `clearance` is negative.
+    """
+
+    opening: float
+    width: float
+    thickness: float
+    depth: float
+    clearance: float = 0.001
+
+    def __post_init__(self) -> None:
+        for name in ("opening", "width", "thickness", "depth"):
+            object.__setattr__(self, name, check_positive(name, getattr(self, name)))
+        object.__setattr__(self, "clearance", check_nonnegative("clearance", self.clearance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +202,7 @@ class _Steps:
 
 
 def find_grasps(
-    chains: Sequence[Chain],
+    chains: Sequence[Line],
     gripper: Gripper,
     crossings: Sequence[Crossing],
     table: tuple[ArrayLike, float] | None,
@@ -212,7 +246,7 @@ def _plane(table: tuple[ArrayLike, float]) -> Table:
     return normal, check_number("table[1]", given[1]) / length
 
 
-def _steps(chains: Sequence[Chain]) -> _Steps:
+def _steps(chains: Sequence[Line]) -> _Steps:
     step = max(
         _STEP * min(chain.radius for chain in chains), sum(chain.length for chain in chains) / _MOST_STEPS
     )
@@ -229,7 +263,7 @@ def _steps(chains: Sequence[Chain]) -> _Steps:
 
 
 def _at(
-    chain: Chain,
+    chain: Line,
     which: int,
     s: float,
     gripper: Gripper,
@@ -295,7 +329,7 @@ def _at(
 
 
 def _near(
-    place: Array, x: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Chain
+    place: Array, x: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Line
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the steps that the gripper may touch, which are the stretch held, and which pass the jaws once.
 
@@ -378,7 +412,7 @@ def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gr
 
 
 def _free(
-    chain: Chain, s: float, passes: Sequence[tuple[float, bool]]
+    chain: Line, s: float, passes: Sequence[tuple[float, bool]]
 ) -> tuple[tuple[float, float], float, bool]:
     """Return the lengths up to the next crossings before and after, the shorter one, and who is on top there.
 

@@ -16,28 +16,25 @@ from strand.export.files import csv_of, format_of, mesh_of, polylines_of
 from strand.export.mjcf import mjcf_of
 from strand.export.spheres import Spheres, spheres_of
 from strand.export.urdf import urdf_of
-from strand.ropes.chain import Chain, tube_queries
+from strand.geometry.line import tube_queries
+from strand.geometry.nearest import Nearest, find_nearest
+from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact, find_contacts
 from strand.ropes.crossings import Crossing, find_crossings, free_stretch, listed_crossings
-from strand.ropes.doubt import DOUBTS, Doubt
-from strand.ropes.grasps import Grasps, find_grasps
-from strand.ropes.gripper import Gripper
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
+from strand.ropes.grasps import Grasps, Gripper, find_grasps
 from strand.ropes.next_view import best_camera
-from strand.ropes.notebook import model_html
+from strand.ropes.notebook import notebook_html
 from strand.ropes.pulls import PullPlan, plan_pulls
-from strand.ropes.queries import Nearest, RayHits, Sweeps
+from strand.ropes.queries import RayHits, Sweeps
 from strand.support.checks import (
     Array,
     check_choice,
-    check_finite_array,
     check_float_array,
     check_fraction_or_nan,
     check_instances,
     check_integer,
-    check_number,
-    check_sequence,
     check_small_array,
-    check_text,
     freeze_array,
 )
 from strand.support.files import convert_to_json, write_bytes, write_json
@@ -47,125 +44,9 @@ from strand.views.sensor import Sensor
 FORMAT, VERSION = "strand model", 2
 """What the JSON files of `Model.save` say they are."""
 
-WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "thing", "unused view")
-"""Kinds of warning: those of doubts, and
-
-"mask": beside the doubt, a mask has labels for more ropes than there are;
-"radius": beside the doubt, the points contradict the radius that was given, or hardly fix one that was not;
-"branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
-the data leave a direction of a view's pose open; "thing": what stands on the table and is no rope was left
-out; "unused view": a view saw nothing, or noise does
-not tell its ropes from what they lie on and only other views have masks; "kept pose": a view could
-not be registered and stays at its reported pose; "no rope": there is none, in tables of batches, as
-`reconstruct` raises `NoRopeError`.
-"""
-
-# so many chains a model's repr names
-_SHOWN = 3
+_MAX_CHAINS_SHOWN = 3  # in the repr of a model
+_MAX_DOUBTS_SHOWN = 5  # in a notebook
 _BRANCHES = ("tubes", "images")  # of the default method
-
-
-@dataclass(frozen=True, eq=False)
-class Join:
-    """A place where two segments that were seen were joined to one rope.
-
-    Attributes
-    ----------
-    place : (3,) ndarray
-        The middle of the gap, world frame, metres.
-    chains : tuple of int
-        Numbers of the chains that run there.
-    margin : float
-        How much more the next best way to join the segments costs, in the unit of `Config.linking`, where a
-        free end costs 5. Near 0 it is as good.
-    alternative : (3,) ndarray or None
-        Where the rope would go on instead, metres; None: it would end.
-    """
-
-    place: Array
-    chains: tuple[int, ...]
-    margin: float
-    alternative: Array | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
-        numbers = check_sequence("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
-        object.__setattr__(self, "margin", check_number("margin", self.margin))
-        if self.alternative is not None:
-            object.__setattr__(
-                self, "alternative", freeze_array(check_small_array("alternative", self.alternative, (3,)))
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class ModelWarning:
-    """What the caller should know about the data or the answer; `str()` of it is its message.
-
-    Attributes
-    ----------
-    kind : str
-        One of `WARNINGS`; a warning about a doubt is of the doubt's kind.
-    message : str
-        What is the matter, in words.
-    place : (3,) ndarray or None
-        Where, world frame, metres.
-    amount : float or None
-        How much: of a doubt its amount, of "branch" the distance between the end and the other chain's axis,
-        metres, of "mask" beside the doubt how many labels there are, of "radius" by how much the points want
-        a larger one, metres, of "noise" how many times what was given it is, of "open pose" the pose's
-        standard deviation over that of the reported one.
-    chains : tuple of int
-        Numbers of the chains that it is about; of "branch" the chain that ends and the one that it ends on.
-    view : int or None
-        The number of the view that it is about.
-    """
-
-    kind: str
-    message: str
-    place: Array | None = None
-    amount: float | None = None
-    chains: tuple[int, ...] = ()
-    view: int | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", check_choice("kind", self.kind, WARNINGS))
-        object.__setattr__(self, "message", check_text("message", self.message))
-        if self.place is not None:
-            object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
-        if self.amount is not None:
-            object.__setattr__(self, "amount", check_number("amount", self.amount))
-        numbers = check_sequence("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
-        if self.view is not None:
-            object.__setattr__(self, "view", check_integer("view", self.view))
-
-    def __str__(self) -> str:
-        return self.message
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative:
-    """Another way to join the segments that were seen to ropes.
-
-    Attributes
-    ----------
-    cost : float
-        How much more it costs than the answer, in radii of rope: what else it leaves unexplained.
-    chains : tuple of (K, 3) ndarray
-        Nodes of each rope in order, world frame, metres, before the last fit.
-    """
-
-    cost: float
-    chains: tuple[Array, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cost", check_number("cost", self.cost))
-        each = check_sequence("chains", self.chains, "arrays")
-        nodes = tuple(
-            freeze_array(check_finite_array(f"chains[{i}]", one, ("N", 3))) for i, one in enumerate(each)
-        )
-        object.__setattr__(self, "chains", nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,14 +133,18 @@ class Model:
             f"Model(chains: {len(self.chains)}, views: {len(self.poses)}, method: {self.method}, "
             f"confidence: {sure}, warnings: {len(self.warnings)})"
         ]
-        lines += [f"  {chain!r}" for chain in self.chains[:_SHOWN]]
-        if len(self.chains) > _SHOWN:
-            lines.append(f"  and {len(self.chains) - _SHOWN} more")
+        lines += [f"  {chain!r}" for chain in self.chains[:_MAX_CHAINS_SHOWN]]
+        if len(self.chains) > _MAX_CHAINS_SHOWN:
+            lines.append(f"  and {len(self.chains) - _MAX_CHAINS_SHOWN} more")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the chains in a small plot, numbers, and the greatest doubts."""
-        return model_html(self)
+        places = [doubt.place for doubt in self.doubts if doubt.place is not None]
+        lines = repr(self).splitlines() + [f"  {doubt}" for doubt in self.doubts[:_MAX_DOUBTS_SHOWN]]
+        if len(self.doubts) > _MAX_DOUBTS_SHOWN:
+            lines.append(f"  and {len(self.doubts) - _MAX_DOUBTS_SHOWN} more doubts")
+        return notebook_html(self.chains, lines, places)
 
     def next_view(self) -> Array:
         """Camera position from which one more view would tell most: it best sees the least certain place.
@@ -326,11 +211,9 @@ class Model:
         return self._tubes.signed_distances(points)
 
     def nearest(self, points: ArrayLike) -> Nearest:
-        """Closest places of the axes to points: of the chain whose surface is nearest.
+        """Return the closest places of the chains to points: of the chain whose surface is nearest.
 
-        Axes are the straight segments between nodes, as for all queries; `Chain.nearest` follows the smooth
-        curve of one chain. They are apart by an eighth of the curvature times the square of the nodes'
-        spacing.
+        The places are those of `Chain.at`, as in `Chain.nearest`.
 
         Parameters
         ----------
@@ -348,7 +231,7 @@ class Model:
         ValueError
             If its shape is wrong, or a coordinate is not finite.
         """
-        return Nearest(*self._tubes.nearest(points))
+        return find_nearest(self._tubes, [chain.curve for chain in self.chains], points)
 
     def ray_hits(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
         """Where rays first meet a rope's surface; exact, up to rounding.

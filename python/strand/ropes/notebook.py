@@ -4,41 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strand.report.sheet import PALETTE
+from strand.geometry.line import Line
 from strand.support.checks import Array
 
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
-    from strand.ropes.model import Model
+PALETTE = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
+"""Colours of ropes, in their order, in all pictures."""
 
-_SIDE, _MARGIN = 260, 12  # pixels
-_MOST_NODES, _MOST_CHAINS, _MOST_DOUBTS = 2000, 20, 5
-
-
-def chain_html(chain: Chain) -> str:
-    """Return a chain's plot along the world axis in which it extends least, with its numbers."""
-    return f"<div>{_plot([chain], ())}<div>{escape(repr(chain))}</div></div>"
+_SIDE = 260  # pixels: width and height of the plot, at most
+_MARGIN = 12  # pixels
+_MAX_NODES = 2000  # drawn in one plot
+_MAX_LINES = 20  # drawn in one plot
 
 
-def model_html(model: Model) -> str:
-    """Return a model's chains in one plot, with its numbers and its greatest doubts."""
-    places = [doubt.place for doubt in model.doubts if doubt.place is not None]
-    lines = repr(model).splitlines() + [f"  {doubt}" for doubt in model.doubts[:_MOST_DOUBTS]]
-    if len(model.doubts) > _MOST_DOUBTS:
-        lines.append(f"  and {len(model.doubts) - _MOST_DOUBTS} more doubts")
-    said = "<br>".join(escape(line) for line in lines)
-    return f"<div>{_plot(model.chains[:_MOST_CHAINS], places)}<div>{said}</div></div>"
+def notebook_html(lines: Sequence[Line], text: Sequence[str], doubts: Sequence[Array] = ()) -> str:
+    """Return a plot of lines, seen along the world axis in which they extend least, above lines of text.
+
+    Red rings mark the places (3,) of doubts.
+    """
+    said = "<br>".join(escape(row) for row in text)
+    return f"<div>{_plot(lines[:_MAX_LINES], doubts)}<div>{said}</div></div>"
 
 
-def _plot(chains: Sequence[Chain], doubts: Sequence[Array]) -> str:
-    """Draw chains as seen along the world axis in which they extend least; empty without chains."""
-    if not chains:
+def _plot(lines: Sequence[Line], doubts: Sequence[Array]) -> str:
+    """Draw lines as SVG; empty without any."""
+    if not lines:
         return ""
-    paths = [np.vstack([c.points, c.points[:1]]) if c.closed else c.points for c in chains]
+    paths = [np.vstack([c.points, c.points[:1]]) if c.closed else c.points for c in lines]
     nodes = np.concatenate(paths)
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     across, up = sorted(np.argsort(high - low, kind="stable")[1:].tolist())
@@ -50,7 +44,7 @@ def _plot(chains: Sequence[Chain], doubts: Sequence[Array]) -> str:
         right, above = (scale * (points - low)[:, [across, up]]).T
         return np.column_stack([_MARGIN + right, height - _MARGIN - above])
 
-    every = max(-(-len(nodes) // _MOST_NODES), 1)
+    every = max(-(-len(nodes) // _MAX_NODES), 1)
     marks = []
     for i, path in enumerate(paths):
         kept = np.unique(np.append(np.arange(0, len(path), every), len(path) - 1))

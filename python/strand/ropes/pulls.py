@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing, unit_direction
 from strand.support.checks import Array
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
 
 # how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
 # shares of its length
@@ -109,7 +107,7 @@ class _Way(NamedTuple):
     effort: float
 
 
-def plan_pulls(chains: Sequence[Chain], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
+def plan_pulls(chains: Sequence[Line], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
     """Plan how ropes come apart, see `Model.pull_plan`."""
     towards = unit_direction(direction)
     left = dict(enumerate(crossings))
@@ -126,7 +124,7 @@ def plan_pulls(chains: Sequence[Chain], crossings: Sequence[Crossing], direction
     return PullPlan(tuple(pulls), tuple(left.values()))
 
 
-def _passes(chains: Sequence[Chain], crossings: dict[int, Crossing]) -> list[list[_Pass]]:
+def _passes(chains: Sequence[Line], crossings: dict[int, Crossing]) -> list[list[_Pass]]:
     """Return the passes of each chain in order."""
     passes: list[list[_Pass]] = [[] for _ in chains]
     for k, one in crossings.items():
@@ -135,13 +133,13 @@ def _passes(chains: Sequence[Chain], crossings: dict[int, Crossing]) -> list[lis
     return [sorted(row, key=lambda each: each.s) for row in passes]
 
 
-def _beyond(chains: Sequence[Chain], crossing: Crossing) -> float:
+def _beyond(chains: Sequence[Line], crossing: Crossing) -> float:
     """Return how far a rope goes beyond a crossing that it leaves, metres."""
     return _BEYOND * (chains[crossing.over[0]].radius + chains[crossing.under[0]].radius)
 
 
 def _loops(
-    chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
+    chains: Sequence[Line], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
     """Return moves of stretches that lie on another one, with nothing between (Reidemeister's second)."""
     found = []
@@ -184,7 +182,7 @@ def _loops(
     return found
 
 
-def _stretch(chains: Sequence[Chain], which: int, start: float, length: float) -> Array:
+def _stretch(chains: Sequence[Line], which: int, start: float, length: float) -> Array:
     """(N, 3) Places along a stretch of a chain."""
     chain = chains[which]
     s = start + np.linspace(0.0, length, 50)
@@ -192,7 +190,7 @@ def _stretch(chains: Sequence[Chain], which: int, start: float, length: float) -
 
 
 def _across(
-    chains: Sequence[Chain],
+    chains: Sequence[Line],
     lower: tuple[int, float, float],
     both: tuple[Crossing, Crossing],
     upper: tuple[int, float, float],
@@ -216,7 +214,7 @@ def _across(
 
 
 def _ends(
-    chains: Sequence[Chain], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
+    chains: Sequence[Line], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
     """Return moves that undo the crossings next to ends: of an end, or of a strand lifted over it."""
     found = []
@@ -257,7 +255,7 @@ def _ends(
 
 
 def _off_end(
-    chains: Sequence[Chain], crossing: Crossing, which: int, end: float, tail: float, towards: Array
+    chains: Sequence[Line], crossing: Crossing, which: int, end: float, tail: float, towards: Array
 ) -> _Way | None:
     """Return how the upper strand is lifted over the lower one's end; None where others are in the way."""
     upper, s = crossing.over
@@ -288,7 +286,7 @@ def _off_end(
     return _Way(pull, _DRAWN * distance)
 
 
-def _strands(chains: Sequence[Chain], left_out: Sequence[tuple[int, float, float]]) -> Array:
+def _strands(chains: Sequence[Line], left_out: Sequence[tuple[int, float, float]]) -> Array:
     """(N, 3) Places on all chains, a radius apart, but those within a length of a chain's place."""
     found = []
     for i, each in enumerate(chains):
@@ -301,7 +299,7 @@ def _strands(chains: Sequence[Chain], left_out: Sequence[tuple[int, float, float
 
 
 def _free_way(
-    chains: Sequence[Chain],
+    chains: Sequence[Line],
     which: int,
     turn: float,
     end: float,

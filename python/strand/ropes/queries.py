@@ -11,29 +11,6 @@ from strand.support.checks import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Nearest:
-    """For each of N points, the place of the axes whose tube is nearest, or in whose tube it is deepest.
-
-    Attributes
-    ----------
-    chain : (N,) ndarray of int64
-        The chain's number; -1 if the model has none.
-    s : (N,) ndarray
-        Arc length there, metres, as in `Chain.at`; NaN without chains.
-    point : (N, 3) ndarray
-        The foot point on the axis, world frame, metres; NaN without chains.
-    distance : (N,) ndarray
-        From the foot point, metres; infinite without chains. Less the chain's radius it is the signed
-        distance.
-    """
-
-    chain: NDArray[np.int64]
-    s: Array
-    point: Array
-    distance: Array
-
-
-@dataclass(frozen=True, eq=False)
 class RayHits:
     """For each of N rays, where it first meets a tube.
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from strand.geometry.line import Line
 from strand.support.checks import Array
-
-if TYPE_CHECKING:
-    from strand.ropes.chain import Chain
 
 # places along the rope that are compared
 _PLACES = 200
@@ -45,7 +42,7 @@ class ShapeError:
     offsets: Array
 
 
-def compare_shapes(chain: Chain, target: Chain) -> ShapeError:
+def compare_shapes(chain: Line, target: Line) -> ShapeError:
     """Compare a rope with its target, see `Chain.shape_error`."""
     share = np.linspace(0.0, 1.0, _PLACES, endpoint=not chain.closed)
     arcs = share * chain.length

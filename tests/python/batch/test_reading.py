@@ -17,7 +17,7 @@ from strand.batch import Settings, Unit, load, load_models, reading, run, summar
 from strand.batch.shards import names
 from strand.batch.summary import Summary, summarised
 from strand.batch.table import schema
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import ModelWarning
 from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)

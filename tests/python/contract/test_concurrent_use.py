@@ -21,7 +21,7 @@ ASKED = {
     "tangents": lambda model: [chain.tangents for chain in model.chains],
     "curvature": lambda model: [chain.curvature for chain in model.chains],
     "bends": lambda model: [chain.min_bend_radius() for chain in model.chains],
-    "frames": lambda model: [chain.frames(chain.arc_length) for chain in model.chains],
+    "frames": lambda model: [chain.frames_at(chain.arc_length) for chain in model.chains],
     "distances": lambda model: model.signed_distance(POINTS),
     "crossings": lambda model: repr(model.crossings()),
     "contacts": lambda model: repr(model.contacts(0.01)),

@@ -105,11 +105,11 @@ class Calls:
     def ask_chains(self) -> None:
         for chain in self.any(self.models).chains if self.models else ():
             s = self.rng.uniform(-0.1, 1.1) * chain.length
-            place = chain.at([s])[0]
-            at, away = chain.nearest(place)
+            place = chain.at([s])
+            near = chain.nearest(place)
             assert np.isfinite(place).all()
-            assert 0.0 <= at <= chain.length
-            assert away < 1e-3 * chain.radius + 1e-6
+            assert 0.0 <= near.s[0] <= chain.length
+            assert near.distance[0] < 1e-3 * chain.radius + 1e-6
             back = chain.reversed()
             assert np.allclose(back.points, chain.points[::-1])
             assert back.length == pytest.approx(chain.length, rel=1e-9)

@@ -76,7 +76,7 @@ def test_a_world_of_curobo_has_the_spheres():
 
 
 def test_wrong_arguments_are_named():
-    with pytest.raises(TypeError, match="chain: expected a Chain, got Model"):
+    with pytest.raises(TypeError, match="chain: expected a Chain or Line, got Model"):
         strand.export.elastica(MODEL)
     with pytest.raises(TypeError, match="spheres: expected Spheres, got Capsules"):
         strand.export.curobo(MODEL.capsules(1e-3))

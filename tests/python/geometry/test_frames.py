@@ -33,7 +33,7 @@ def smooth(seed=0):
 )
 def test_frames_are_rotations_along_the_chain_without_twist(chain):
     s = np.linspace(0.0, chain.length * (1 - 1e-9), 20_001)
-    places, frames = chain.frames(s)
+    places, frames = chain.frames_at(s)
     np.testing.assert_array_equal(places, chain.at(s))
     np.testing.assert_allclose(frames[..., 0], chain.tangent_at(s), atol=1e-12)
     np.testing.assert_allclose(
@@ -48,15 +48,15 @@ def test_frames_are_rotations_along_the_chain_without_twist(chain):
 
 def test_frames_at_single_places_and_outside_of_the_chain():
     chain = helix()
-    place, frame = chain.frames(0.1)
+    place, frame = chain.frames_at(0.1)
     assert (place.shape, frame.shape) == ((3,), (3, 3))
-    np.testing.assert_array_equal(chain.frames([[0.1, 99.0]])[1][0, 0], frame)
-    np.testing.assert_array_equal(chain.frames(99.0)[1], chain.frames(chain.length)[1])
+    np.testing.assert_array_equal(chain.frames_at([[0.1, 99.0]])[1][0, 0], frame)
+    np.testing.assert_array_equal(chain.frames_at(99.0)[1], chain.frames_at(chain.length)[1])
     ring = draw_circle(0.05, 100, True)
-    np.testing.assert_allclose(ring.frames(ring.length + 0.01)[1], ring.frames(0.01)[1], atol=1e-9)
+    np.testing.assert_allclose(ring.frames_at(ring.length + 0.01)[1], ring.frames_at(0.01)[1], atol=1e-9)
     upright = Chain([[0.0, 0, 0], [0.0, 0, 1.0]], 0.01)
-    np.testing.assert_allclose(upright.frames(0.5)[1][:, 2], [1, 0, 0])
-    for call in (chain.frames, chain.curvature_vector, chain.torsion, chain.tangent_at):
+    np.testing.assert_allclose(upright.frames_at(0.5)[1][:, 2], [1, 0, 0])
+    for call in (chain.frames_at, chain.curvature_vector_at, chain.torsion_at, chain.tangent_at):
         with pytest.raises(ValueError, match="s: expected finite"):
             call([0.1, np.nan])
         with pytest.raises(TypeError, match="s: expected arc lengths"):
@@ -65,7 +65,7 @@ def test_frames_at_single_places_and_outside_of_the_chain():
 
 def test_a_strand_that_turns_back_on_itself_has_frames_too():
     chain = Chain([[0.0, 0, 0], [1.0, 0, 0], [0.5, 0, 0]], 0.01)
-    frames = chain.frames(np.linspace(0, 1.5, 7))[1]
+    frames = chain.frames_at(np.linspace(0, 1.5, 7))[1]
     np.testing.assert_allclose(np.linalg.det(frames), 1.0)
 
 
@@ -73,8 +73,8 @@ def test_a_strand_that_turns_back_on_itself_has_frames_too():
 def test_bends_of_a_helix(hand):
     chain, a, b = helix(hand=hand), 0.05, 0.01
     s = np.linspace(0.1, 0.5, 9)
-    np.testing.assert_allclose(chain.torsion(s), hand * b / (a * a + b * b), rtol=1e-3)
-    bend = chain.curvature_vector(s)
+    np.testing.assert_allclose(chain.torsion_at(s), hand * b / (a * a + b * b), rtol=1e-3)
+    bend = chain.curvature_vector_at(s)
     np.testing.assert_allclose(np.linalg.norm(bend, axis=1), a / (a * a + b * b), rtol=1e-3)
     outwards = chain.at(s) * [1, 1, 0]
     assert ((bend * outwards).sum(axis=1) < 0).all()
@@ -88,20 +88,20 @@ def test_bends_of_a_curve_are_those_of_its_derivatives():
     s = np.linspace(0.1, 0.9, 7) * chain.length
     step = 1e-5
     t = [chain.tangent_at(s + k * step) for k in (-1, 1)]
-    np.testing.assert_allclose(chain.curvature_vector(s), (t[1] - t[0]) / (2 * step), rtol=2e-2, atol=0.2)
+    np.testing.assert_allclose(chain.curvature_vector_at(s), (t[1] - t[0]) / (2 * step), rtol=2e-2, atol=0.2)
     # dB/ds = -torsion N
     binormal = []
     for k in (-1, 1):
-        normal = np.cross(chain.tangent_at(s + k * step), chain.curvature_vector(s + k * step))
+        normal = np.cross(chain.tangent_at(s + k * step), chain.curvature_vector_at(s + k * step))
         binormal.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    bend = chain.curvature_vector(s)
+    bend = chain.curvature_vector_at(s)
     bend /= np.linalg.norm(bend, axis=1, keepdims=True)
     torsion = -((binormal[1] - binormal[0]) / (2 * step) * bend).sum(axis=1)
-    np.testing.assert_allclose(chain.torsion(s), torsion, rtol=2e-2, atol=0.2)
+    np.testing.assert_allclose(chain.torsion_at(s), torsion, rtol=2e-2, atol=0.2)
     radius, at = chain.min_bend_radius()
-    dense = np.linalg.norm(chain.curvature_vector(np.linspace(0, chain.length, 20_001)), axis=1)
+    dense = np.linalg.norm(chain.curvature_vector_at(np.linspace(0, chain.length, 20_001)), axis=1)
     assert radius == pytest.approx(1 / dense.max(), rel=1e-4)
-    assert 1 / np.linalg.norm(chain.curvature_vector(at)) == pytest.approx(radius)
+    assert 1 / np.linalg.norm(chain.curvature_vector_at(at)) == pytest.approx(radius)
 
 
 def unsure(chain):
@@ -113,17 +113,19 @@ def unsure(chain):
 def test_bends_over_a_window_are_those_of_a_helix_up_to_its_ends(hand):
     chain, a, b = unsure(replace(helix(hand=hand), radius=0.004)), 0.05, 0.01
     s = np.linspace(0, chain.length, 50)
-    np.testing.assert_allclose(chain.torsion(s), hand * b / (a * a + b * b), rtol=2e-2)
+    np.testing.assert_allclose(chain.torsion_at(s), hand * b / (a * a + b * b), rtol=2e-2)
     np.testing.assert_allclose(
-        np.linalg.norm(chain.curvature_vector(s), axis=1), chain.curvature[0], rtol=3e-3
+        np.linalg.norm(chain.curvature_vector_at(s), axis=1), chain.curvature[0], rtol=3e-3
     )
     np.testing.assert_allclose(chain.curvature, a / (a * a + b * b), rtol=3e-3)
     assert chain.min_bend_radius()[0] == pytest.approx((a * a + b * b) / a, rel=3e-3)
-    assert chain.torsion(0.1).shape == ()
-    assert chain.torsion([[0.1, 99.0]]).shape == (1, 2)
+    assert chain.torsion_at(0.1).shape == ()
+    assert chain.torsion_at([[0.1, 99.0]]).shape == (1, 2)
     ring = unsure(draw_circle(0.05, 400, True))
     np.testing.assert_allclose(ring.curvature, 20.0, rtol=1e-3)
-    np.testing.assert_allclose(ring.curvature_vector(0.0), ring.curvature_vector(ring.length), atol=1e-6)
+    np.testing.assert_allclose(
+        ring.curvature_vector_at(0.0), ring.curvature_vector_at(ring.length), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("size", [0.06, 0.1])
@@ -153,8 +155,8 @@ def test_a_straight_rope_bends_nowhere():
         Chain(np.linspace([0.0, 0, 0], [1.0, 0, 0], 9), 0.01),
     ):
         assert chain.min_bend_radius() == (np.inf, 0.0)
-        np.testing.assert_array_equal(chain.torsion([0.0, 0.5]), [0, 0])
-        np.testing.assert_allclose(chain.curvature_vector(0.5), [0, 0, 0], atol=1e-9)
+        np.testing.assert_array_equal(chain.torsion_at([0.0, 0.5]), [0, 0])
+        np.testing.assert_allclose(chain.curvature_vector_at(0.5), [0, 0, 0], atol=1e-9)
 
 
 def test_even_nodes_along_the_same_rope(paper_model):

@@ -89,8 +89,7 @@ def test_masks_stand_in_for_the_extraction_range():
     inside = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (chain,), (other,) = model.chains, inside.chains
     assert chain.length == pytest.approx(other.length, rel=0.02)
-    ways = [other.nearest(point)[1] for point in chain.points]
-    assert max(ways) < 0.5 * scene.radius
+    assert other.nearest(chain.points).distance.max() < 0.5 * scene.radius
     assert find_warnings(model, "mask") == []
     assert model.confidence > 0.8
 
@@ -226,7 +225,7 @@ def test_one_mask_tells_the_ropes_in_views_without(number):
     model = strand.reconstruct(views, made.radius, ropes=1)
     truth = strand.Chain(made.truth[0], made.radius)
     assert model.chains[0].length == pytest.approx(truth.length, rel=0.04)
-    assert max(truth.nearest(point)[1] for point in model.chains[0].points) < 2.0 * made.radius
+    assert truth.nearest(model.chains[0].points).distance.max() < 2.0 * made.radius
     assert model.confidence > 0.4
 
 

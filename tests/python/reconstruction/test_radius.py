@@ -108,7 +108,7 @@ def test_radii_that_are_known_are_kept_and_told_apart():
     assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.01)
     assert all(0 < chain.radius_sd <= 0.003 * chain.radius for chain in model.chains)
     for chain, axis in zip(model.chains, truth, strict=True):
-        off = [strand.Chain(axis, chain.radius).nearest(point)[1] for point in chain.points[2:-2]]
+        off = strand.Chain(axis, chain.radius).nearest(chain.points[2:-2]).distance
         assert np.sqrt(np.mean(np.square(off))) < 3e-4
 
 

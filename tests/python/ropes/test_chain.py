@@ -36,15 +36,16 @@ def test_coordinates_whose_products_overflow_are_refused():
 def test_at_and_nearest_go_together():
     chain = draw_circle(0.05, 300, False)
     rng = np.random.default_rng(0)
-    for s in rng.uniform(0, chain.length, 20):
-        found, distance = chain.nearest(chain.at(s))
-        assert found == pytest.approx(s, abs=1e-9)
-        assert distance == pytest.approx(0, abs=1e-9)
-    for p in rng.uniform(-0.1, 0.1, (20, 3)):
-        s, distance = chain.nearest(p)
-        assert np.linalg.norm(chain.at(s) - p) == pytest.approx(distance, abs=1e-12)
-        dense = chain.at(np.linspace(0, chain.length, 5000))
-        assert distance <= np.linalg.norm(dense - p, axis=1).min() + 1e-12
+    s = rng.uniform(0, chain.length, 20)
+    near = chain.nearest(chain.at(s))
+    np.testing.assert_allclose(near.s, s, atol=1e-9)
+    np.testing.assert_allclose(near.distance, 0, atol=1e-9)
+    points = rng.uniform(-0.1, 0.1, (20, 3))
+    near = chain.nearest(points)
+    np.testing.assert_allclose(near.point, chain.at(near.s), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(near.point - points, axis=1), near.distance, atol=1e-12)
+    dense = chain.at(np.linspace(0, chain.length, 5000))
+    assert (near.distance <= np.linalg.norm(dense - points[:, None], axis=2).min(axis=1) + 1e-12).all()
     np.testing.assert_array_equal(chain.at(chain.arc_length), chain.points)
 
 
@@ -54,8 +55,8 @@ def test_a_closed_chain_goes_round_and_an_open_one_is_held_at_its_ends():
     np.testing.assert_allclose(ring.at(ring.length), ring.points[0], atol=1e-12)
     np.testing.assert_array_equal(arc.at(arc.length + 1.0), arc.points[-1])
     np.testing.assert_array_equal(arc.at(-1.0), arc.points[0])
-    middle_of_last_step = (ring.points[-1] + ring.points[0]) / 2
-    assert ring.nearest(middle_of_last_step)[1] == pytest.approx(0, abs=1e-12)
+    middle_of_last_step = (ring.points[-1:] + ring.points[:1]) / 2
+    assert ring.nearest(middle_of_last_step).distance[0] == pytest.approx(0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +78,8 @@ def test_two_nodes_make_a_straight_chain():
     chain = Chain(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]), 0.01)
     np.testing.assert_array_equal(chain.tangents, [[0, 0, 1], [0, 0, 1]])
     np.testing.assert_array_equal(chain.curvature, [0, 0])
-    assert chain.nearest([1.0, 0.0, 0.5]) == (0.5, 1.0)
+    near = chain.nearest([[1.0, 0.0, 0.5]])
+    assert (near.chain[0], near.s[0], near.distance[0]) == (0, 0.5, 1.0)
 
 
 def test_a_reversed_chain_is_the_same_rope(paper_model):

@@ -80,8 +80,7 @@ def draw_circle(radius: float, nodes: int, closed: bool) -> Chain:
 
 def measure_max_distance(chain, truth):
     """How far a chain's nodes are from a true centreline at most, in radii."""
-    line = strand.Chain(truth, R)
-    return max(line.nearest(point)[1] for point in chain.points) / R
+    return strand.Chain(truth, R).nearest(chain.points).distance.max() / R
 
 
 def sample_strip(radius: float, depth_noise: float = 0.0, seed: int = 0) -> np.ndarray:

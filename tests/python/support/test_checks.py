@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand import synthetic
 from strand._core import EndObservation, spline_through
-from strand.ropes.model import Alternative, Doubt, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, ModelWarning
 
 R = 0.0042
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)

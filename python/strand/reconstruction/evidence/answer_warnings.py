@@ -11,8 +11,7 @@ from strand.reconstruction.evidence.branches import branches
 from strand.reconstruction.evidence.confidence import doubt_of_margin
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import Doubt, ModelWarning
 from strand.support.checks import round_to_millimeters
 from strand.views.box import Box
 

@@ -26,7 +26,7 @@ from strand.reconstruction.images.pixel_errors import (
 from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Found, Observed, Run
-from strand.ropes.model import Alternative
+from strand.ropes.doubt import Alternative
 from strand.support.lazy import lazy_property
 from strand.views.depth_image import DepthImage
 from strand.views.pose import moved

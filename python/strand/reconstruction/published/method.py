@@ -20,7 +20,7 @@ from strand.reconstruction.published.splitting import split
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.wide_surfaces import no_ropes
 from strand.ropes.chain import Chain
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
 from strand.views.pose import moved
 from strand.views.view import View

@@ -10,7 +10,7 @@ from strand._core import TubeFit
 from strand.config import Config, Poses
 from strand.reconstruction.radius import Radii, fitted_deviation
 from strand.reconstruction.tubes.noise import Noise
-from strand.ropes.model import ModelWarning
+from strand.ropes.doubt import ModelWarning
 
 _MAX_PULL = 3.0  # standard deviations: farther from the given radius, the fitted one contradicts it
 _NOISE_RANGE = (0.3, 2.0)  # times the given noise: how widely residuals may scatter

@@ -12,7 +12,7 @@ from strand.reconstruction.courses import Chains
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis
 from strand.reconstruction.tubes.matching import matched
 from strand.ropes.chain import Chain
-from strand.ropes.model import Alternative, Join
+from strand.ropes.doubt import Alternative, Join
 from strand.support.checks import Array
 
 ByClass = Sequence[Sequence[ScoredHypothesis]]

@@ -14,8 +14,7 @@ from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, without_prior
 from strand.reconstruction.tubes.joins import ByClass, runs_through
 from strand.reconstruction.tubes.tube_ends import extents, unseen_beyond
-from strand.ropes.doubt import Doubt
-from strand.ropes.model import Join
+from strand.ropes.doubt import Doubt, Join
 from strand.support.checks import Array, round_to_millimeters
 
 # how far beyond an end no camera may have seen, in radii

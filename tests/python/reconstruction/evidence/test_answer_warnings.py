@@ -73,4 +73,4 @@ def test_a_wrong_number_of_ropes_is_a_prior_that_the_points_contradict(paper):
     (rival,) = find_warnings(model, "rival")
     assert prior.place is None
     assert prior.amount > 2.0
-    assert strand.Chain(paper.truth[0], R).nearest(rival.place)[1] < 2.0 * R
+    assert strand.Chain(paper.truth[0], R).nearest(rival.place[None]).distance[0] < 2.0 * R

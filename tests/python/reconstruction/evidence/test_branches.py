@@ -33,7 +33,7 @@ def test_a_branched_object_comes_as_chains_that_meet_and_says_so(data):
         reach = np.linalg.norm(end.points[[0, -1]] - warning.place, axis=1).min()
         assert warning.amount == pytest.approx(reach)
         assert warning.amount < trunk.radius + 1.75 * end.radius
-        assert trunk.nearest(warning.place)[1] < 1e-9
+        assert trunk.nearest(warning.place[None]).distance[0] < 1e-9
     assert model.confidence < 0.2
 
 

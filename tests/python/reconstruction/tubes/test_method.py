@@ -16,13 +16,14 @@ def test_touching_strands_and_knots_come_out_whole(collected, name):
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == len(scene.truth)
     for chain in model.chains:
-        truth = min(
-            scene.truth, key=lambda t: strand.Chain(t, 0.01).nearest(chain.points[len(chain.points) // 2])[1]
-        )
+        middle = chain.points[None, len(chain.points) // 2]
+        truth = min(scene.truth, key=lambda t: strand.Chain(t, 0.01).nearest(middle).distance[0])
         line = strand.Chain(truth, scene.radius)
-        s, distance = np.array([line.nearest(point) for point in chain.points]).T
-        assert np.sqrt((distance**2).mean()) < 0.2e-3
-        assert (np.diff(s) > -1e-3).all() or (np.diff(s) < 1e-3).all(), "in order along the true rope"
+        near = line.nearest(chain.points)
+        assert np.sqrt((near.distance**2).mean()) < 0.2e-3
+        assert (np.diff(near.s) > -1e-3).all() or (np.diff(near.s) < 1e-3).all(), (
+            "in order along the true rope"
+        )
         assert chain.length == pytest.approx(line.length, rel=0.006)
 
 
@@ -33,7 +34,7 @@ def test_crossings_that_look_like_one_strand_for_long_are_told_apart(collected, 
     (chain,) = model.chains
     truth = strand.Chain(scene.truth[0], scene.radius)
     assert chain.length == pytest.approx(truth.length, rel=0.01)
-    s = np.array([truth.nearest(point)[0] for point in chain.points])
+    s = truth.nearest(chain.points).s
     assert (np.abs(np.diff(s)) < 4.0 * R).all(), "in order along the true rope"
 
 

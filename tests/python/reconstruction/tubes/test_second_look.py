@@ -34,10 +34,10 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
         iterations=1,
     )
     found = unexplained_arcs(one, [0]).nodes
-    other = model.chains[1 if model.chains[0].nearest(found[0][0])[1] > 2.0 * R else 0]
+    other = model.chains[1 if model.chains[0].nearest(found[0][:1]).distance[0] > 2.0 * R else 0]
     assert sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in found) > 0.5 * other.length
     for nodes in found:
-        assert max(other.nearest(node)[1] for node in nodes) < two.radius
+        assert other.nearest(nodes).distance.max() < two.radius
 
 
 @pytest.mark.parametrize("radius", [(0.003, 0.006), None])
