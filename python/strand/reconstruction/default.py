@@ -16,7 +16,7 @@ from strand.reconstruction import systematic
 from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import confidence
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
-from strand.reconstruction.images.comparison import Reading, explained
+from strand.reconstruction.images.comparison import Reading, fit_and_rank
 from strand.reconstruction.images.depth_scatter import depth_scatter
 from strand.reconstruction.images.method import PLAIN, Read, answer, read
 from strand.reconstruction.images.noisy_depth import read_scattered
@@ -242,7 +242,7 @@ def _better(
     ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
     places = [what.taken[what.held].project(points) for points in ropes]
     rival = Reading(what.images.reading_cost(what.held, places), what.held, places)
-    compared = explained(
+    compared = fit_and_rank(
         what.images,
         [rival, *(other.reading for other in what.explanations)],
         what.table,

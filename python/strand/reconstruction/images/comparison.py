@@ -1,4 +1,4 @@
-"""Hypotheses about how ropes run, fitted to images and compared by what they leave unexplained."""
+"""Hypotheses about the courses of ropes, fitted to images and compared by what they leave unexplained."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.polyline import path_length, runs
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
-from strand.reconstruction.images.labels import label_changes
+from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 
-# what a hypothesis costs: mask that nothing covers, tube outside masks, squares of depth's residuals, bending
-# and its change, and what its reading of the image costs
-_UNCOVERED, _OUTSIDE, _DEPTH, _BEND, _CHANGE, _READING = 3.0, 1.0, 0.4, 5.0, 20.0, 0.1
-# and each rope
-ROPE = 6.0
-# each radius that a known length is missed by, at most a rope; each radius of rope that cameras saw through,
-# in stretches of so many nodes
-_LENGTH, _MOST, _FREE, _STRETCH = 2.0, 30.0, 2.0, 8
-# and each change from one label of a mask to another
-_LABEL = 4.0
-# and each radian that a rope turns more than a tube can that does not lie in itself
-_TIGHT = 10.0
-# nodes of fits are so far apart, in radii
-_STEP = 0.5
-# tube outside of masks from which on ropes may bridge gaps
-_BRIDGED = 2.0
-# readings of each view, and how much more than the best a reading may cost to be fitted; two always are
-READINGS, _MORE = 6, 12.0
-# ropes that were found otherwise are not so many times as long as what is read, or they are noise
-_LONGER = 4.0
-# steps of a fit
-_STEPS = 8
+# the cost of a hypothesis
+_UNCOVERED_COST = 3.0  # per squared radius of mask that no rope covers
+_OUTSIDE_COST = 1.0  # per squared radius of tube outside masks
+_DEPTH_COST = 0.4  # per squared residual of depth
+_BEND_COST = 5.0  # per integral of squared curvature, 1 / radii
+_BEND_CHANGE_COST = 20.0  # per integral of squared change of curvature, 1 / radii³
+_READING_COST = 0.1  # per cost of the reading of the image
+ROPE_COST = 6.0  # per rope
+_LENGTH_COST = 2.0  # per radius that a known length is missed by
+_MAX_LENGTH_COST = 30.0  # per rope
+_FREE_COST = 2.0  # per radius of rope in free space
+_MIN_FREE_NODES = 8  # nodes: shorter stretches in free space cost nothing
+_LABEL_COST = 4.0  # per change from one label of a mask to another
+_SHARP_COST = 10.0  # per radian of bend tighter than the rope's radius
+
+_NODE_SPACING = 0.5  # radii between the nodes of fits
+_MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may bridge gaps
+_MAX_READINGS = 6  # readings of each view
+_MAX_MORE = 12.0  # cost above the best reading's: those that cost more are not fitted
+_MIN_READINGS = 2  # readings that are fitted whatever they cost
+_MAX_LONGER = 4.0  # times the longest reading's length: ropes found otherwise that are longer are noise
+_STEPS = 8  # steps of a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +48,12 @@ class Reading:
     Attributes
     ----------
     cost : float
-        What it takes: bending, mask that it leaves uncovered, ends and gaps.
+        Of bends, mask that no rope covers, ends and gaps.
     view : int
     chains : list of (M, 2) ndarray
         Columns and rows of each rope's nodes, pixels.
     rings : int
-        How many of them were rings.
+        How many of the ropes were rings.
     """
 
     cost: float
@@ -71,7 +71,7 @@ class Explanation:
     reading : Reading
     fit : ImageFit
     cost : float
-        What it leaves unexplained in image and depth, and what it takes to explain the rest.
+        Of the fit, its reading, and what they leave unexplained in images and depth.
     """
 
     reading: Reading
@@ -79,66 +79,51 @@ class Explanation:
     cost: float
 
 
-def likely_readings(
+def find_likely_readings(
     images: RopeImages,
     ropes: int | None,
     views: Sequence[int],
-    most: int = READINGS,
-    more: float = _MORE,
+    most: int = _MAX_READINGS,
+    more: float = _MAX_MORE,
 ) -> list[Reading]:
-    """Return the readings of views that are worth a fit, the best first.
+    """Return the readings of views that have ropes and are worth a fit, the best first.
 
     Parameters
     ----------
     images : RopeImages
     ropes : int or None
-        How many there are.
+        The number of ropes, if it is known.
     views : sequence of int
-        Which are read.
+        The views to read.
     most : int
-        Readings of each view; twice as many are returned at most.
+        Readings of each view. At most twice as many are returned.
     more : float
-        How much more than the best a reading may cost; two are always returned.
-
-    Returns
-    -------
-    list of Reading
+        Cost above the best reading's: readings that cost more are dropped, but for the best two.
     """
     found = [Reading(*each) for each in images.readings(ropes, most, list(views))]
     found.sort(key=lambda reading: reading.cost)
     return [
         reading
         for place, reading in enumerate(found[: 2 * most])
-        if place < 2 or reading.cost < found[0].cost + more
+        if reading.chains and (place < _MIN_READINGS or reading.cost < found[0].cost + more)
     ]
 
 
-def may_be_ropes(chains: Sequence[Array], readings: Sequence[Reading]) -> bool:
-    """Tell whether ropes that were found otherwise are worth a fit.
+def are_worth_a_fit(chains: Sequence[Array], readings: Sequence[Reading]) -> bool:
+    """Tell whether ropes that were found otherwise, (M, 2) pixels each, are hardly longer than the readings.
 
-    A fit of all that was found in noise would take many times as long as the others.
-
-    Parameters
-    ----------
-    chains : sequence of (M, 2) ndarray
-        Columns and rows of the ropes' nodes, pixels.
-    readings : sequence of Reading
-
-    Returns
-    -------
-    bool
-        Whether there are any, and they are not much longer than what is read.
+    Ropes that were found in noise are much longer, and their fits take many times as long.
     """
-    read = max((_length(reading.chains) for reading in readings), default=np.inf)
-    return bool(chains) and _length(chains) < _LONGER * read
+    read = max((_sum_lengths(reading.chains) for reading in readings), default=np.inf)
+    return bool(chains) and _sum_lengths(chains) < _MAX_LONGER * read
 
 
-def _length(chains: Sequence[Array]) -> float:
-    """Length of polylines together, in their unit."""
+def _sum_lengths(chains: Sequence[Array]) -> float:
+    """Return the length of polylines together, in their unit."""
     return float(sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in chains))
 
 
-def fitted(
+def fit_readings(
     images: RopeImages,
     readings: Sequence[Reading],
     table: Plane | None,
@@ -146,14 +131,14 @@ def fitted(
     errors: Errors,
     config: Config,
 ) -> list[tuple[Reading, ImageFit]]:
-    """Fit readings to all views; those that show no depth are left out."""
+    """Fit readings to all views; drop those whose ropes have no depth."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
     hypotheses = [(reading.view, reading.chains) for reading in readings]
     fits = images.fit(hypotheses, table, held, poses, errors.values, _STEPS, False)
     return [(reading, fit) for reading, fit in zip(readings, fits, strict=True) if fit is not None]
 
 
-def explained(
+def fit_and_rank(
     images: RopeImages,
     readings: Sequence[Reading],
     table: Plane | None,
@@ -162,41 +147,36 @@ def explained(
     config: Config,
     observed: Observed,
 ) -> list[Explanation]:
-    """Fit readings to all views and compare them.
+    """Fit readings to all views; return the explanations, the best first.
 
-    Depth counts less where even the best hypothesis fits it worse than its noise allows: then something
-    about it is not understood, and what the image says counts more.
-
-    Returns
-    -------
-    list of Explanation
-        The best first.
+    Depth counts less where even the best hypothesis fits it worse than its noise allows. Then images count
+    more.
     """
-    pairs = fitted(images, readings, table, held, errors, config)
+    pairs = fit_readings(images, readings, table, held, errors, config)
     if not pairs:
         return []
     misfits = np.array([fit.misfit for _, fit in pairs])
     uncovered, outside, depth, depths, bend, change = misfits.T
     trust = min(1.0, float((depths / np.maximum(depth, 1e-9)).min()))
-    costs = _UNCOVERED * uncovered + _OUTSIDE * outside
-    costs += trust * (_DEPTH * depth + _BEND * bend + _CHANGE * change)
-    costs += (_READING + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
-    costs += ROPE * np.array([len(reading.chains) for reading, _ in pairs])
-    costs += [contradiction_of(fit, observed) for _, fit in pairs]
-    costs += [_TIGHT * _too_sharp(fit, float(observed.radii.values[0])) for _, fit in pairs]
-    changes = np.array([_label_changes(reading, observed) for reading, _ in pairs])
+    costs = _UNCOVERED_COST * uncovered + _OUTSIDE_COST * outside
+    costs += trust * (_DEPTH_COST * depth + _BEND_COST * bend + _BEND_CHANGE_COST * change)
+    costs += (_READING_COST + 1.0 - trust) * np.array([reading.cost for reading, _ in pairs])
+    costs += ROPE_COST * np.array([len(reading.chains) for reading, _ in pairs])
+    costs += [penalize_lengths(fit, observed) for _, fit in pairs]
+    costs += [_SHARP_COST * _measure_sharp_bends(fit, float(observed.radii.values[0])) for _, fit in pairs]
+    changes = np.array([_count_label_changes(reading, observed) for reading, _ in pairs])
     if not changes.min():
-        # else labels are of pieces, or wrong
-        costs += _LABEL * changes
-    if outside[costs.argmin()] > _BRIDGED:
+        # else each label is a piece of a rope, or labels are wrong
+        costs += _LABEL_COST * changes
+    if outside[costs.argmin()] > _MAX_OUTSIDE:
         visibility = visibility_from(observed.whole, [view.pose for view in observed.whole], observed.views)
-        costs += [_seen_through(fit, visibility, observed) for _, fit in pairs]
+        costs += [_penalize_free_space(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
 
 
-def _too_sharp(fit: ImageFit, radius: float) -> float:
-    """Return by how much ropes turn more than with a bend of one radius, radians."""
+def _measure_sharp_bends(fit: ImageFit, radius: float) -> float:
+    """Return the bend of ropes, radians, beyond that of a curve of one radius."""
     excess = 0.0
     for nodes in fit.nodes:
         steps = np.diff(nodes, axis=0)
@@ -207,41 +187,41 @@ def _too_sharp(fit: ImageFit, radius: float) -> float:
     return excess
 
 
-def _label_changes(reading: Reading, observed: Observed) -> int:
+def _count_label_changes(reading: Reading, observed: Observed) -> int:
     image = observed.whole[reading.view].image
     if image is None or image.labels is None:
         return 0
-    return label_changes(image.labels, reading.chains)
+    return count_label_changes(image.labels, reading.chains)
 
 
-def contradiction_of(fit: ImageFit, observed: Observed) -> float:
-    """Return what ropes cost that are not as long as they are known to be."""
+def penalize_lengths(fit: ImageFit, observed: Observed) -> float:
+    """Return the cost of ropes whose length is not the one that the caller gave."""
     prior = observed.prior
     if not prior.lengths:
         return 0.0
     radius = float(observed.radii.values[0])
     lengths = [float(path_length(nodes)[-1]) for nodes in fit.nodes]
     return sum(
-        min(_LENGTH * prior.length_excess(length, true, radius), _MOST)
+        min(_LENGTH_COST * prior.length_excess(length, true, radius), _MAX_LENGTH_COST)
         for length, true in zip(lengths, prior.expected(lengths), strict=True)
     )
 
 
-def _seen_through(fit: ImageFit, visibility: Visibility, observed: Observed) -> float:
-    """Return what stretches of rope cost that cameras saw through."""
+def _penalize_free_space(fit: ImageFit, visibility: Visibility, observed: Observed) -> float:
+    """Return the cost of stretches of rope where cameras saw something behind them."""
     radius = float(observed.radii.values[0])
     cost = 0.0
     for nodes in fit.nodes:
         for start, stop in runs(visibility.free(nodes, radius)):
-            if stop - start >= _STRETCH:
-                cost += _FREE * _STEP * (stop - start)
+            if stop - start >= _MIN_FREE_NODES:
+                cost += _FREE_COST * _NODE_SPACING * (stop - start)
     return cost
 
 
-def refitted(
+def refit(
     images: RopeImages, fit: ImageFit, table: Plane | None, held: int, errors: Errors, config: Config
 ) -> ImageFit:
-    """Fit a hypothesis once more from where its fit ended, with covariances; the same fit if that fails."""
+    """Fit a hypothesis again from where its fit ended, with covariances; return the old fit if that fails."""
     poses = (config.poses.rotation_sd, config.poses.translation_sd)
     again = images.refit(fit, table, held, poses, errors.values, _STEPS)
     return fit if again is None else again

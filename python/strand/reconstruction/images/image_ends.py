@@ -1,4 +1,4 @@
-"""Where ropes end by the depths of all pixels."""
+"""Ends of ropes by the depths of all pixels."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from strand.geometry.polyline import path_length
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 
-# how far along the rope ends are looked for, and in which steps, radii; nodes that say where it goes there
-_REACH, _STEP, _AHEAD = 3.0, 0.375, 4
-# ends are led on from so much before them, radii, and may fall to the table this steeply
-_FROM, _FALLS = (0.0, 1.5, 3.0), (0.0, 0.4)
-# directions of which less than this is left point nowhere
-_STEEP = 0.1
+_REACH = 3.0  # radii along the rope: ends are sought this far from where they are
+_STEP = 0.375  # radii between ends that are tried
+_NODES_AHEAD = 4  # nodes before an end that give its direction
+_CUTS = (0.0, 1.5, 3.0)  # radii that are cut off before an end is extended
+_SLOPES = (0.0, 0.4)  # fall towards the table per length of an extension
+_MIN_AHEAD = 0.1  # length of what is left of a direction of unit length: with less it points nowhere
+_ROUNDS = 2  # an end and the other one
 
 
-def ends_moved(images: RopeImages, fit: ImageFit, table: Plane, noise: float, radius: float) -> ImageFit:
-    """Return a fit of which the ropes end where the depths of all pixels agree most.
+def move_ends(images: RopeImages, fit: ImageFit, table: Plane, noise: float, radius: float) -> ImageFit:
+    """Return a fit whose ropes end where the depths of all pixels agree most.
+
+    It is the same fit if all ends are best where they are.
 
     Parameters
     ----------
@@ -29,45 +32,40 @@ def ends_moved(images: RopeImages, fit: ImageFit, table: Plane, noise: float, ra
         Standard deviation of depth, metres.
     radius : float
         Metres.
-
-    Returns
-    -------
-    ImageFit
-        The same one if all ends are best where they are.
     """
     chains = list(fit.nodes)
     steps = np.arange(_STEP, _REACH + 0.5 * _STEP, _STEP) * radius
     changes = [(0.0, 0.0, 0.0), *((float(step), 0.0, 0.0) for step in steps)]
-    for cut in (part * radius for part in _FROM):
-        changes += [(cut, cut + float(step), fall) for fall in _FALLS for step in steps]
+    for cut in (part * radius for part in _CUTS):
+        changes += [(cut, cut + float(step), slope) for slope in _SLOPES for step in steps]
     moved = False
     for number in range(len(chains)):
-        for _ in range(2):
+        for _ in range(_ROUNDS):
             nodes = chains[number]
-            ways = [_changed(nodes, *change, table, radius) for change in changes]
-            stem = _stem(nodes, radius)
+            ways = [_change_end(nodes, *change, table, radius) for change in changes]
+            stem = _count_stem_nodes(nodes, radius)
             rest = [*chains[:number], nodes[:stem], *chains[number + 1 :]]
             ends = [way[stem - 1 :] for way in ways]
-            # of ends that depth tells as well, as behind other strands, the one that was found
+            # of equal gains, as behind other strands, the first is the end as it was found
             best = int(np.argmax(images.end_gains(rest, ends, fit.corrections, table, noise)))
             moved |= best > 0
-            # both ends in turn, and back in order
+            # reversed for the other end, and back in order after it
             chains[number] = np.ascontiguousarray(ways[best][::-1])
     return images.through(fit, chains) if moved else fit
 
 
-def _changed(nodes: Array, cut: float, added: float, slope: float, table: Plane, radius: float) -> Array:
-    """Return a rope that is cut before its end, but not before its middle, and led on from there.
+def _change_end(nodes: Array, cut: float, added: float, slope: float, table: Plane, radius: float) -> Array:
+    """Return a rope that is cut before its end, but not before its middle, and extended from there.
 
-    Nothing carries what is led on: it does not rise, and may fall until it lies on the table.
+    Nothing carries the extension: it does not rise, and may fall until it lies on the table.
 
     Parameters
     ----------
     nodes : (M, 3) ndarray
     cut, added : float
-        How much is taken away, and then added, metres.
+        Lengths that are cut off and then added, metres.
     slope : float
-        By how much it falls for each length that it goes on.
+        Fall per length of the extension.
     table : Plane
     radius : float
         Metres.
@@ -78,10 +76,10 @@ def _changed(nodes: Array, cut: float, added: float, slope: float, table: Plane,
         last = [np.interp(length, s, nodes[:, k]) for k in range(3)]
         nodes = np.vstack([nodes[s < length], last])
     normal, offset = table
-    ahead = nodes[-1] - nodes[-min(_AHEAD, len(nodes))]
+    ahead = nodes[-1] - nodes[-min(_NODES_AHEAD, len(nodes))]
     ahead /= max(float(np.linalg.norm(ahead)), 1e-12)
     ahead -= (max(float(ahead @ normal), 0.0) + slope) * normal
-    if added == 0.0 or np.linalg.norm(ahead) < slope + _STEEP:
+    if added == 0.0 or np.linalg.norm(ahead) < slope + _MIN_AHEAD:
         return nodes
     more = nodes[-1] + np.arange(_STEP * radius, added + 1e-9, _STEP * radius)[:, None] * ahead
     above = more @ normal - offset
@@ -89,8 +87,8 @@ def _changed(nodes: Array, cut: float, added: float, slope: float, table: Plane,
     return np.vstack([nodes, more + np.maximum(low - above, 0.0)[:, None] * normal])
 
 
-def _stem(nodes: Array, radius: float) -> int:
-    """Return how many nodes all ways of an end begin with."""
+def _count_stem_nodes(nodes: Array, radius: float) -> int:
+    """Return the number of nodes that all ways of an end begin with."""
     s = path_length(nodes)
     length = s[-1] - (_REACH + 1.0) * radius
     if length < 0.5 * s[-1]:

@@ -14,14 +14,13 @@ from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.pose import rotation_about
 
-# the standard deviation of where a mask shows an end, in radii
-_END_SD = 0.5
+_END_SD = 0.5  # radii: standard deviation of a rope's end in a mask
 
 
-def as_chains(
+def make_chains(
     images: RopeImages, fit: ImageFit, radius: float, radius_sd: float, config: Config
 ) -> list[Chain]:
-    """Make chains of fitted curves.
+    """Return chains of fitted curves in the curves' order.
 
     Parameters
     ----------
@@ -31,11 +30,6 @@ def as_chains(
     radius, radius_sd : float
         Metres.
     config : Config
-
-    Returns
-    -------
-    list of Chain
-        In the curves' order.
     """
     chains = []
     support = images.support(fit)
@@ -46,7 +40,7 @@ def as_chains(
         share = s / curve.length
         known = np.linspace(0.0, 1.0, len(covariances))
         covariance = between(share, known, covariances)
-        # nodes divide the way from end to end: they go along with the ends
+        # nodes divide the way from end to end, so they move with the ends
         along = (_END_SD * radius) ** 2 * ((1.0 - share) ** 2 + share**2)
         covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
         nearest = np.rint(share * (len(counts) - 1)).astype(np.int64)
@@ -66,8 +60,8 @@ def as_chains(
     return chains
 
 
-def corrected_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
-    """Return poses after corrections of the cameras' frames: y' = y + w x y + t, Y' = T' y'.
+def correct_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
+    """Return (4, 4) poses after corrections of the cameras' frames: y' = y + w x y + t, Y' = T' y'.
 
     Parameters
     ----------
@@ -75,10 +69,6 @@ def corrected_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
         As reported, camera to world.
     corrections : (V, 6) ndarray
         Rotation vector w, radians, and translation t, metres.
-
-    Returns
-    -------
-    list of (4, 4) ndarray
     """
     found = []
     for pose, (*turn, x, y, z) in zip(poses, corrections, strict=True):

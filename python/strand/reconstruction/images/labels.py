@@ -9,15 +9,11 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array
 
-# nodes of one label in a row that count: where ropes cross, the upper one's label is seen on both
-_RUN = 8
+_MIN_RUN = 8  # nodes of one label in a row that count: where ropes cross, both show the upper one's label
 
 
-def label_changes(labels: NDArray[np.int32] | NDArray[np.bool_], chains: Sequence[Array]) -> int:
-    """Count how often ropes go from one label to another.
-
-    Labels of pieces change along ropes whichever way they run, and those of ropes that were merged never:
-    neither tells readings apart. Right ones do where ropes might swap.
+def count_label_changes(labels: NDArray[np.int32] | NDArray[np.bool_], chains: Sequence[Array]) -> int:
+    """Return how often ropes go from one label to another.
 
     Parameters
     ----------
@@ -35,6 +31,6 @@ def label_changes(labels: NDArray[np.int32] | NDArray[np.bool_], chains: Sequenc
         along = along[along != 0]
         starts = np.flatnonzero(np.diff(along, prepend=along[:1] - 1))
         lengths = np.diff(starts, append=len(along))
-        kept = along[starts[lengths >= _RUN]]
+        kept = along[starts[lengths >= _MIN_RUN]]
         changes += int(np.count_nonzero(np.diff(kept)))
     return changes

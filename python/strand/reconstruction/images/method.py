@@ -11,10 +11,10 @@ from strand.config import Config
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import ends_that_go_on
-from strand.reconstruction.images.comparison import Explanation, explained, likely_readings, refitted
+from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
 from strand.reconstruction.images.image_doubts import distinct, doubts, ends_at_strands, wide_masks
-from strand.reconstruction.images.image_ends import ends_moved
-from strand.reconstruction.images.image_nodes import as_chains, corrected_poses
+from strand.reconstruction.images.image_ends import move_ends
+from strand.reconstruction.images.image_nodes import correct_poses, make_chains
 from strand.reconstruction.images.outlined import mean_noise
 from strand.reconstruction.images.pixel_errors import (
     Errors,
@@ -98,14 +98,14 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
             raise NotEnoughDataError(_NO_ROPE) from error
     with run.stage("readings"):
         every = [held] if run.late("readings of all views but one") else range(len(taken))
-        readings = [r for r in likely_readings(images, observed.prior.ropes, every) if r.chains]
+        readings = find_likely_readings(images, observed.prior.ropes, every)
     errors = Errors()
     if isinstance(config.sensor, Sensor):
         errors = expected_errors(config.sensor, taken, images, radius)
     with run.stage("explain"):
         if run.late("the comparison of readings"):
             readings = readings[:1]
-        found = explained(images, readings, table, held, errors, config, observed)
+        found = fit_and_rank(images, readings, table, held, errors, config, observed)
     if not found:
         raise NotEnoughDataError(_NO_ROPE)
     return Read(images, table, held, found, taken, errors)
@@ -121,7 +121,7 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         if isinstance(config.sensor, Sensor):
             lateral = config.sensor.lateral or measured.lateral
             errors = replace(what.errors, lateral=lateral)
-        fit = refitted(what.images, best.fit, what.table, what.held, errors, config)
+        fit = refit(what.images, best.fit, what.table, what.held, errors, config)
         if (
             what.scatter is not None
             and what.table is not None
@@ -129,10 +129,10 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
         ):
             # masks do not show ends well there
             noise = mean_noise(what.scatter, what.averaged, radius)
-            fit = ends_moved(what.images, fit, what.table, noise, radius)
-        chains = as_chains(what.images, fit, radius, radius_sd, config)
+            fit = move_ends(what.images, fit, what.table, noise, radius)
+        chains = make_chains(what.images, fit, radius, radius_sd, config)
     rivals = distinct(what.explanations, radius)
-    poses = corrected_poses([view.pose for view in observed.views], fit.corrections)
+    poses = correct_poses([view.pose for view in observed.views], fit.corrections)
     views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
     others = [
         *ends_at_strands(fit.nodes, what.scatter or 0.0, radius),

@@ -16,17 +16,17 @@ from strand.config import Config
 from strand.geometry.polyline import path_length
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.comparison import (
-    ROPE,
+    ROPE_COST,
     Explanation,
     Reading,
-    contradiction_of,
-    fitted,
-    likely_readings,
-    may_be_ropes,
-    refitted,
+    are_worth_a_fit,
+    find_likely_readings,
+    fit_readings,
+    penalize_lengths,
+    refit,
 )
-from strand.reconstruction.images.image_ends import ends_moved
-from strand.reconstruction.images.image_nodes import corrected_poses
+from strand.reconstruction.images.image_ends import move_ends
+from strand.reconstruction.images.image_nodes import correct_poses
 from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.method import Read
 from strand.reconstruction.images.outlined import averaged, mean_noise, outlined
@@ -79,15 +79,15 @@ class _Scene:
         return images.depth_gains(ropes, self.table, self.noise)
 
     def fitted(self, images: RopeImages, readings: Sequence[Reading]) -> list[Explanation]:
-        pairs = fitted(images, readings, self.table, self.held, self.errors, self.config)
+        pairs = fit_readings(images, readings, self.table, self.held, self.errors, self.config)
         return [Explanation(reading, fit, 0.0) for reading, fit in pairs]
 
     def again(self, images: RopeImages, one: Explanation) -> Explanation:
-        fit = refitted(images, one.fit, self.table, self.held, self.errors, self.config)
+        fit = refit(images, one.fit, self.table, self.held, self.errors, self.config)
         return replace(one, fit=fit)
 
     def with_ends(self, images: RopeImages, one: Explanation) -> Explanation:
-        return replace(one, fit=ends_moved(images, one.fit, self.table, self.noise, self.radius))
+        return replace(one, fit=move_ends(images, one.fit, self.table, self.noise, self.radius))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +153,7 @@ def read_scattered(
         if run.late("readings of all views but one"):
             views = [held]
         readings = [
-            [r for r in likely_readings(images, observed.prior.ropes, views, _READINGS, _MORE) if r.chains]
-            for images, _ in known
+            find_likely_readings(images, observed.prior.ropes, views, _READINGS, _MORE) for images, _ in known
         ]
     with run.stage("arcs"):
         tubes: list[Array] = []
@@ -163,7 +162,7 @@ def read_scattered(
     read = [reading for those in readings for reading in those]
     for ropes in (others, tubes):
         found = Reading(0.0, held, [first[held].project(points) for points in ropes])
-        if may_be_ropes(found.chains, read):
+        if are_worth_a_fit(found.chains, read):
             readings = [[*those, found] for those in readings]
     scene = _Scene(table, held, noise, radius, Errors(), config)
     with run.stage("explain"):
@@ -172,9 +171,9 @@ def read_scattered(
         raise NotEnoughDataError(_NO_ROPE)
     unit = _GAIN * max(best[0].gain, 1.0)
     costs = [
-        ROPE * len(each.one.fit.nodes)
+        ROPE_COST * len(each.one.fit.nodes)
         + _THROUGH * _within(each.one.fit.nodes, radius)
-        + contradiction_of(each.one.fit, observed)
+        + penalize_lengths(each.one.fit, observed)
         - each.gain / unit
         for each in best
     ]
@@ -267,7 +266,7 @@ def _fitted_again(
 ) -> list[Explanation]:
     """Fit an explanation once more from where its view sees the ropes, and look for their ends."""
     view = one.reading.view
-    poses = corrected_poses([image.pose for image in taken], one.fit.corrections)
+    poses = correct_poses([image.pose for image in taken], one.fit.corrections)
     image = replace(taken[view], pose=poses[view])
     reading = replace(one.reading, chains=[image.project(nodes) for nodes in one.fit.nodes])
     again = [scene.again(images, each) for each in scene.fitted(images, [reading])]

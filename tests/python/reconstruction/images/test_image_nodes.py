@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strand.reconstruction.images.image_nodes import corrected_poses
+from strand.reconstruction.images.image_nodes import correct_poses
 from strand.synthetic import Camera, Segmentation, scene
 
 SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
@@ -17,7 +17,7 @@ def test_corrections_of_frames_move_points_as_they_say():
     corrections = rng.normal(scale=[[0.02] * 3 + [0.003] * 3], size=(3, 6))
     corrections[1] = 0.0
     points = rng.normal(size=(50, 3))
-    corrected = corrected_poses(poses, corrections)
+    corrected = correct_poses(poses, corrections)
     assert np.array_equal(corrected[1], poses[1])
     for pose, after, (*turn, x, y, z) in zip(poses, corrected, corrections, strict=True):
         assert after[:3, :3] @ after[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)

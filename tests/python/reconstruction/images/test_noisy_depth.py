@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand.geometry.polyline import path_length
 from strand.reconstruction.images.above_table import mask_above_table
-from strand.reconstruction.images.image_ends import _changed
+from strand.reconstruction.images.image_ends import _change_end
 from strand.reconstruction.images.lengthwise import points_along
 from strand.reconstruction.images.noisy_depth import _within
 from strand.reconstruction.images.outlined import averaged, outlined
@@ -79,20 +79,20 @@ def test_ends_are_cut_and_led_on_along_the_table():
     table = np.array([0.0, 0.0, 1.0]), 0.0
     x = np.linspace(0.0, 40.0, 81)
     rising = RADIUS * np.stack([x, 0.0 * x, 1.0 + 0.2 * np.maximum(x - 35.0, 0.0)], axis=1)
-    cut = _changed(rising, 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
+    cut = _change_end(rising, 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
     assert path_length(rising)[-1] - path_length(cut)[-1] == pytest.approx(3.0 * RADIUS)
-    assert np.array_equal(_changed(rising, 0.0, 0.0, 0.0, table, RADIUS), rising)
-    level = _changed(rising, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS)
+    assert np.array_equal(_change_end(rising, 0.0, 0.0, 0.0, table, RADIUS), rising)
+    level = _change_end(rising, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS)
     assert level[-1, 2] == pytest.approx(rising[-1, 2])
     assert level[-1, 0] - rising[-1, 0] == pytest.approx(3.0 * RADIUS, rel=0.05)
-    falling = _changed(rising, 0.0, 6.0 * RADIUS, 0.4, table, RADIUS)
+    falling = _change_end(rising, 0.0, 6.0 * RADIUS, 0.4, table, RADIUS)
     assert falling[-1, 2] == pytest.approx(RADIUS)
     assert falling[:, 2].min() >= RADIUS - 1e-12
     # not before its middle
-    short = _changed(rising[:5], 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
+    short = _change_end(rising[:5], 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
     assert path_length(short)[-1] == pytest.approx(0.5 * path_length(rising[:5])[-1])
     upright = RADIUS * np.stack([0.0 * x, 0.0 * x, 1.0 + x], axis=1)
-    assert np.array_equal(_changed(upright, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS), upright)
+    assert np.array_equal(_change_end(upright, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS), upright)
 
 
 def test_a_range_above_the_table_is_no_crash():
@@ -159,7 +159,7 @@ def test_a_bare_table_in_wide_noise_shows_no_rope(seed):
     rng = np.random.default_rng(seed)
     views = []
     for view in made.views:
-        (fx, fy), (cx, cy) = view.image.camera.focal, view.image.centre
+        (fx, fy), (cx, cy) = view.image.camera
         v, u = np.mgrid[: view.image.depth.shape[0], : view.image.depth.shape[1]]
         down = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.shape)], axis=-1) @ view.pose[2, :3]
         depth = np.maximum(-view.pose[2, 3] / down, 0.0)
@@ -182,7 +182,7 @@ def test_a_radius_in_millimetres_is_refused_at_once():
 def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
     made = noisy("arc", 0.8, views=1, seed=8)
     (view,) = made.views
-    (fx, fy), (cx, cy) = view.image.camera.focal, view.image.centre
+    (fx, fy), (cx, cy) = view.image.camera
     depth = view.image.depth.copy()
     depth[:40] = np.inf
     endless = strand.View.from_depth(depth, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], view.pose)
