@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::geometry::{Moments, Point, Symmetric3, dot, eigen_symmetric, least_eigenvectors, sub};
 use crate::index::around::{Around, Frame, squared_distances};
 use crate::index::cells::Cells;
-use crate::index::hierarchy::Crowded;
+use crate::index::hierarchy::crowded::Crowded;
 use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, LANES, Simd, Singles, kernel};

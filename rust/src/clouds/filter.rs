@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::geometry::{Point, squared_distance};
 use crate::index::around::{Around, squared_distances};
 use crate::index::cells::Cells;
-use crate::index::hierarchy::Crowded;
+use crate::index::hierarchy::crowded::Crowded;
 use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{Singles, kernel};

@@ -164,7 +164,7 @@ pub struct ImageFitOptions {
     pub uncertainty: bool,
 }
 
-/// What a hypothesis leaves unexplained. Areas are in rr², a radius in the image squared, twice, lengths in radii.
+/// What a hypothesis leaves unexplained. Areas are in radius_px², a radius in the image squared, twice, lengths in radii.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Misfit {
     /// Mask that the tube does not cover.

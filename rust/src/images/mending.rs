@@ -5,10 +5,10 @@ use crate::images::image::{Blobs, Image, blobs, distances};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 
-/// Gaps narrower than twice this may be lost bits, and parts narrower than twice this taken ones, rr.
+/// Gaps narrower than twice this may be lost bits, and parts narrower than twice this taken ones, radius_px.
 const CLOSED: f64 = 1.0;
 const OPENED: f64 = 0.6;
-/// Blobs on their own of less than this may be taken bits, rr²; smaller ones than the other are judged by nothing.
+/// Blobs on their own of less than this may be taken bits, radius_px²; smaller ones than the other are judged by nothing.
 const SPECK: f64 = 12.0;
 const LEAST: f64 = 0.15;
 /// Pixels around the silhouette's frame that are looked at.
@@ -23,9 +23,9 @@ pub fn mended(
     surroundings: &Surroundings,
 ) -> Option<Vec<bool>> {
     surroundings.tells().then_some(())?;
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let height = mask.len() / width;
-    let reach = (3.0 * CLOSED * rr) as usize + PAD;
+    let reach = (3.0 * CLOSED * radius_px) as usize + PAD;
     let (corner, frame) = silhouette.frame();
     let low = corner.map(|c| (c.max(0.0) as usize).saturating_sub(reach));
     let high = [width, height];
@@ -38,7 +38,7 @@ pub fn mended(
     let behind = |found: &Blobs, most: f64| -> Vec<Option<bool>> {
         let mut ahead = vec![Vec::new(); found.sizes.len()];
         for run in &found.runs {
-            let size = found.sizes[run.blob] as f64 / (rr * rr);
+            let size = found.sizes[run.blob] as f64 / (radius_px * radius_px);
             if size < LEAST || size > most {
                 continue;
             }
@@ -61,12 +61,12 @@ pub fn mended(
     let judged = behind(&specks, SPECK);
     turn(&mut cut, &specks, &judged, true, false);
     // what is lost between and in parts of the mask
-    let lost = with(&cut, &closed(&cut, CLOSED * rr), |mask, closed| closed && !mask);
+    let lost = with(&cut, &closed(&cut, CLOSED * radius_px), |mask, closed| closed && !mask);
     let found = blobs(&lost, true, false);
     let judged = behind(&found, f64::INFINITY);
     turn(&mut cut, &found, &judged, false, true);
     // what sticks out
-    let taken = with(&cut, &opened(&cut, OPENED * rr), |mask, opened| mask && !opened);
+    let taken = with(&cut, &opened(&cut, OPENED * radius_px), |mask, opened| mask && !opened);
     let found = blobs(&taken, true, false);
     let judged = behind(&found, f64::INFINITY);
     turn(&mut cut, &found, &judged, true, false);

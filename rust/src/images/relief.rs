@@ -6,7 +6,7 @@ use crate::geometry::median::upper_median;
 /// Pixels that the plane is fitted to at most, and rounds of its fit.
 const MOST: usize = 4000;
 const ROUNDS: usize = 6;
-/// Side of a cell, and the fewest pixels in it that count, rr and rr².
+/// Side of a cell, and the fewest pixels in it that count, radius_px and radius_px².
 const CELL: f64 = 4.0;
 const FEWEST: f64 = 2.0;
 
@@ -33,7 +33,7 @@ impl Relief {
         ropes: impl Fn(usize, usize) -> bool,
         low: [usize; 2],
         high: [usize; 2],
-        rr: f64,
+        radius_px: f64,
     ) -> Option<Self> {
         let mut seen: Vec<[f64; 3]> = Vec::new();
         for y in low[1]..high[1] {
@@ -44,15 +44,15 @@ impl Relief {
                 }
             }
         }
-        if (seen.len() as f64) < FEWEST * rr * rr {
+        if (seen.len() as f64) < FEWEST * radius_px * radius_px {
             return None;
         }
         let middle = [0, 1].map(|c| 0.5 * (low[c] + high[c]) as f64);
         let step = seen.len().div_ceil(MOST);
         let some: Vec<[f64; 3]> = seen.iter().step_by(step).copied().collect();
-        let plane = plane(&some, middle, rr)?;
+        let plane = plane(&some, middle, radius_px)?;
         let on = |x: f64, y: f64| plane[0] * (x - middle[0]) + plane[1] * (y - middle[1]) + plane[2];
-        let cell = CELL * rr;
+        let cell = CELL * radius_px;
         let size = [0, 1].map(|c| ((high[c] - low[c]) as f64 / cell).ceil().max(1.0) as usize);
         let corner = low.map(|l| l as f64);
         let mut rests: Vec<Vec<f64>> = vec![Vec::new(); size[0] * size[1]];
@@ -66,7 +66,7 @@ impl Relief {
                 }
             }
         }
-        let fewest = FEWEST * rr * rr / step as f64;
+        let fewest = FEWEST * radius_px * radius_px / step as f64;
         let rest: Vec<Option<f64>> = rests
             .into_iter()
             .map(|mut rest| (rest.len() as f64 >= fewest).then(|| upper_median(&mut rest)))
@@ -93,7 +93,7 @@ impl Relief {
 }
 
 /// The plane that most pixels lie on, by least absolute residuals.
-fn plane(seen: &[[f64; 3]], middle: [f64; 2], rr: f64) -> Option<[f64; 3]> {
+fn plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]> {
     let n = seen.len();
     let mut weights = vec![1.0; n];
     let mut found = [0.0; 3];
@@ -101,7 +101,8 @@ fn plane(seen: &[[f64; 3]], middle: [f64; 2], rr: f64) -> Option<[f64; 3]> {
         let mut a = nalgebra::Matrix3::zeros();
         let mut b = nalgebra::Vector3::zeros();
         for (s, &weight) in seen.iter().zip(&weights) {
-            let row = nalgebra::Vector3::new((s[0] - middle[0]) / rr, (s[1] - middle[1]) / rr, 1.0);
+            let row =
+                nalgebra::Vector3::new((s[0] - middle[0]) / radius_px, (s[1] - middle[1]) / radius_px, 1.0);
             a += weight * row * row.transpose();
             b += weight * s[2] * row;
         }
@@ -110,7 +111,7 @@ fn plane(seen: &[[f64; 3]], middle: [f64; 2], rr: f64) -> Option<[f64; 3]> {
             a[(k, k)] += 1e-6 * a[(2, 2)];
         }
         let x = a.cholesky()?.solve(&b);
-        found = [x[0] / rr, x[1] / rr, x[2]];
+        found = [x[0] / radius_px, x[1] / radius_px, x[2]];
         let rest: Vec<f64> = seen
             .iter()
             .map(|s| (s[2] - found[0] * (s[0] - middle[0]) - found[1] * (s[1] - middle[1]) - found[2]).abs())

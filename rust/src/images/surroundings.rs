@@ -20,17 +20,17 @@ pub enum Shown {
     Behind,
 }
 
-/// How far around the ropes is looked, rr.
+/// How far around the ropes is looked, radius_px.
 const AROUND: f64 = 15.0;
-/// Side of a cell, rr.
+/// Side of a cell, radius_px.
 const CELL: f64 = 0.4;
-/// Surroundings are this far from the mask, rr.
+/// Surroundings are this far from the mask, radius_px.
 const BESIDE: [f64; 2] = [1.5, 5.0];
-/// What hides stands this much before the ropes, radii, is as large as this, rr², and this near to the mask, rr.
+/// What hides stands this much before the ropes, radii, is as large as this, radius_px², and this near to the mask, radius_px.
 const BEFORE: f64 = 2.5;
 const LARGE: f64 = 4.0;
 const NEAR: f64 = 1.5;
-/// What has no depth hides if it is as large as this, rr², and less than this share of the surroundings.
+/// What has no depth hides if it is as large as this, radius_px², and less than this share of the surroundings.
 const LARGE_UNSEEN: f64 = 9.0;
 const MOST_UNSEEN: f64 = 0.4;
 /// What is no deeper than this below the ropes' surface may be rope, radii.
@@ -145,7 +145,7 @@ impl Surroundings {
     /// Of a depth image of `width` columns, its mask and the ropes in it; the ropes' radius in metres. None if too little of the
     /// mask has depth.
     pub fn new(depth: &[f64], mask: &[bool], width: usize, ropes: &Ropes<'_>, radius: f64) -> Option<Self> {
-        let &Ropes { mask: own, corner, radius_px: rr } = ropes;
+        let &Ropes { mask: own, corner, radius_px } = ropes;
         let frame = [own.width, own.height];
         let inside = |x: usize, y: usize| {
             let [i, j] = [x as f64 - corner[0], y as f64 - corner[1]];
@@ -155,12 +155,12 @@ impl Surroundings {
                 && j < frame[1] as f64
                 && own.at(i as usize, j as usize)
         };
-        let (reach, size) = (AROUND * rr, [width, depth.len() / width.max(1)]);
+        let (reach, size) = (AROUND * radius_px, [width, depth.len() / width.max(1)]);
         let low = corner.map(|c| (c - reach).max(0.0) as usize);
         let high = [0, 1].map(|c| ((corner[c] + frame[c] as f64 + reach) as usize).min(size[c]));
         let on_rope = |x: usize, y: usize| mask[y * width + x] && inside(x, y);
-        let relief = Relief::new(depth, width, on_rope, low, high, rr)?;
-        let cell = (CELL * rr).round().max(1.0);
+        let relief = Relief::new(depth, width, on_rope, low, high, radius_px)?;
+        let cell = (CELL * radius_px).round().max(1.0);
         let step = cell as usize;
         let [w, h] = [0, 1].map(|c| (high[c] - low[c]).div_ceil(step));
         let pixels: Vec<[usize; 2]> = (0..w * h)
@@ -176,13 +176,13 @@ impl Surroundings {
             })
             .collect();
         let rope = Image { width: w, height: h, values: pixels.iter().map(|&[x, y]| inside(x, y)).collect() };
-        // how far from the mask, rr
-        let mut away = distances(&rope, false, (BESIDE[1] * rr / cell) as usize + 2);
-        away.values.iter_mut().for_each(|far| *far *= (cell / rr) as f32);
+        // how far from the mask, radius_px
+        let mut away = distances(&rope, false, (BESIDE[1] * radius_px / cell) as usize + 2);
+        away.values.iter_mut().for_each(|far| *far *= (cell / radius_px) as f32);
         let limits = Limits::new(&rope.values, &away.values, &ahead)?;
         let mut shown =
             Image { width: w, height: h, values: ahead.iter().map(|&a| limits.shown(a)).collect() };
-        let area = cell * cell / (rr * rr);
+        let area = cell * cell / (radius_px * radius_px);
         let mut hides = keep_large(&mut shown, &away, |k| ahead[k] > limits.before, LARGE / area);
         if limits.unseen < MOST_UNSEEN {
             hides |= keep_large(&mut shown, &away, |k| ahead[k].is_nan(), LARGE_UNSEEN / area);

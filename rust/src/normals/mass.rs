@@ -1,7 +1,7 @@
 //! Points summed up so that sums can be put together.
 
 use crate::geometry::{Point, Symmetric3, advance, sub};
-use crate::index::hierarchy::Sum;
+use crate::index::hierarchy::crowded::Sum;
 
 /// How many points, their mean, and the sums of the products of their differences from it.
 ///

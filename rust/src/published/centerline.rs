@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::geometry::{Point, advance, squared_distance, sub};
 use crate::index::around::{Around, Carried, squared_distances};
 use crate::index::cells::Cells;
-use crate::index::hierarchy::{Crowded, Sum};
+use crate::index::hierarchy::crowded::{Crowded, Sum};
 use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, Doubles, LANES, kernel};

@@ -5,7 +5,7 @@ use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 use crate::geometry::{Point, centroid, squared_distance};
 use crate::index::Grid;
-use crate::index::hierarchy::Remaining;
+use crate::index::hierarchy::remaining::Remaining;
 use crate::parallel;
 
 /// Traces chains of nodes through axis points, grown from both sides of a base point.

@@ -12,6 +12,7 @@ use crate::parallel;
 
 mod equations;
 mod foot_points;
+mod residuals;
 mod search;
 mod solver;
 mod spans;

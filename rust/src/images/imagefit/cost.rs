@@ -4,9 +4,9 @@ use super::curves::Curves;
 use super::evidence::Seen;
 use super::{Misfit, Place2, RopeView, STEP, Sensor};
 
-/// Mask farther from the axis than this is not covered: rr, and pixels more.
+/// Mask farther from the axis than this is not covered: radius_px, and pixels more.
 const COVERS: (f64, f64) = (1.2, 0.5);
-/// Tube nearer to the axis than this has to lie in the mask: rr, and pixels less.
+/// Tube nearer to the axis than this has to lie in the mask: radius_px, and pixels less.
 const FILLS: (f64, f64) = (0.7, 0.3);
 /// Noise that squares of depth's residuals are counted in, radii, and their limit.
 const NOISE: f64 = 0.5;
@@ -22,8 +22,8 @@ pub fn add_view(
     sensor: &Sensor,
     misfit: &mut Misfit,
 ) {
-    let rr = view.silhouette.radius_px;
-    let (covers, fills) = (COVERS.0 * rr + COVERS.1, FILLS.0 * rr - FILLS.1);
+    let radius_px = view.silhouette.radius_px;
+    let (covers, fills) = (COVERS.0 * radius_px + COVERS.1, FILLS.0 * radius_px - FILLS.1);
     let distances = Distances::new(view, &seen.image, curves, covers);
     let (mut uncovered, mut outside) = (0, 0);
     for (row, squares) in distances.squares.chunks_exact(distances.width.max(1)).enumerate() {
@@ -39,8 +39,8 @@ pub fn add_view(
             }
         }
     }
-    misfit.uncovered += f64::from(uncovered) / (2.0 * rr * rr);
-    misfit.outside += f64::from(outside) / (2.0 * rr * rr);
+    misfit.uncovered += f64::from(uncovered) / (2.0 * radius_px * radius_px);
+    misfit.outside += f64::from(outside) / (2.0 * radius_px * radius_px);
     for i in 0..seen.image.len() {
         let observed = view.medians.at(seen.image[i]);
         let e = (seen.places[i][2] - observed) / radius - sensor.surface - bias;

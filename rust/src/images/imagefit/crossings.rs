@@ -39,11 +39,11 @@ impl Crossing {
 pub struct Overlap {
     /// Samples of the strand that comes first, and of the other.
     pub sides: [Vec<usize>; 2],
-    /// Pairs of them whose axes all but cross, with their distance in the image, rr.
+    /// Pairs of them whose axes all but cross, with their distance in the image, radius_px.
     pub pairs: Vec<([usize; 2], f64)>,
 }
 
-/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, rr. Where strands wind around each other,
+/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, radius_px. Where strands wind around each other,
 /// each place where they cross is an overlap of its own.
 pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) -> Vec<Overlap> {
     let mut group: Vec<usize> = (0..pairs.len()).collect();
@@ -258,17 +258,17 @@ pub fn apart(chain: [u32; 2], index: [usize; 2]) -> bool {
     chain[0] != chain[1] || index[0].abs_diff(index[1]) as f64 * STEP > APART
 }
 
-/// Pairs of samples that hide each other in an image, sorted, with their distance, rr.
+/// Pairs of samples that hide each other in an image, sorted, with their distance, radius_px.
 pub fn hiding(
     places: &[Place2],
     chains: &[u32],
     grid: &super::grid::Grid,
-    rr: f64,
+    radius_px: f64,
 ) -> Vec<([usize; 2], f64)> {
     let mut found = Vec::new();
-    grid.pairs(places, HIDES * rr, |i, j, d| {
+    grid.pairs(places, HIDES * radius_px, |i, j, d| {
         if apart([chains[i], chains[j]], [i, j]) {
-            found.push(([i, j], d.sqrt() / rr));
+            found.push(([i, j], d.sqrt() / radius_px));
         }
     });
     found.sort_unstable_by_key(|pair| pair.0);

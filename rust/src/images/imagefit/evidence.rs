@@ -14,7 +14,7 @@ const EDGE_ALIKE: f64 = 16.0;
 const ROUND: f64 = 0.04;
 /// An edge whose normal is nearer to the rope's direction than this is another's: the cosine.
 const ALONG: f64 = 0.45;
-/// How far the samples have to lie inside the mask, rr, and the weight of that for each radius of length.
+/// How far the samples have to lie inside the mask, radius_px, and the weight of that for each radius of length.
 const INSIDE: f64 = 0.85;
 const INSIDE_WEIGHT: f64 = 8.0;
 /// The weight that ends stay with.
@@ -78,17 +78,17 @@ impl Seen {
         // the radius is known at the mask's median depth
         let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
         let middle = upper_median(&mut depths);
-        let rr = view.silhouette.radius_px;
+        let radius_px = view.silhouette.radius_px;
         self.radii.clear();
-        self.radii.extend(self.places.iter().map(|y| rr * middle / y[2]));
+        self.radii.extend(self.places.iter().map(|y| radius_px * middle / y[2]));
 
-        let reach = MIXES.0 * rr + MIXES.1;
-        self.grid.fill(&self.image, view.silhouette.frame(), reach.max(2.5 * rr));
+        let reach = MIXES.0 * radius_px + MIXES.1;
+        self.grid.fill(&self.image, view.silhouette.frame(), reach.max(2.5 * radius_px));
         self.visible.clear();
         self.visible.resize(positions.len(), true);
         self.mixed.clear();
         self.mixed.resize(positions.len(), false);
-        let hides = (HIDES * rr).powi(2);
+        let hides = (HIDES * radius_px).powi(2);
         self.grid.pairs(&self.image, reach, |i, j, d| {
             if apart([curves.numbers[i], curves.numbers[j]], [i, j]) {
                 self.mixed[i] = true;
@@ -125,13 +125,13 @@ impl Seen {
         [fu * d[0] / z, fv * d[1] / z, -(fu * d[0] * x + fv * d[1] * y) / (z * z)]
     }
 
-    /// The mask's edge votes for axes a radius inside. Votes further off than `limit` rr do not count.
+    /// The mask's edge votes for axes a radius inside. Votes further off than `limit` radius_px do not count.
     pub fn add_edge(&mut self, scene: &Scene, limit: f64, sums: &mut Sums) {
         let silhouette = scene.view.silhouette;
-        let rr = silhouette.radius_px;
-        let reach = 2.5 * rr;
+        let radius_px = silhouette.radius_px;
+        let reach = 2.5 * radius_px;
         self.nearest.resize(silhouette.boundary.len(), u32::MAX);
-        let unit = 1.0 / EDGE_ALIKE / ((scene.sensor.lateral / rr).powi(2) + ROUND * ROUND);
+        let unit = 1.0 / EDGE_ALIKE / ((scene.sensor.lateral / radius_px).powi(2) + ROUND * ROUND);
         self.edge_errors.clear();
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
@@ -144,7 +144,8 @@ impl Seen {
             let last = self.nearest[b] as usize;
             let radius = self.radii[last];
             let vote = [edge.at[0] - radius * normal[0], edge.at[1] - radius * normal[1]];
-            let Some(k) = self.grid.nearest(vote, 1.5 * limit * rr, Some((last, self.image[last]))) else {
+            let Some(k) = self.grid.nearest(vote, 1.5 * limit * radius_px, Some((last, self.image[last])))
+            else {
                 self.nearest[b] = u32::MAX;
                 continue;
             };

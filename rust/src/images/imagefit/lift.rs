@@ -43,8 +43,8 @@ pub fn lift(
     plane: Option<Plane>,
     sensor: &Sensor,
 ) -> Option<Lifted> {
-    let rr = view.silhouette.radius_px;
-    let chains: Vec<Vec<Place2>> = chains.iter().map(|chain| resampled(chain, STEP * rr)).collect();
+    let radius_px = view.silhouette.radius_px;
+    let chains: Vec<Vec<Place2>> = chains.iter().map(|chain| resampled(chain, STEP * radius_px)).collect();
     let places: Vec<Place2> = chains.concat();
     let (mut ranges, mut numbers): (Vec<Range<usize>>, Vec<u32>) = (Vec::new(), Vec::new());
     for (number, chain) in chains.iter().enumerate() {
@@ -55,9 +55,9 @@ pub fn lift(
     let mut depths: Vec<f64> = places.iter().map(seen).collect();
     let middle = median(depths.iter().copied().filter(|z| z.is_finite()).collect())?;
 
-    let reach = MIXES.0 * rr + MIXES.1;
+    let reach = MIXES.0 * radius_px + MIXES.1;
     let mut grid = Grid::default();
-    grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * rr));
+    grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * radius_px));
     let mut weights: Vec<f64> = depths.iter().map(|z| f64::from(u8::from(z.is_finite()))).collect();
     // beyond a rope's end there is table
     for range in ranges.iter().filter(|range| range.len() > 4 * TIP) {
@@ -77,7 +77,7 @@ pub fn lift(
         owned[i] *= MIXED;
     }
     let everywhere = weights.clone();
-    let pairs = hiding(&places, &numbers, &grid, rr);
+    let pairs = hiding(&places, &numbers, &grid, radius_px);
     for &([i, j], _) in &pairs {
         weights[i] = 0.0;
         weights[j] = 0.0;

@@ -12,7 +12,7 @@ use crate::geometry::{Point, advance, dot, normalized, sub};
 /// What bending and its change cost: of ∫ κ² ds and ∫ (dκ/ds)² ds, lengths in radii.
 const BEND: f64 = 2.0;
 const CHANGE: f64 = 200.0;
-/// Limits beyond which the mask's edge does not count, rr: far from the solution and near it.
+/// Limits beyond which the mask's edge does not count, radius_px: far from the solution and near it.
 const LIMITS: [f64; 2] = [1.6, 0.9];
 /// The part of the steps that take the first.
 const FAR: f64 = 0.4;

@@ -3,7 +3,7 @@
 use super::{Place2, RopeView};
 use crate::geometry::{Point, cross};
 
-/// Pixels farther than this from every node support none, rr.
+/// Pixels farther than this from every node support none, radius_px.
 const REACH: f64 = 1.5;
 
 /// For each rope's nodes the number of pixels that are nearest to them: of nodes that are seen over each other, to the
@@ -16,12 +16,12 @@ pub fn seen_nodes(
     radius: f64,
 ) -> Vec<Vec<i64>> {
     let [a, b, c, d, e, f] = *correction;
-    let rr = view.silhouette.radius_px;
+    let radius_px = view.silhouette.radius_px;
     let mut counts: Vec<Vec<i64>> = chains.iter().map(|n| vec![0; n.len()]).collect();
     let (origin, size) = view.silhouette.frame();
-    let cells = size.map(|n| (n as f64 / rr) as usize + 3);
+    let cells = size.map(|n| (n as f64 / radius_px) as usize + 3);
     let cell = |p: Place2| -> Option<usize> {
-        let at: [f64; 2] = std::array::from_fn(|k| ((p[k] - origin[k]) / rr).floor() + 1.0);
+        let at: [f64; 2] = std::array::from_fn(|k| ((p[k] - origin[k]) / radius_px).floor() + 1.0);
         let inside = (0..2).all(|k| at[k] >= 0.0 && at[k] < cells[k] as f64);
         inside.then(|| at[1] as usize * cells[0] + at[0] as usize)
     };
@@ -48,7 +48,7 @@ pub fn seen_nodes(
                 let Some(list) = usize::try_from(other).ok().and_then(|k| lists.get(k)) else { continue };
                 for &n in list {
                     let (_, _, at, z) = nodes[n as usize];
-                    let away = ((at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2)).sqrt() / rr;
+                    let away = ((at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2)).sqrt() / radius_px;
                     // a strand in front hides the one behind
                     let rank = away + 0.5 * z / radius;
                     if away < REACH && best.is_none_or(|b| rank < b.0) {

@@ -64,11 +64,12 @@ pub fn view(ropes: &[Rope], camera: Point, tilt: f64) -> Image {
     for rope in ropes {
         for node in &rope.nodes {
             let y: Point = (turn * (Vector3::from(*node) - pose.translation)).into();
-            let rr = pinhole.focal[0] * rope.radius / y[2];
+            let radius_px = pinhole.focal[0] * rope.radius / y[2];
             let at = [0, 1].map(|k| pinhole.focal[k] * y[k] / y[2] + pinhole.center[k]);
-            for v in (at[1] - rr).ceil() as usize..=(at[1] + rr) as usize {
-                for u in (at[0] - rr).ceil() as usize..=(at[0] + rr) as usize {
-                    let off = ((u as f64 - at[0]).powi(2) + (v as f64 - at[1]).powi(2)) / (rr * rr);
+            for v in (at[1] - radius_px).ceil() as usize..=(at[1] + radius_px) as usize {
+                for u in (at[0] - radius_px).ceil() as usize..=(at[0] + radius_px) as usize {
+                    let off =
+                        ((u as f64 - at[0]).powi(2) + (v as f64 - at[1]).powi(2)) / (radius_px * radius_px);
                     if off < 1.0 {
                         let z = y[2] - rope.radius * (1.0 - off).sqrt();
                         let pixel = &mut depth[v * SIZE[0] + u];

@@ -30,8 +30,8 @@ const OWN: usize = 24;
 /// A skeleton's last radius turns to a corner of the rope's end, so it is left out; from there on straight, or as bent as
 /// before, whichever explains more of the mask.
 pub fn extended(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
-    let rr = silhouette.radius_px;
-    let dense: Vec<Vec<Place>> = chains.iter().map(|c| resampled(c, STEP * rr)).collect();
+    let radius_px = silhouette.radius_px;
+    let dense: Vec<Vec<Place>> = chains.iter().map(|c| resampled(c, STEP * radius_px)).collect();
     (0..dense.len())
         .map(|number| {
             let mut chain = dense[number].clone();
@@ -47,7 +47,7 @@ pub fn extended(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place
                     chain = longer;
                 }
             }
-            resampled(&chain, 0.5 * rr)
+            resampled(&chain, 0.5 * radius_px)
         })
         .collect()
 }
@@ -58,14 +58,15 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
     chain: &[Place],
     others: impl Fn() -> I,
 ) -> Option<Vec<Place>> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let cut = if chain.len() > 30 { 4 } else { 1 };
     let base = &chain[..chain.len() - cut];
     if base.len() < 2 {
         return None;
     }
     let last = base[base.len() - 1];
-    let near: Vec<Place> = others().filter(|x| apart(**x, last) < (REACH + 10.0) * rr).copied().collect();
+    let near: Vec<Place> =
+        others().filter(|x| apart(**x, last) < (REACH + 10.0) * radius_px).copied().collect();
     let back = base[base.len() - 1 - 12.min(base.len() - 1)];
     let heading = unit([last[0] - back[0], last[1] - back[1]]);
     let recent = &base[base.len() - 24.min(base.len())..];
@@ -76,14 +77,14 @@ fn with_end<'a, I: Iterator<Item = &'a Place>>(
     let straight: Vec<f64> =
         (first..base.len() - 1).map(|i| unexplained(silhouette, base, i, &near)).collect();
     let as_before = [0.0, 0.5, 1.0].map(|share| share * curvature);
-    let more = BENDS.map(|bend| 0.5 * curvature + bend / rr);
+    let more = BENDS.map(|bend| 0.5 * curvature + bend / radius_px);
     for bend in as_before.into_iter().chain(more) {
         let start = heading[1].atan2(heading[0]) + bend * span / 4.0;
         let mut path = base.to_vec();
         for i in 1..(REACH / STEP) as usize {
-            let angle = start + bend * i as f64 * STEP * rr;
+            let angle = start + bend * i as f64 * STEP * radius_px;
             let x = path[path.len() - 1];
-            path.push([x[0] + angle.cos() * STEP * rr, x[1] + angle.sin() * STEP * rr]);
+            path.push([x[0] + angle.cos() * STEP * radius_px, x[1] + angle.sin() * STEP * radius_px]);
         }
         let stop = (first..path.len())
             .find(|&i| silhouette.distance(path[i]) <= 0.2)
@@ -115,17 +116,17 @@ fn curvature(p: &[Place]) -> (f64, f64) {
 
 /// The share of the cross-section at a node that is mask which no other strand covers.
 fn unexplained(silhouette: &Silhouette, path: &[Place], i: usize, others: &[Place]) -> f64 {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let (a, b) = (path[i - 1], path[(i + 1).min(path.len() - 1)]);
     let t = unit([b[0] - a[0], b[1] - a[1]]);
-    let covers = 1.15 * rr + 0.4;
-    let reach = covers + 0.71 * rr;
+    let covers = 1.15 * radius_px + 0.4;
+    let reach = covers + 0.71 * radius_px;
     let apart = |x: Place, o: Place| (x[0] - o[0]).powi(2) + (x[1] - o[1]).powi(2);
     let near: Vec<Place> = others.iter().filter(|o| apart(path[i], **o) < reach * reach).copied().collect();
     let shown = [-0.7, -0.35, 0.0, 0.35, 0.7]
         .iter()
         .filter(|&&offset| {
-            let x = [path[i][0] - offset * rr * t[1], path[i][1] + offset * rr * t[0]];
+            let x = [path[i][0] - offset * radius_px * t[1], path[i][1] + offset * radius_px * t[0]];
             silhouette.distance(x) > 0.0 && !near.iter().any(|&o| apart(x, o) < covers * covers)
         })
         .count();
@@ -157,7 +158,7 @@ fn last_shown(shares: &[f64]) -> Option<usize> {
 ///
 /// `bare`: middles of stretches of mask that nothing covers, and their areas in squared radii.
 pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f64)]) -> Vec<Vec<Place>> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let mut chains = chains.to_vec();
     for &(goal, area) in bare {
         let mut best: Option<(f64, usize, bool, Vec<Place>)> = None;
@@ -172,7 +173,7 @@ pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f6
                     let (end, before) =
                         (from(back.min(chain.len() - 8)), from(back.min(chain.len() - 8) + 5));
                     let heading = unit([end[0] - before[0], end[1] - before[1]]);
-                    let Some(way) = arc(end, heading, goal, rr) else { continue };
+                    let Some(way) = arc(end, heading, goal, radius_px) else { continue };
                     let Some(bare) = bare_price(silhouette, &way) else { continue };
                     let far = apart(end, goal);
                     let turn = {
@@ -180,7 +181,7 @@ pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f6
                         2.0 * (heading[0] * d[1] - heading[1] * d[0])
                             .atan2(heading[0] * d[0] + heading[1] * d[1])
                     };
-                    let cost = LED_TURN * turn * turn * rr / far + LED_LENGTH * far / rr + bare;
+                    let cost = LED_TURN * turn * turn * radius_px / far + LED_LENGTH * far / radius_px + bare;
                     if cost < LED_GAIN * area && best.as_ref().is_none_or(|b| cost < b.0) {
                         let kept: Vec<Place> =
                             (back.min(chain.len() - 8)..chain.len()).rev().map(from).collect();
@@ -194,7 +195,7 @@ pub fn led_on(silhouette: &Silhouette, chains: &[Vec<Place>], bare: &[(Place, f6
             if first {
                 longer.reverse();
             }
-            chains[number] = resampled(&longer, 0.5 * rr);
+            chains[number] = resampled(&longer, 0.5 * radius_px);
         }
     }
     chains
@@ -215,16 +216,20 @@ fn bare_price(silhouette: &Silhouette, way: &[Place]) -> Option<f64> {
 }
 
 /// The arc of a circle that leaves a place in a direction and ends at another; none if it is long or turns too much.
-fn arc(from: Place, heading: Place, to: Place, rr: f64) -> Option<Vec<Place>> {
+fn arc(from: Place, heading: Place, to: Place, radius_px: f64) -> Option<Vec<Place>> {
     let far = apart(from, to);
     let d = unit([to[0] - from[0], to[1] - from[1]]);
     let half = (heading[0] * d[1] - heading[1] * d[0]).atan2(heading[0] * d[0] + heading[1] * d[1]);
     let curvature = 2.0 * half.sin() / far.max(1e-9);
-    if far < 0.5 * rr || far > LED_MOST * rr || half.abs() > 1.2 || curvature.abs() * rr > 0.5 {
+    if far < 0.5 * radius_px
+        || far > LED_MOST * radius_px
+        || half.abs() > 1.2
+        || curvature.abs() * radius_px > 0.5
+    {
         return None;
     }
     let long = if half.abs() < 1e-6 { far } else { 2.0 * half / curvature };
-    let n = (long / (0.5 * rr)).ceil() as usize;
+    let n = (long / (0.5 * radius_px)).ceil() as usize;
     let start = heading[1].atan2(heading[0]);
     let mut way = Vec::with_capacity(n);
     let mut x = from;

@@ -183,7 +183,7 @@ fn bridge(
     ends: [(usize, usize); 2],
     dearest: f64,
 ) -> Option<Bridge> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let [p, q] = ends.map(|(chain, end)| from_end(&chains[chain], end));
     let heading = |p: &[Place]| {
         let back = p[HEADING.min(p.len() - 1)];
@@ -192,8 +192,9 @@ fn bridge(
     let (a, b, out, into) = (p[0], q[0], heading(&p), heading(&q).map(|x| -x));
     let mut best: Option<Bridge> = None;
     for speed in SPEEDS {
-        let curve = resampled(&hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x)), STEP * rr);
-        let long = length(&curve) / rr / curve.len() as f64;
+        let curve =
+            resampled(&hermite(a, out.map(|x| speed * x), b, into.map(|x| speed * x)), STEP * radius_px);
+        let long = length(&curve) / radius_px / curve.len() as f64;
         let price = |x: &Place| {
             if silhouette.distance(*x) > 0.0 {
                 return 0.0;
@@ -216,7 +217,7 @@ fn bridge(
         let fixed = GAP + long * dear;
         let whole: Vec<Place> =
             p[1..4.min(p.len())].iter().rev().chain(&curve).chain(&q[1..4.min(q.len())]).copied().collect();
-        let (bent, change) = bending(&resampled(&whole, STEP * rr), rr);
+        let (bent, change) = bending(&resampled(&whole, STEP * radius_px), radius_px);
         let cost = fixed + BENDING * bent + CHANGE * change.min(1.0);
         if cost < best.as_ref().map_or(dearest, |b| b.cost) {
             best = Some(Bridge { ends, curve, cost, fixed });
@@ -233,7 +234,7 @@ fn assembled(
     left: &[f64],
     chosen: &[Step],
 ) -> Joined {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let (mut cost, mut fixed) = (0.0, 0.0);
     let mut over = vec![[None; 2]; chains.len()];
     let mut gone = vec![false; chains.len()];
@@ -281,7 +282,7 @@ fn assembled(
             }
             (chain, enter) = bridges[k].ends[usize::from(!turned)];
         }
-        made.push(cleaned(&nodes, 0.5 * rr));
+        made.push(cleaned(&nodes, 0.5 * radius_px));
     }
     Joined { chains: made, cost, fixed }
 }

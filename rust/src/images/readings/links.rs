@@ -61,10 +61,10 @@ pub struct Votes {
 
 impl Votes {
     pub fn new(silhouette: &Silhouette) -> Self {
-        let rr = silhouette.radius_px;
-        let vote = |e: &Edge| [e.at[0] - rr * e.normal[0], e.at[1] - rr * e.normal[1]];
+        let radius_px = silhouette.radius_px;
+        let vote = |e: &Edge| [e.at[0] - radius_px * e.normal[0], e.at[1] - radius_px * e.normal[1]];
         let places: Vec<Place> = silhouette.boundary.iter().map(vote).collect();
-        let lookup = Lookup::new(&places, rr);
+        let lookup = Lookup::new(&places, radius_px);
         Self { places, lookup }
     }
 
@@ -88,13 +88,13 @@ impl Votes {
 ///
 /// `anchors`: how much each node is held, in units of 1/radius². None if the curve would be no part of a good reading.
 pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let n = p.len();
-    let h = length(p) / (n - 1) as f64 / rr;
+    let h = length(p) / (n - 1) as f64 / radius_px;
     let smooth = smoothness(n, h, FIT_BENDING);
     let mut x = p.to_vec();
     let mut edges: Vec<(Place, Edge, usize)> = votes
-        .near(p, FARTHEST * rr)
+        .near(p, FARTHEST * radius_px)
         .into_iter()
         .map(|(k, nearest)| (votes.places[k], silhouette.boundary[k], nearest))
         .collect();
@@ -111,15 +111,15 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
                 let Some(j) = i.checked_sub(k) else { continue };
                 for c in 0..2 {
                     matrix.add_band(2 * i + c, 2 * j + c, weight);
-                    right[2 * i + c] -= weight * x[j][c] / rr;
+                    right[2 * i + c] -= weight * x[j][c] / radius_px;
                     if j != i {
-                        right[2 * j + c] -= weight * x[i][c] / rr;
+                        right[2 * j + c] -= weight * x[i][c] / radius_px;
                     }
                 }
             }
             for c in 0..2 {
                 matrix.add_band(2 * i + c, 2 * i + c, anchors[i] + 1e-3);
-                right[2 * i + c] -= anchors[i] * (x[i][c] - p[i][c]) / rr;
+                right[2 * i + c] -= anchors[i] * (x[i][c] - p[i][c]) / radius_px;
             }
         }
         let mut add = |i: usize, along: Place, residual: f64, weight: f64| {
@@ -148,22 +148,22 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
                 }
             }
             *last = k;
-            if k == 0 || k == n - 1 || least > (1.5 * reach * rr).powi(2) {
+            if k == 0 || k == n - 1 || least > (1.5 * reach * radius_px).powi(2) {
                 continue;
             }
             let normal = edge.normal;
-            let residual = ((vote[0] - x[k][0]) * normal[0] + (vote[1] - x[k][1]) * normal[1]) / rr;
+            let residual = ((vote[0] - x[k][0]) * normal[0] + (vote[1] - x[k][1]) * normal[1]) / radius_px;
             let along = (tangents[k][0] * normal[0] + tangents[k][1] * normal[1]).abs();
             if residual.abs() >= reach || along >= 0.45 {
                 continue;
             }
             let weight = (1.0 - (residual / reach).powi(2)).powi(2) * EDGE_SHARE * edge.weight
-                / rr
+                / radius_px
                 / (EDGE_SD * EDGE_SD);
             add(k, [-normal[0], -normal[1]], residual, weight);
         }
         for (i, &node) in x.iter().enumerate() {
-            let missing = 0.9 - silhouette.distance(node) / rr;
+            let missing = 0.9 - silhouette.distance(node) / radius_px;
             if missing > 0.0 && !silhouette.hidden(node) {
                 let g = silhouette.gradient(node);
                 add(i, [-g[0], -g[1]], missing, 4.0 * h);
@@ -172,7 +172,7 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
         let Some(factor) = matrix.factor() else { break };
         let (step, _) = factor.solve(&right, &[]);
         let most = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        let scale = (0.7 / most.max(1e-9)).min(1.0) * rr;
+        let scale = (0.7 / most.max(1e-9)).min(1.0) * radius_px;
         for i in 0..n {
             for c in 0..2 {
                 x[i][c] += scale * step[2 * i + c];
@@ -227,7 +227,7 @@ pub fn link(
     network: &Network,
     ports: [Port; 2],
 ) -> Option<Link> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let [ta, tb] = ports.map(|p| tail(network, p));
     let (a, b) = (ta[ta.len() - 1], tb[tb.len() - 1]);
     let (da, db) = (direction(&ta, 5), direction(&tb, 5));
@@ -236,29 +236,30 @@ pub fn link(
     if let Some(way) = skeleton.way(zone, a, b)
         && way.len() > 2
     {
-        starts.push(smoothed(&way, (3.0 * rr * silhouette.scale as f64) as usize));
+        starts.push(smoothed(&way, (3.0 * radius_px * silhouette.scale as f64) as usize));
     }
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;
     for start in starts {
-        if length(&start) > LONGEST * rr || best.as_ref().is_some_and(|b| b.cost < GOOD) {
+        if length(&start) > LONGEST * radius_px || best.as_ref().is_some_and(|b| b.cost < GOOD) {
             continue;
         }
         let mut full: Vec<Place> = ta[..ta.len() - 1].to_vec();
-        if apart(start[0], a) >= rr {
+        if apart(start[0], a) >= radius_px {
             full.push(a);
         }
         full.extend(&start);
         full.extend(tb[..tb.len() - 1].iter().rev());
-        let full = resampled(&full, STEP * rr);
+        let full = resampled(&full, STEP * radius_px);
         let n = full.len();
         if n < 5 {
             continue;
         }
         let (na, nb, total) = (length(&ta), length(&tb), length(&full));
         let at = |i: usize| total * i as f64 / (n - 1) as f64;
-        let anchors: Vec<f64> =
-            (0..n).map(|i| if at(i) < na - rr || at(i) > total - nb + rr { 1.0 } else { 0.0 }).collect();
+        let anchors: Vec<f64> = (0..n)
+            .map(|i| if at(i) < na - radius_px || at(i) > total - nb + radius_px { 1.0 } else { 0.0 })
+            .collect();
         let Some(full) = fitted(silhouette, votes, &full, &anchors) else { continue };
         let cost = curve_cost(silhouette, &full);
         if best.as_ref().is_none_or(|b| cost < b.cost) {
@@ -273,10 +274,11 @@ pub fn link(
 
 /// What a curve costs: bending, its change, tube outside the mask, kinks.
 pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
-    let rr = silhouette.radius_px;
-    let (bent, change) = bending(p, rr);
-    let bare =
-        |x: Place| if silhouette.hidden(x) { 0.0 } else { (0.8 - silhouette.distance(x) / rr).max(0.0) };
+    let radius_px = silhouette.radius_px;
+    let (bent, change) = bending(p, radius_px);
+    let bare = |x: Place| {
+        if silhouette.hidden(x) { 0.0 } else { (0.8 - silhouette.distance(x) / radius_px).max(0.0) }
+    };
     let outside: f64 = p.iter().map(|&x| bare(x)).sum::<f64>() * STEP;
     let sharp = p.windows(3).any(|w| {
         let (d, e) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
@@ -287,7 +289,7 @@ pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
 
 /// A rope's end inside a zone: straight on from a port as far as the mask reaches; a stub may be nothing.
 pub fn free_end(silhouette: &Silhouette, network: &Network, port: Port) -> Link {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     if network.stubs[port.segment] {
         let full = network.segments[port.segment].points.clone();
         let middle = vec![full[0]];
@@ -298,8 +300,8 @@ pub fn free_end(silhouette: &Silhouette, network: &Network, port: Port) -> Link 
     let mut middle = vec![tail[tail.len() - 1]];
     for _ in 0..24 {
         let x = middle[middle.len() - 1];
-        let next = [x[0] + d[0] * STEP * rr, x[1] + d[1] * STEP * rr];
-        if silhouette.distance(next) < 0.35 * rr {
+        let next = [x[0] + d[0] * STEP * radius_px, x[1] + d[1] * STEP * radius_px];
+        if silhouette.distance(next) < 0.35 * radius_px {
             break;
         }
         middle.push(next);

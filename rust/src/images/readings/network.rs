@@ -61,7 +61,7 @@ pub struct Network {
 impl Skeleton {
     /// Thins a mask, prunes spurs that reach out no farther than `spur` radii, and finds zones.
     pub fn new(silhouette: &Silhouette, spur: f64) -> Self {
-        let rr = silhouette.radius_px;
+        let radius_px = silhouette.radius_px;
         let scale = silhouette.scale as f64;
         let width = silhouette.inside.width;
         let mut numbers = Image::filled(width, silhouette.inside.height, 0u32);
@@ -70,7 +70,7 @@ impl Skeleton {
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
-            let gone = spurs(&net, &junction, spur * rr, rr, scale, depth_at);
+            let gone = spurs(&net, &junction, spur * radius_px, radius_px, scale, depth_at);
             if gone.is_empty() {
                 break (net, junction);
             }
@@ -84,7 +84,7 @@ impl Skeleton {
         let place = |k: usize| silhouette.original(k % width, k / width);
         let places: Vec<Place> = net.pixels.iter().map(|&k| place(k)).collect();
         let depth: Vec<f64> = net.pixels.iter().map(|&k| depth_at(k)).collect();
-        let zone = zones(&net, &junction, &places, &depth, rr, scale);
+        let zone = zones(&net, &junction, &places, &depth, radius_px, scale);
         Self { net, zone, places, depth, scale }
     }
 
@@ -92,7 +92,7 @@ impl Skeleton {
     ///
     /// With `contract`, a short single strand between two zones with odd numbers of ports becomes zone: two strands may be
     /// stacked there. Pixels of `hidden` become zone too.
-    pub fn read(&self, rr: f64, contract: bool, hidden: &[u32]) -> Network {
+    pub fn read(&self, radius_px: f64, contract: bool, hidden: &[u32]) -> Network {
         let mut zone = self.zone.clone();
         for &i in hidden {
             zone[i as usize] = true;
@@ -105,7 +105,11 @@ impl Skeleton {
             for line in self.net.lines(&single, &numbers) {
                 let raw: Vec<Place> = line.path.iter().map(|&i| self.places[i as usize]).collect();
                 let smooth = smoothed(&raw, (3.0 * self.scale) as usize);
-                let points = if length(&smooth) > 0.5 * rr { resampled(&smooth, 0.5 * rr) } else { smooth };
+                let points = if length(&smooth) > 0.5 * radius_px {
+                    resampled(&smooth, 0.5 * radius_px)
+                } else {
+                    smooth
+                };
                 let zones = if line.path.len() == 1 { [line.ends[0], 0] } else { line.ends };
                 for (end, &number) in zones.iter().enumerate() {
                     if number != 0 {
@@ -119,7 +123,7 @@ impl Skeleton {
                 .iter()
                 .filter(|s| s.zones[0] != s.zones[1] && odd(s.zones[0]) && odd(s.zones[1]))
                 .map(|s| (length(&s.points), s))
-                .filter(|(long, _)| contract && *long < STACK * rr)
+                .filter(|(long, _)| contract && *long < STACK * radius_px)
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((_, segment)) = hides {
                 for &i in &segment.path {
@@ -129,7 +133,7 @@ impl Skeleton {
             }
             let stubs = segments
                 .iter()
-                .map(|s| (s.zones[0] == 0) != (s.zones[1] == 0) && length(&s.points) < 2.0 * rr)
+                .map(|s| (s.zones[0] == 0) != (s.zones[1] == 0) && length(&s.points) < 2.0 * radius_px)
                 .collect();
             let mut zones = vec![Vec::new(); count];
             for (i, &number) in numbers.iter().enumerate() {
@@ -204,7 +208,7 @@ fn spurs(
     net: &Net,
     junction: &[bool],
     spur: f64,
-    rr: f64,
+    radius_px: f64,
     scale: f64,
     depth: impl Fn(usize) -> f64,
 ) -> Vec<u32> {
@@ -223,7 +227,7 @@ fn spurs(
         let [a, b] = line.ends;
         if a == 0 && b == 0 {
             // a crumb
-            if (line.path.len() as f64) < 2.0 * rr * scale && lines.len() > 1 {
+            if (line.path.len() as f64) < 2.0 * radius_px * scale && lines.len() > 1 {
                 gone.extend(&line.path);
             }
         } else if a == 0 || b == 0 {
@@ -246,7 +250,14 @@ fn line_length(net: &Net, path: &[u32]) -> f64 {
 }
 
 /// Which pixels are in zones: where the mask is wide, and near junctions.
-fn zones(net: &Net, junction: &[bool], places: &[Place], depth: &[f64], rr: f64, scale: f64) -> Vec<bool> {
+fn zones(
+    net: &Net,
+    junction: &[bool],
+    places: &[Place],
+    depth: &[f64],
+    radius_px: f64,
+    scale: f64,
+) -> Vec<bool> {
     let n = net.len();
     let junctions: Vec<usize> = (0..n).filter(|&i| junction[i]).collect();
     let mut zone: Vec<bool> = (0..n)
@@ -255,7 +266,8 @@ fn zones(net: &Net, junction: &[bool], places: &[Place], depth: &[f64], rr: f64,
                 .iter()
                 .map(|&j| (apart(places[i], places[j]), j))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
-            depth[i] > WIDE * rr || nearest.is_some_and(|(away, j)| away < depth[j] + ZONE_PAD * rr)
+            depth[i] > WIDE * radius_px
+                || nearest.is_some_and(|(away, j)| away < depth[j] + ZONE_PAD * radius_px)
         })
         .collect();
     for _ in 0..2 {
@@ -263,7 +275,7 @@ fn zones(net: &Net, junction: &[bool], places: &[Place], depth: &[f64], rr: f64,
         let single: Vec<bool> = zone.iter().map(|z| !z).collect();
         for group in members(net, &single) {
             let touches = group.iter().any(|&i| net.near(i).iter().any(|&k| zone[k as usize]));
-            if (group.len() as f64) < 1.2 * rr * scale && touches {
+            if (group.len() as f64) < 1.2 * radius_px * scale && touches {
                 group.iter().for_each(|&i| zone[i] = true);
             }
         }
@@ -271,7 +283,9 @@ fn zones(net: &Net, junction: &[bool], places: &[Place], depth: &[f64], rr: f64,
         for group in members(net, &zone) {
             let long = group.len() as f64 / scale;
             let wide = group.iter().map(|&i| depth[i]).fold(0.0, f64::max);
-            if !group.iter().any(|&i| junction[i]) && (long < rr || (wide < 1.5 * rr && long < 3.0 * rr)) {
+            if !group.iter().any(|&i| junction[i])
+                && (long < radius_px || (wide < 1.5 * radius_px && long < 3.0 * radius_px))
+            {
                 group.iter().for_each(|&i| zone[i] = false);
             }
         }
@@ -281,7 +295,7 @@ fn zones(net: &Net, junction: &[bool], places: &[Place], depth: &[f64], rr: f64,
     for tip in tips {
         let mut stub = vec![tip];
         let mut front = vec![tip];
-        for _ in 0..((0.5 * rr * scale) as usize).max(3) {
+        for _ in 0..((0.5 * radius_px * scale) as usize).max(3) {
             let mut next = Vec::new();
             for &i in &front {
                 for &k in net.near(i) {

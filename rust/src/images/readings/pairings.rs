@@ -62,24 +62,24 @@ const NONE: u32 = u32::MAX;
 impl Region {
     /// The mask around a zone, without what segments cover.
     fn new(silhouette: &Silhouette, skeleton: &Skeleton, network: &Network, zone: &[u32]) -> Self {
-        let rr = silhouette.radius_px;
+        let radius_px = silhouette.radius_px;
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
         for &i in zone {
             let p = skeleton.place(i);
             for c in 0..2 {
-                low[c] = low[c].min(p[c] - 5.0 * rr);
-                high[c] = high[c].max(p[c] + 5.0 * rr);
+                low[c] = low[c].min(p[c] - 5.0 * radius_px);
+                high[c] = high[c].max(p[c] + 5.0 * radius_px);
             }
         }
-        let step = (rr / 5.0).floor().max(1.0);
+        let step = (radius_px / 5.0).floor().max(1.0);
         let origin = [low[0].floor(), low[1].floor()];
         let width = ((high[0] - origin[0]) / step) as usize + 2;
         let height = ((high[1] - origin[1]) / step) as usize + 2;
         let mut region = Self { origin, step, width, height, numbers: Vec::new(), count: 0 };
         let mut inside = vec![false; width * height];
         for &i in zone.iter().step_by(silhouette.scale) {
-            region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * rr, &mut inside, true);
+            region.stamp(&[skeleton.place(i); 2], skeleton.depth(i) + 0.5 * radius_px, &mut inside, true);
         }
         for (k, value) in inside.iter_mut().enumerate() {
             *value = *value && silhouette.distance(region.place(k)) > 0.0;
@@ -87,7 +87,7 @@ impl Region {
         for (segment, &stub) in network.segments.iter().zip(&network.stubs) {
             let near = |p: &Place| (0..2).all(|c| p[c] > low[c] && p[c] < high[c]);
             if !stub && segment.points.iter().any(near) {
-                region.stamp(&segment.points, 1.2 * rr + 0.3, &mut inside, false);
+                region.stamp(&segment.points, 1.2 * radius_px + 0.3, &mut inside, false);
             }
         }
         region.numbers = vec![NONE; inside.len()];
@@ -165,9 +165,9 @@ impl Region {
 /// How much two curves touch without crossing: 1 where they lie on each other, 0 where they cross or keep apart.
 ///
 /// Strands that touch by accident are rarer than strands that cross.
-fn kiss(p: &[Place], q: &[Place], rr: f64) -> f64 {
+fn kiss(p: &[Place], q: &[Place], radius_px: f64) -> f64 {
     let away = nearest(p, q);
-    if away > 1.7 * rr || cross(p, q) { 0.0 } else { ((1.7 - away / rr) / 0.7).clamp(0.0, 1.0) }
+    if away > 1.7 * radius_px || cross(p, q) { 0.0 } else { ((1.7 - away / radius_px) / 0.7).clamp(0.0, 1.0) }
 }
 
 /// Which two of a zone's ports are worth a link: all, unless there are many.
@@ -207,7 +207,7 @@ pub fn pairings(
     ports: &[Port],
     most: usize,
 ) -> Pairings {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let partners = partners(network, ports);
     let pairs: Vec<(usize, usize)> = (0..ports.len())
         .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
@@ -227,7 +227,8 @@ pub fn pairings(
         joints.push(Joint { ports: (a, None), link: free_end(silhouette, network, port) });
     }
     let region = Region::new(silhouette, skeleton, network, &network.zones[zone]);
-    let covers: Vec<Vec<u64>> = joints.iter().map(|j| region.covered(&j.link.full, 1.2 * rr + 0.3)).collect();
+    let covers: Vec<Vec<u64>> =
+        joints.iter().map(|j| region.covered(&j.link.full, 1.2 * radius_px + 0.3)).collect();
     let mut least = vec![f64::INFINITY; ports.len()];
     for joint in &joints {
         match joint.ports {
@@ -243,7 +244,7 @@ pub fn pairings(
         least: &least,
         region: &region,
         covers: &covers,
-        rr,
+        radius_px,
         kisses: HashMap::new(),
         left: [most.min(TRIED), WORK],
         ways: Vec::new(),
@@ -261,7 +262,7 @@ struct Search<'a> {
     least: &'a [f64],
     region: &'a Region,
     covers: &'a [Vec<u64>],
-    rr: f64,
+    radius_px: f64,
     kisses: HashMap<(usize, usize), f64>,
     /// Tries that are left, and work.
     left: [usize; 2],
@@ -286,7 +287,7 @@ impl Search<'_> {
             let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
             let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
             let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
-            let bare = UNCOVERED * self.region.uncovered(&covers) / (self.rr * self.rr);
+            let bare = UNCOVERED * self.region.uncovered(&covers) / (self.radius_px * self.radius_px);
             let cost = cost + kisses + bare;
             let rank = self.ways.partition_point(|way| way.cost <= cost);
             if rank < KEPT {
@@ -322,8 +323,8 @@ impl Search<'_> {
         for (i, &k) in chosen.iter().enumerate() {
             for &l in &chosen[i + 1..] {
                 if self.joints[k].ports.1.is_some() && self.joints[l].ports.1.is_some() {
-                    let (joints, rr) = (self.joints, self.rr);
-                    let new = || kiss(&joints[k].link.full, &joints[l].link.full, rr);
+                    let (joints, radius_px) = (self.joints, self.radius_px);
+                    let new = || kiss(&joints[k].link.full, &joints[l].link.full, radius_px);
                     cost += KISS * *self.kisses.entry((k.min(l), k.max(l))).or_insert_with(new);
                 }
             }

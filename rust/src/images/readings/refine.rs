@@ -15,7 +15,7 @@ const EXPLAINED: f64 = 0.8;
 
 /// Chains fitted together.
 pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let starts: Vec<usize> = chains
         .iter()
         .scan(0, |sum, c| {
@@ -25,7 +25,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         .collect();
     let mut nodes: Vec<Place> = chains.concat();
     let chain_of: Vec<usize> = chains.iter().enumerate().flat_map(|(k, c)| vec![k; c.len()]).collect();
-    let steps: Vec<f64> = chains.iter().map(|c| length(c) / (c.len() - 1) as f64 / rr).collect();
+    let steps: Vec<f64> = chains.iter().map(|c| length(c) / (c.len() - 1) as f64 / radius_px).collect();
     let smooth: Vec<Vec<[f64; 4]>> =
         chains.iter().zip(&steps).map(|(c, &h)| smoothness(c.len(), h, FIT_BENDING)).collect();
     let is_end = |i: usize| {
@@ -33,7 +33,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         i == starts[k] || i + 1 == starts[k] + chains[k].len()
     };
     for reach in REACH {
-        let lookup = Lookup::new(&nodes, NEAR * rr);
+        let lookup = Lookup::new(&nodes, NEAR * radius_px);
         let tangents: Vec<Place> = (0..nodes.len())
             .map(|i| {
                 let (first, last) =
@@ -45,7 +45,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
         let mut systems: Vec<(Bordered<PLANAR>, Vec<f64>)> =
             chains.iter().map(|c| (Bordered::zeros(2 * c.len(), 0), vec![0.0; 2 * c.len()])).collect();
         for edge in &silhouette.boundary {
-            let vote = [edge.at[0] - rr * edge.normal[0], edge.at[1] - rr * edge.normal[1]];
+            let vote = [edge.at[0] - radius_px * edge.normal[0], edge.at[1] - radius_px * edge.normal[1]];
             let nearest = |within: f64| {
                 let mut best: Option<(f64, usize, f64)> = None;
                 lookup.visit(vote, within, |i| {
@@ -56,14 +56,14 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                     }
                     let along = (tangents[i][0] * edge.normal[0] + tangents[i][1] * edge.normal[1]).abs();
                     if along < 0.45 {
-                        best = Some((square, i, (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / rr));
+                        best = Some((square, i, (d[0] * edge.normal[0] + d[1] * edge.normal[1]) / radius_px));
                     }
                 });
                 best
             };
             // most edges have a chain beside them
-            let near = nearest(NEAR * rr);
-            let best = if near.is_none() && reach > NEAR { nearest(reach * rr) } else { near };
+            let near = nearest(NEAR * radius_px);
+            let best = if near.is_none() && reach > NEAR { nearest(reach * radius_px) } else { near };
             let Some((_, i, residual)) = best else { continue };
             if is_end(i) {
                 continue;
@@ -76,7 +76,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             } else {
                 continue;
             };
-            let weight = weight * EDGE_SHARE * edge.weight / rr / (EDGE_SD * EDGE_SD);
+            let weight = weight * EDGE_SHARE * edge.weight / radius_px / (EDGE_SD * EDGE_SD);
             let k = chain_of[i];
             add(&mut systems[k], i - starts[k], [-edge.normal[0], -edge.normal[1]], residual, weight);
         }
@@ -89,9 +89,9 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                     let Some(j) = i.checked_sub(back) else { continue };
                     for c in 0..2 {
                         system.0.add_band(2 * i + c, 2 * j + c, weight);
-                        system.1[2 * i + c] -= weight * x[j][c] / rr;
+                        system.1[2 * i + c] -= weight * x[j][c] / radius_px;
                         if j != i {
-                            system.1[2 * j + c] -= weight * x[i][c] / rr;
+                            system.1[2 * j + c] -= weight * x[i][c] / radius_px;
                         }
                     }
                 }
@@ -99,10 +99,10 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
                 for c in 0..2 {
                     system.0.add_band(2 * i + c, 2 * i + c, hold);
                     if hold > 1.0 {
-                        system.1[2 * i + c] -= hold * (x[i][c] - chain[i][c]) / rr;
+                        system.1[2 * i + c] -= hold * (x[i][c] - chain[i][c]) / radius_px;
                     }
                 }
-                let missing = 0.9 - silhouette.distance(x[i]) / rr;
+                let missing = 0.9 - silhouette.distance(x[i]) / radius_px;
                 if missing > 0.0 && !silhouette.hidden(x[i]) {
                     let g = silhouette.gradient(x[i]);
                     add(&mut system, i, [-g[0], -g[1]], missing, 4.0 * steps[k]);
@@ -112,7 +112,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             let (step, _) = factor.solve(&system.1, &[]);
             let far = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
             most = most.max(far);
-            let scale = (0.7 / far.max(1e-9)).min(1.0) * rr;
+            let scale = (0.7 / far.max(1e-9)).min(1.0) * radius_px;
             for i in 0..n {
                 for c in 0..2 {
                     nodes[starts[k] + i][c] += scale * step[2 * i + c];

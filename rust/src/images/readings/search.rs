@@ -74,13 +74,13 @@ type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 
 /// The likely readings of a mask, the best first, no two alike.
 pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let votes = Votes::new(silhouette);
     let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(silhouette, spur));
     let [pruned, bushy] = [&skeletons[0], &skeletons[1]];
     let different = if bushy.is_same(pruned) { vec![] } else { vec![(bushy, TIPS)] };
     let ways = parallel::map(&[vec![(pruned, 0.0)], different].concat(), |&(skeleton, more)| {
-        candidates(skeleton, rr, more)
+        candidates(skeleton, radius_px, more)
     });
     let mut candidates: Vec<Candidate> = ways.into_iter().flatten().collect();
     // a zone that looks the same in two of them is worked out once
@@ -111,7 +111,7 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
             break;
         }
         let course = course(&reading.chains);
-        if !courses.iter().any(|k| alike(k, &course, rr)) {
+        if !courses.iter().any(|k| alike(k, &course, radius_px)) {
             kept.push(reading);
             courses.push(course);
         }
@@ -143,10 +143,10 @@ fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
 
 /// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
 fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let ([left, top], _) = silhouette.frame();
     let mut bare = silhouette.mask.clone();
-    let reach = 1.2 * rr + 0.3;
+    let reach = 1.2 * radius_px + 0.3;
     // from the first to before the last
     let range = |low: f64, high: f64, count: usize| {
         let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
@@ -171,7 +171,7 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
     let mut stretches = Vec::new();
     let mut total = 0.0;
     for (number, &size) in found.sizes.iter().enumerate() {
-        let area = size as f64 / (rr * rr);
+        let area = size as f64 / (radius_px * radius_px);
         total += area;
         if area > BARE {
             stretches.push((sums[number].map(|s| s / size as f64), area));
@@ -181,22 +181,22 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
 }
 
 /// Readings of one skeleton: as it is, and with stretches taken for two strands.
-fn candidates(skeleton: &Skeleton, rr: f64, tips: f64) -> Vec<Candidate<'_>> {
+fn candidates(skeleton: &Skeleton, radius_px: f64, tips: f64) -> Vec<Candidate<'_>> {
     let of = |network, more| Candidate { skeleton, network, more, zones: Vec::new() };
-    let plain = skeleton.read(rr, false, &[]);
+    let plain = skeleton.read(radius_px, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
         .segments
         .iter()
         .filter(|s| s.zones[0] != 0 && s.zones[1] != 0 && s.zones[0] != s.zones[1])
         .map(|s| (length(&s.points), s.path.clone()))
-        .filter(|(long, _)| *long < STACK * rr)
+        .filter(|(long, _)| *long < STACK * radius_px)
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut seen = HashSet::from([plain.zones.clone()]);
     let mut found = vec![of(plain, tips)];
     let hidden = std::iter::once(Vec::new()).chain(stretches.into_iter().take(STACKS).map(|(_, path)| path));
     for path in hidden {
-        let network = skeleton.read(rr, true, &path);
+        let network = skeleton.read(radius_px, true, &path);
         if seen.insert(network.zones.clone()) {
             found.push(of(network, if path.is_empty() { tips } else { HIDDEN + tips }));
         }
@@ -228,12 +228,12 @@ fn course(chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
 }
 
 /// Whether two readings run through the same places in the same order, to a radius.
-fn alike(a: &[Vec<Place>], b: &[Vec<Place>], rr: f64) -> bool {
+fn alike(a: &[Vec<Place>], b: &[Vec<Place>], radius_px: f64) -> bool {
     a.len() == b.len()
         && a.iter().zip(b).all(|(p, q)| {
             let n = p.len().min(q.len());
             let near = |turned: bool| {
-                (0..n).all(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= rr)
+                (0..n).all(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= radius_px)
             };
             near(false) || near(true)
         })
@@ -247,7 +247,7 @@ fn search(
     ropes: Option<usize>,
     most: usize,
 ) -> Vec<Reading> {
-    let rr = silhouette.radius_px;
+    let radius_px = silhouette.radius_px;
     let network = &candidate.network;
     let zones: Vec<(&[usize], &Arc<Pairings>)> =
         candidate.zones.iter().map(|(ports, known)| (&ports[..], &pairings[*known])).collect();
@@ -267,9 +267,9 @@ fn search(
         if tried > MOST || work > WORK || found.len() >= 4 * most {
             break;
         }
-        let (mut chains, rings) = assembled(network, &zones, &choice, rr);
-        if chains.iter().any(|c| length(c) > 2.0 * rr) {
-            chains.retain(|c| length(c) > 2.0 * rr);
+        let (mut chains, rings) = assembled(network, &zones, &choice, radius_px);
+        if chains.iter().any(|c| length(c) > 2.0 * radius_px) {
+            chains.retain(|c| length(c) > 2.0 * radius_px);
         }
         let fixed: f64 =
             choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
@@ -327,7 +327,7 @@ fn assembled(
     network: &Network,
     zones: &[(&[usize], &Arc<Pairings>)],
     choice: &[usize],
-    rr: f64,
+    radius_px: f64,
 ) -> (Vec<Vec<Place>>, usize) {
     let mut next: Vec<Option<Lead>> = vec![None; network.ports.len()];
     let mut used = vec![false; network.segments.len()];
@@ -376,7 +376,7 @@ fn assembled(
             chains.push(walked(network, &port_of, &next, &mut used, segment, 1));
         }
     }
-    let chains = chains.iter().filter(|c| c.len() > 1).map(|c| cleaned(c, 0.5 * rr)).collect();
+    let chains = chains.iter().filter(|c| c.len() > 1).map(|c| cleaned(c, 0.5 * radius_px)).collect();
     (chains, rings)
 }
 

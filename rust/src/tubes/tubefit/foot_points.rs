@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::parallel::go_on;
 
+use super::residuals::{across, along_ray};
 use super::search::{Search, places};
 use super::spans::{
     DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
@@ -387,82 +388,4 @@ kernel! {
             });
         }
     }
-}
-
-/// Eight foot points.
-struct FootPoints<V> {
-    residual: V,
-    outward: Three<V>,
-    facing: V,
-    weight: V,
-    explained: V,
-    inlier: V,
-}
-
-/// The distance from the surface, of points at `q` from the axis, `d` away from it.
-#[inline(always)]
-fn across<S: Simd>(
-    simd: S,
-    q: Three<S::Eight>,
-    d: S::Eight,
-    to_camera: Three<S::Eight>,
-    band: S::Eight,
-) -> FootPoints<S::Eight> {
-    let one = simd.splat8(1.0);
-    let outward = q * (one / d);
-    let facing = outward.dot(to_camera);
-    let residual = d - one;
-    let explained = simd.splat8(0.1).below(facing);
-    FootPoints {
-        residual,
-        outward,
-        facing,
-        weight: explained * tukey(simd, residual, band),
-        explained,
-        inlier: explained * residual.abs().below(band),
-    }
-}
-
-/// The residual along the viewing ray, with the tube's straight cylinder at the foot point.
-#[inline(always)]
-fn along_ray<S: Simd>(
-    simd: S,
-    q: Three<S::Eight>,
-    to_camera: Three<S::Eight>,
-    tangent: Three<S::Eight>,
-    band: S::Eight,
-) -> FootPoints<S::Eight> {
-    let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
-    // across the axis: the ray is q + λ w, nearest to the axis at λ₀
-    let w = to_camera - tangent * to_camera.dot(tangent);
-    let square = w.dot(w) + simd.splat8(1e-12);
-    let nearest = zero - q.dot(w) / square;
-    let miss = q + w * nearest;
-    let gap = miss.dot(miss);
-    let hit = gap.below(one);
-    let missed_by = gap.sqrt() - one;
-    let length = nearest + ((one - gap).max(zero) / square).sqrt();
-    let outward = (q + w * length).unit(simd) * hit;
-    let facing = outward.dot(to_camera);
-    let residual = hit.choose(zero - length * facing, missed_by);
-    let cosine = facing.max(simd.splat8(0.4));
-    let near = length.abs().below(simd.splat8(1.2));
-    let weight = tukey(simd, residual, band * cosine.max(simd.splat8(0.5))) / (cosine * cosine);
-    let explained = hit.max(missed_by.below(simd.splat8(0.25)));
-    FootPoints {
-        residual,
-        outward,
-        facing,
-        weight: weight * near * hit,
-        explained,
-        inlier: explained * residual.abs().below(band),
-    }
-}
-
-/// Tukey's biweight.
-#[inline(always)]
-fn tukey<S: Simd>(simd: S, residual: S::Eight, band: S::Eight) -> S::Eight {
-    let x = residual / band;
-    let share = (simd.splat8(1.0) - x * x).max(simd.splat8(0.0));
-    share * share
 }
