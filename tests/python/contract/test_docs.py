@@ -24,9 +24,9 @@ def test_the_configuration_page_says_what_the_dataclasses_say():
 
 def test_the_configuration_page_has_every_field_with_its_default():
     page = configuration.PAGE.read_text(encoding="utf-8")
-    assert "| `threshold` | 3.2 | Minima above this are no crossings, in rope radii. Strands in" in page
+    assert "| `threshold` | 3.2 | A minimum above this is no crossing, in rope radii. Strands" in page
     assert "| `rotation_sd` | 0.5° (0.00873) | Standard deviation of each component of the rotation" in page
-    assert '| `rings` | `"maybe"` | `"maybe"`: as the data show.' in page
+    assert '| `rings` | `"maybe"` | `"maybe"` lets the data decide' in page
     sections = re.findall(r"^## `(\w+)`: (\w+)\n\n.+\n\n((?:\|.+\n)+)", page, re.MULTILINE)
     assert [name for name, _, _ in sections] == [
         entry.name for entry in dataclasses.fields(strand.Config) if entry.name not in ("method", "sensor")
