@@ -1,4 +1,4 @@
-"""The published method, composed: normals, ICP, averaged axis points, greedy tracing, split and reconnect.
+"""The published method: normals, ICP, averaged axis points, greedy tracing, split and reconnection.
 
 Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 """
@@ -28,7 +28,7 @@ from strand.views.view import View
 
 @dataclass(frozen=True, eq=False)
 class _Cloud:
-    """What is used of one view, in the world frame."""
+    """One view's points and normals in the world frame."""
 
     number: int
     view: View
@@ -46,39 +46,25 @@ class _Cloud:
 
 
 def find_chains(observed: Observed, config: Config, run: Run) -> Found:
-    """Run the published stages on filtered views that all see something.
+    """Run the published stages on filtered views of ropes of one radius, which stays as given.
 
-    Parameters
-    ----------
-    observed : Observed
-        Of one radius, which is taken as it is.
-    config : Config
-    run : Run
-
-    Returns
-    -------
-    Found
-        Its stages are "normals", "registered", "axis_points", "traced", "separation", "cuts", "segments".
-
-    Raises
-    ------
-    strand.NotEnoughDataError
-        If the points make no chain, or look like no ropes.
+    The stages are "normals", "registered", "axis_points", "traced", "separation", "cuts" and "segments".
+    Raises NotEnoughDataError if the points make no chain, or do not look like ropes.
     """
     radius = float(observed.radii.values[0])
     wide = no_ropes(observed.views, radius)
     if wide:
         raise NotEnoughDataError(f"views: {wide}")
     with run.stage("normals"):
-        clouds = _with_normals(observed.numbers, observed.views, radius, config)
+        clouds = _estimate_normals(observed.numbers, observed.views, radius, config)
     with run.stage("register"):
-        registered = _registered(clouds, radius, config, run)
+        registered = _register(clouds, radius, config, run)
     with run.stage("centerline"):
         points = np.concatenate([cloud.points for cloud in registered])
         normals = np.concatenate([cloud.normals for cloud in registered])
         axis_points, _ = _core.centerline(points, normals, radius, config.centerline.min_neighbors)
     with run.stage("trace"):
-        traced = _traced(axis_points, radius, config)
+        traced = _trace(axis_points, radius, config)
     with run.stage("split"):
         parts = split(traced, radius, config.splitting)
     with run.stage("reconnect"):
@@ -102,10 +88,10 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     )
 
 
-def _with_normals(
+def _estimate_normals(
     numbers: Sequence[int], views: Sequence[View], radius: float, config: Config
 ) -> list[_Cloud]:
-    """Estimate normals in the camera frames, where the camera is the origin, and go to the world frame."""
+    """Estimate normals in the camera frames, towards the camera, and turn them to the world frame."""
     found = _core.estimate_normals_each([view.points for view in views], config.normals.radius * radius)
     return [
         _Cloud(number, view, view.world_points, normals @ view.pose[:3, :3].T)
@@ -113,8 +99,11 @@ def _with_normals(
     ]
 
 
-def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Run) -> list[_Cloud]:
-    """Register the views to the middle one, from there outwards, each to all that are registered (eq. 15)."""
+def _register(clouds: Sequence[_Cloud], radius: float, config: Config, run: Run) -> list[_Cloud]:
+    """Register the views to the middle one (eq. 15).
+
+    Each goes to all that are registered, from the middle outwards.
+    """
     numbers = config.registration
     middle = len(clouds) // 2
     turns = sorted(range(len(clouds)), key=lambda i: abs(i - middle))
@@ -133,8 +122,8 @@ def _registered(clouds: Sequence[_Cloud], radius: float, config: Config, run: Ru
     return [registered[i] for i in range(len(clouds))]
 
 
-def _traced(axis_points: Array, radius: float, config: Config) -> tuple[Array, ...]:
-    """Trace chains (section V-A) and leave out the short ones."""
+def _trace(axis_points: Array, radius: float, config: Config) -> tuple[Array, ...]:
+    """Trace chains (section V-A) and drop the short ones."""
     numbers = config.tracing
     chains = _core.trace_chains(axis_points, numbers.near * radius, numbers.far * radius)
     traced = (axis_points[chain] for chain in chains)

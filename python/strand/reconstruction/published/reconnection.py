@@ -1,4 +1,4 @@
-"""Which segment goes on as which: ends grouped by four per crossing and joined by direction.
+"""Group the ends of segments by four per crossing, and join them by direction.
 
 Section V-B, fig. 13 of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 """
@@ -16,8 +16,7 @@ from strand.geometry.polyline import end_direction, path_length
 from strand.reconstruction.published.splitting import Split
 from strand.support.checks import Array
 
-# the ways to join four ends in two pairs
-_PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
+_PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))  # ways to join four ends in two pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,22 +38,11 @@ class Ends:
     lengths: Array
 
 
-def segment_ends(segments: Sequence[Array], skip: float, span: float) -> Ends:
-    """Find the ends of segments and their directions.
+def find_ends(segments: Sequence[Array], skip: float, span: float) -> Ends:
+    """Find the ends of segments; the direction at the end of a single node is the zero vector.
 
-    Parameters
-    ----------
-    segments : sequence of (K, 3) ndarray
-        Ordered nodes, metres.
-    skip : float
-        Nodes this near to the end do not count for its direction, metres of arc length.
-    span : float
-        The stretch over which the direction is taken, metres of arc length.
-
-    Returns
-    -------
-    Ends
-        The direction of an end whose segment is a single node is the zero vector.
+    Nodes nearer than `skip` to an end do not count for its direction, which is taken over `span`, both in
+    metres of arc length.
     """
     outward = [end_direction(nodes, skip, span) for segment in segments for nodes in (segment[::-1], segment)]
     return Ends(
@@ -65,22 +53,10 @@ def segment_ends(segments: Sequence[Array], skip: float, span: float) -> Ends:
 
 
 def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) -> list[list[int]]:
-    """Group the ends that meet at one crossing: up to four, nearest first.
+    """Group two to four of the numbered ends that meet at a crossing, nearest first.
 
-    Parameters
-    ----------
-    ends : Ends
-    numbers : sequence of int
-        The ends that may meet others.
-    reach : float
-        Ends farther apart than this do not meet, metres.
-    loop : float
-        Both ends of a segment meet at a crossing only if it is longer than this, metres.
-
-    Returns
-    -------
-    list of list of int
-        Numbers of ends, each in at most one group of two to four.
+    Ends farther from each other than `reach` do not meet. Both ends of a segment meet only if it is longer
+    than `loop`. Both are in metres.
     """
     count = len(ends.positions)
     distance = np.linalg.norm(ends.positions[:, None] - ends.positions[None], axis=2)
@@ -91,8 +67,8 @@ def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) ->
     distance[distance > reach] = np.inf
     nearest = np.argsort(distance, axis=1, kind="stable")
 
-    def company(end: int, taken: set[int]) -> list[int]:
-        """Return the end and up to three that meet it, without both ends of a short segment."""
+    def find_company(end: int, taken: set[int]) -> list[int]:
+        """Return the end and up to three that meet it, never both ends of a short segment."""
         group = [end]
         for other in nearest[end].tolist():
             if len(group) == 4 or not np.isfinite(distance[end, other]):
@@ -101,15 +77,15 @@ def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) ->
                 group.append(other)
         return group
 
-    def tightness(end: int) -> tuple[int, float]:
-        group = company(end, set(range(count)) - set(numbers))
+    def rank(end: int) -> tuple[int, float]:
+        group = find_company(end, set(range(count)) - set(numbers))
         return -len(group), float(distance[end, group[1:]].sum())
 
     groups: list[list[int]] = []
     taken = set(range(count)) - set(numbers)
-    for end in sorted(numbers, key=tightness):
+    for end in sorted(numbers, key=rank):
         if end not in taken:
-            group = company(end, taken)
+            group = find_company(end, taken)
             if len(group) > 1:
                 groups.append(group)
                 taken.update(group)
@@ -119,19 +95,8 @@ def group_ends(ends: Ends, numbers: Sequence[int], reach: float, loop: float) ->
 def pair_ends(group: Sequence[int], directions: Array, min_agreement: float) -> list[tuple[int, int]]:
     """Join the ends of a group whose directions agree best: two pairs of four, one pair of two or three.
 
-    Parameters
-    ----------
-    group : sequence of int
-        Numbers of two to four ends.
-    directions : (E, 3) ndarray
-        Outward unit vectors of all ends. Those of two ends that go on straight are opposite.
-    min_agreement : float
-        Cosine below which a single pair is not joined.
-
-    Returns
-    -------
-    list of (int, int)
-        Numbers of the ends that are joined.
+    `directions` point outward, so those of two ends that go on straight are opposite. A single pair is not
+    joined if the cosine is below `min_agreement`.
     """
     agreement = -directions[list(group)] @ directions[list(group)].T
     if len(group) == 4:
@@ -142,8 +107,8 @@ def pair_ends(group: Sequence[int], directions: Array, min_agreement: float) -> 
 
 
 @dataclass(frozen=True)
-class Reconnected:
-    """How segments make up strings.
+class SegmentJoins:
+    """The joins that make strings of segments.
 
     Attributes
     ----------
@@ -157,28 +122,14 @@ class Reconnected:
     meeting: frozenset[int]
 
 
-def reconnect(parts: Split, radius: float, ropes: int | None, config: Reconnection) -> Reconnected:
+def reconnect(parts: Split, radius: float, ropes: int | None, config: Reconnection) -> SegmentJoins:
     """Reconnect segments at crossings (fig. 13).
 
-    Ends are grouped by four, nearest first, and joined by direction in each group; the ends that are left,
-    far from all others, are those of the ropes. If there are more of them than the ropes have, the nearest
-    ones that agree in direction are joined over a gap.
-
-    Parameters
-    ----------
-    parts : Split
-        The segments.
-    radius : float
-        The string's radius, metres.
-    ropes : int or None
-        How many ropes there are, if that is known.
-    config : Reconnection
-
-    Returns
-    -------
-    Reconnected
+    Ends are grouped by four, nearest first, and joined by direction in each group. The ends that are left
+    are those of the ropes. If the number of ropes is known and more ends are left, the nearest ones whose
+    directions agree are joined over a gap.
     """
-    ends = segment_ends(parts.segments, config.skip * radius, config.span * radius)
+    ends = find_ends(parts.segments, config.skip * radius, config.span * radius)
     joins = [(2 * k, 2 * k + 1) for k in parts.rings]
     open_ends = sorted(set(range(len(ends.positions))) - {end for pair in joins for end in pair})
     groups = group_ends(ends, open_ends, config.reach * radius, config.loop * radius)
@@ -196,4 +147,4 @@ def reconnect(parts: Split, radius: float, ropes: int | None, config: Reconnecti
             if len(left) > 2 * ropes and gap <= config.gap * radius and {a, b} <= left:
                 joins.append((a, b))
                 left -= {a, b}
-    return Reconnected(tuple(joins), frozenset(meeting))
+    return SegmentJoins(tuple(joins), frozenset(meeting))

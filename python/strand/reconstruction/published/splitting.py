@@ -1,4 +1,4 @@
-"""Chains cut where they cross.
+"""Cut chains where they cross.
 
 Section V-B, eq. 19-20, fig. 11-12 of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 """
@@ -17,32 +17,21 @@ from strand.geometry.polyline import path_length
 from strand.support.checks import Array
 
 Indices = NDArray[np.int64]
-# rows of the distance matrix that are in memory at a time
-_BLOCK = 512
+_BLOCK = 512  # rows of the distance matrix that are in memory at a time
 
 
-def closes(chain: Array, reach: float, loop: float) -> bool:
-    """Tell whether a chain comes back to its start: ends within `reach`, and longer than `loop`, metres."""
+def is_closed(chain: Array, reach: float, loop: float) -> bool:
+    """Tell whether a chain's ends are within `reach` of each other and it is longer than `loop`, metres."""
     return bool(np.linalg.norm(chain[-1] - chain[0]) <= reach and path_length(chain)[-1] > loop)
 
 
-def separation(chains: Sequence[Array], neighborhood: float, closed: Sequence[bool]) -> tuple[Array, ...]:
-    """Distance of each node from the rest of the string, d* (eq. 19-20).
+def measure_separation(
+    chains: Sequence[Array], neighborhood: float, closed: Sequence[bool]
+) -> tuple[Array, ...]:
+    """Return each node's distance from the rest of the string, d* (eq. 19-20), metres.
 
-    Parameters
-    ----------
-    chains : sequence of (M, 3) ndarray
-        Ordered nodes, metres.
-    neighborhood : float
-        Nodes of the same chain this near along it, metres of arc length, are a node's own neighbourhood
-        and do not count.
-    closed : sequence of bool
-        Whether each chain goes on from its last node to its first.
-
-    Returns
-    -------
-    tuple of (M,) ndarray
-        d* for every node of every chain, metres; infinity where no other node counts.
+    Nodes of the same chain within the neighbourhood, metres of arc length, do not count; d* is infinite where
+    no other node counts.
     """
     if not chains:
         return ()
@@ -65,27 +54,15 @@ def separation(chains: Sequence[Array], neighborhood: float, closed: Sequence[bo
     return tuple(np.split(nearest, np.cumsum([len(chain) for chain in chains])[:-1]))
 
 
-def crossing_nodes(distance: Array, threshold: float, prominence: float, closed: bool = False) -> Indices:
-    """Nodes at which a chain is cut: the local minima of d*.
+def find_crossing_nodes(
+    distance: Array, threshold: float, prominence: float, closed: bool = False
+) -> Indices:
+    """Return the nodes at which a chain is cut, ascending: local minima of its d*.
 
-    A minimum counts if it lies under the threshold and d* rises by at least `prominence` on both sides of
-    it before it falls below it again; so a chain's own end, where another one is near, is not cut.
-
-    Parameters
-    ----------
-    distance : (M,) ndarray
-        d* along one chain, metres.
-    threshold, prominence : float
-        Metres.
-    closed : bool
-        Whether the last node is followed by the first.
-
-    Returns
-    -------
-    (C,) ndarray of int64
-        Indices of nodes, ascending.
+    A minimum counts if it is below the threshold, and if d* rises by the prominence on both sides before it
+    falls below the minimum again. So a chain's own end is not cut where another strand is near.
     """
-    # a closed chain is gone round from its greatest d*, where no minimum is
+    # a closed chain starts at its greatest d*, where no minimum is
     order = np.arange(len(distance))
     if closed:
         order = np.roll(order, -int(distance.argmax()))
@@ -108,22 +85,9 @@ def crossing_nodes(distance: Array, threshold: float, prominence: float, closed:
 
 
 def cut(chain: Array, nodes: Indices, closed: bool = False) -> list[Array]:
-    """Cut a chain on both sides of some of its nodes, which then belong to no segment.
+    """Cut a chain on both sides of some nodes, ascending, which then belong to no segment.
 
-    Parameters
-    ----------
-    chain : (M, 3) ndarray
-        Ordered nodes, metres.
-    nodes : (C,) ndarray of int64
-        Indices of nodes, ascending.
-    closed : bool
-        Whether the last node is followed by the first.
-
-    Returns
-    -------
-    list of (K, 3) ndarray
-        The segments in order; empty ones are left out. A closed chain that is cut is gone round from its
-        first cut.
+    Empty segments are dropped. The segments of a closed chain start at its first cut.
     """
     if closed and len(nodes):
         chain, nodes = np.roll(chain, -nodes[0], axis=0), nodes - nodes[0]
@@ -133,16 +97,16 @@ def cut(chain: Array, nodes: Indices, closed: bool = False) -> list[Array]:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Chains cut where they cross.
+    """Segments of chains that are cut where they cross.
 
     Attributes
     ----------
     distances : tuple of (M,) ndarray
         d* along each chain, metres.
     cuts : tuple of (C,) ndarray of int64
-        The nodes each chain is cut at.
+        The nodes that each chain is cut at.
     segments : tuple of (K, 3) ndarray
-        What is left between the cuts, chain by chain.
+        The stretches between the cuts, chain by chain.
     rings : tuple of int
         Numbers of the segments whose last node goes on to their first.
     """
@@ -154,27 +118,14 @@ class Split:
 
 
 def split(chains: Sequence[Array], radius: float, config: Splitting) -> Split:
-    """Split chains where they cross.
-
-    Parameters
-    ----------
-    chains : sequence of (M, 3) ndarray
-        Ordered nodes, metres.
-    radius : float
-        The string's radius, metres.
-    config : Splitting
-
-    Returns
-    -------
-    Split
-    """
-    closed = [closes(chain, config.closure * radius, config.neighborhood * radius) for chain in chains]
-    distances = separation(chains, config.neighborhood * radius, closed)
+    """Split chains where they cross."""
+    closed = [is_closed(chain, config.closure * radius, config.neighborhood * radius) for chain in chains]
+    distances = measure_separation(chains, config.neighborhood * radius, closed)
     cuts: list[Indices] = []
     segments: list[Array] = []
     rings: list[int] = []
     for chain, distance, ring in zip(chains, distances, closed, strict=True):
-        nodes = crossing_nodes(distance, config.threshold * radius, config.prominence * radius, ring)
+        nodes = find_crossing_nodes(distance, config.threshold * radius, config.prominence * radius, ring)
         if ring and not len(nodes):
             rings.append(len(segments))
         cuts.append(nodes)

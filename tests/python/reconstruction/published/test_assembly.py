@@ -8,7 +8,7 @@ import pytest
 from shared.ropes import CROSSED, draw_cross, draw_straight
 from strand._core import straighten
 from strand.config import Reconnection, Splitting
-from strand.reconstruction.published.assembly import assemble, reach_end
+from strand.reconstruction.published.assembly import assemble, extend_to_end
 from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import split
 
@@ -62,6 +62,6 @@ def test_the_end_is_found_by_counting(missing):
     length = 0.1
     axis = np.stack([rng.uniform(0, length, 4000), *rng.normal(scale=2e-4, size=(2, 4000))], axis=1)
     nodes = draw_straight((0, 0, 0), (length - missing * RADIUS, 0, 0))
-    reached = reach_end(nodes, axis, 4000 / length, RADIUS, 3 * RADIUS)
+    reached = extend_to_end(nodes, axis, 4000 / length, RADIUS, 3 * RADIUS)
     assert reached[-1, 0] == pytest.approx(length, abs=0.1 * RADIUS)
     assert np.abs(reached[-1, 1:]).max() < 1e-9

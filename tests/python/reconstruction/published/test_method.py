@@ -74,11 +74,11 @@ def test_numbers_of_the_configuration_are_used():
 
 @pytest.fixture(scope="module")
 def coarse():
-    """A rope on which a pixel has few neighbours."""
+    """A rope whose points have few neighbours."""
     return strand.synthetic.scene("arc", views=3, camera=strand.synthetic.Camera(size=(160, 120)), seed=2)
 
 
-def nodes_of(scene, config):
+def reconstruct_bits(scene, config):
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config, keep_stages=True)
     return [chain.points.tobytes() for chain in model.chains], [
         points.tobytes() for points in model.stages["filtered"]
@@ -86,24 +86,24 @@ def nodes_of(scene, config):
 
 
 def test_both_ways_to_ask_for_the_published_method_give_the_same_bits(coarse):
-    assert nodes_of(coarse, strand.Config(method="published")) == nodes_of(coarse, PUBLISHED)
-    assert nodes_of(coarse, PUBLISHED) != nodes_of(coarse, strand.Config())
+    assert reconstruct_bits(coarse, strand.Config(method="published")) == reconstruct_bits(coarse, PUBLISHED)
+    assert reconstruct_bits(coarse, PUBLISHED) != reconstruct_bits(coarse, strand.Config())
 
 
 def test_the_published_method_never_widens_its_filter(coarse):
-    chains, filtered = nodes_of(coarse, PUBLISHED)
+    chains, filtered = reconstruct_bits(coarse, PUBLISHED)
     for widen_below in (1e-3, 1e6):
         other = dataclasses.replace(PUBLISHED, filter=Filter(widen_below=widen_below))
-        assert nodes_of(coarse, other) == (chains, filtered)
+        assert reconstruct_bits(coarse, other) == (chains, filtered)
     cropped = [view.crop(coarse.bounds) for view in coarse.views]
     kept = [
         [view.world_points.tobytes() for view in without_outliers(cropped, coarse.radius, Filter(), widen)]
         for widen in (False, True)
     ]
     assert filtered == kept[0]
-    # the default method does, in these views
+    # the default method widens its filter in these views
     assert kept[1] != kept[0]
-    assert nodes_of(coarse, strand.Config())[1] == kept[1]
+    assert reconstruct_bits(coarse, strand.Config())[1] == kept[1]
 
 
 def test_a_view_that_cannot_be_registered_is_named(coarse):

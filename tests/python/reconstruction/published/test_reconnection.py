@@ -1,4 +1,4 @@
-"""Ends paired by direction, and gaps bridged."""
+"""Pairing ends by direction, and bridging gaps."""
 
 from __future__ import annotations
 
