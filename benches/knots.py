@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import strand
 from lib.tables import head, row
+from strand.ropes.knots import Knot
 
 Array = NDArray[np.float64]
 
@@ -131,7 +132,7 @@ def named_scenes(count: int) -> None:
         print(row(shape, *(", ".join(f"{name}: {n}" for name, n in of.items()) for of in (truth, found))))
 
 
-def named(knot: strand.Knot) -> str:
+def named(knot: Knot) -> str:
     """A knot's name, with its chirality if it has one."""
     return f"{knot.name} {knot.chirality}" if knot.chirality else knot.name
 

@@ -30,6 +30,7 @@ from fresh import KINDS, RELATIVE, draw
 from lib import collection
 from lib.measure import measured
 from lib.tables import head, row
+from strand.ropes.crossings import Crossing
 from strand.synthetic import SyntheticScene
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Found:
     right: bool
 
 
-def true_crossings(truth: Sequence[Array], radius: float) -> tuple[strand.Model, tuple[strand.Crossing, ...]]:
+def true_crossings(truth: Sequence[Array], radius: float) -> tuple[strand.Model, tuple[Crossing, ...]]:
     """Return the true ropes as a model, and their crossings seen from above."""
     ropes = strand.Model(tuple(strand.Chain(nodes, radius) for nodes in truth), np.eye(4)[None])
     return ropes, ropes.crossings()
@@ -69,7 +70,7 @@ def true_crossings(truth: Sequence[Array], radius: float) -> tuple[strand.Model,
 
 def beside_truth(
     chains: Sequence[strand.Chain],
-    crossings: Sequence[strand.Crossing],
+    crossings: Sequence[Crossing],
     truth: Sequence[Array],
     radius: float,
 ) -> list[Found]:

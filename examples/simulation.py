@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 import strand
+from strand.ropes.grasps import Grasp
 
 RADIUS = 0.0042
 WIDTH, HEIGHT = 640, 480
@@ -96,7 +97,7 @@ def lay(nodes: np.ndarray, views: int, seed: int = 0) -> World:
     holds = '<connect body1="gripper" body2="rope_0_0" anchor="0 0 0" active="false"/>' * HOLDS
     scene = SCENE.format(cameras="".join(map(_camera_element, poses)), fingers=2 * finger, holds=holds)
     with tempfile.TemporaryDirectory() as folder:
-        rope.to_mjcf(Path(folder, "rope.xml"), spacing=2.5 * RADIUS, young=YOUNG)
+        rope.save_mjcf(Path(folder, "rope.xml"), spacing=2.5 * RADIUS, young=YOUNG)
         Path(folder, "scene.xml").write_text(scene)
         model = mujoco.MjModel.from_xml_path(str(Path(folder, "scene.xml")))
     model.flex_rgba[:] = 0.9, 0.45, 0.1, 1.0
@@ -133,7 +134,7 @@ def look(world: World, noise: float = 0.0003) -> list[strand.View]:
     ]
 
 
-def take(world: World, grasp: strand.Grasp) -> np.ndarray:
+def take(world: World, grasp: Grasp) -> np.ndarray:
     """Open the gripper, reach for a place and close on all that lies between the jaws; return the place."""
     model, data = world.model, world.data
     axes, place = grasp.pose[:3, :3], grasp.pose[:3, 3]
@@ -204,7 +205,7 @@ def _put(world: World, place: np.ndarray) -> None:
     world.data.mocap_pos[1:3] = place + world.fingers
 
 
-def _set_fingers(world: World, grasp: strand.Grasp, width: float) -> None:
+def _set_fingers(world: World, grasp: Grasp, width: float) -> None:
     """Open or close the fingers, with their tips where the grasp has them."""
     aside = 0.5 * (width + GRIPPER.thickness)
     local = [[0.0, side * aside, grasp.tip - 0.5 * GRIPPER.depth] for side in (-1.0, 1.0)]
@@ -218,7 +219,7 @@ def _touch(world: World, touching: bool) -> None:
     world.model.geom_contype[fingers] = world.model.geom_conaffinity[fingers] = touching
 
 
-def _between(world: World, grasp: strand.Grasp) -> list[int]:
+def _between(world: World, grasp: Grasp) -> list[int]:
     """Return one vertex for each strand between the jaws."""
     chain = rope(world)
     s = np.arange(0.0, chain.length, 0.001)

@@ -20,28 +20,18 @@ from strand._core import (
     trace_tubes,
 )
 from strand.config import Config
-from strand.export.capsules import Capsules
-from strand.export.spheres import Spheres
-from strand.geometry.nearest import Nearest
 from strand.io.models import load_model
 from strand.io.recordings import Recording
 from strand.io.scenes import load_scene
-from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
-from strand.reconstruction.finding.strips import OtherObject
+from strand.reconstruction.finding.ropes import NoRopeError, find_ropes
 from strand.reconstruction.pipeline import reconstruct
 from strand.reconstruction.radius import estimate_radius
 from strand.reconstruction.tubes.registration import register_views
 from strand.ropes.chain import Chain
-from strand.ropes.contacts import Contact
-from strand.ropes.crossings import Crossing
-from strand.ropes.diagram import Diagram, knot_diagram
-from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
-from strand.ropes.grasps import Grasp, Grasps, Gripper, Refused
-from strand.ropes.knots import Knot, knot, linking_number
+from strand.ropes.diagram import knot_diagram
+from strand.ropes.grasps import Gripper
+from strand.ropes.knots import knot, linking_number
 from strand.ropes.model import Model
-from strand.ropes.pulls import Pull, PullPlan
-from strand.ropes.queries import RayHits, Sweeps
-from strand.ropes.shape import ShapeError
 from strand.support.files import FileFormatError
 from strand.views.box import Box
 from strand.views.pose import pose_from_angles, rotation_xyz, turntable_pose
@@ -49,40 +39,19 @@ from strand.views.sensor import Sensor
 from strand.views.view import View
 
 __all__ = [
-    "Alternative",
     "Box",
-    "Capsules",
     "Chain",
     "Config",
-    "Contact",
-    "Crossing",
-    "Diagram",
-    "Doubt",
     "EndObservation",
     "FileFormatError",
-    "FoundRopes",
-    "Grasp",
-    "Grasps",
     "Gripper",
     "IcpResult",
-    "Join",
-    "Knot",
     "Model",
-    "ModelWarning",
-    "Nearest",
     "NoRopeError",
     "NotEnoughDataError",
-    "OtherObject",
-    "Pull",
-    "PullPlan",
-    "RayHits",
     "Recording",
-    "Refused",
     "Sensor",
-    "ShapeError",
-    "Spheres",
     "StrandError",
-    "Sweeps",
     "TubeFit",
     "View",
     "__version__",

@@ -22,6 +22,7 @@ import strand
 from shared.ropes import find_rope_pixels
 from strand import cli
 from strand.cli import main
+from strand.ropes.doubt import Doubt, ModelWarning
 
 STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
 PUBLISHED_STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
@@ -475,10 +476,10 @@ def test_a_model_as_json_is_all_of_the_output(scene_npz, tmp_path, capsys):
 
 
 def test_what_speaks_against_an_answer_is_said_once_the_heaviest_first(scene_npz, monkeypatch, capsys):
-    doubts = [strand.Doubt("end", weight, "where", f"it is {weight}") for weight in np.linspace(0.9, 0.1, 15)]
+    doubts = [Doubt("end", weight, "where", f"it is {weight}") for weight in np.linspace(0.9, 0.1, 15)]
     warnings = [
-        strand.ModelWarning("branch", "a branch"),
-        strand.ModelWarning("end", "an end", None, doubts[2].amount),
+        ModelWarning("branch", "a branch"),
+        ModelWarning("end", "an end", None, doubts[2].amount),
     ]
     made = strand.Model((), np.eye(4)[None], warnings=warnings, doubts=doubts, confidence=0.25)
     monkeypatch.setattr(strand, "reconstruct", lambda *_, **__: made)

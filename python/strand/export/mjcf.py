@@ -23,7 +23,7 @@ _CABLE = "mujoco.elasticity.cable"
 def mjcf_of(
     chains: Sequence[Line], version: int, spacing: float | None, density: float, young: float
 ) -> bytes:
-    """Return a model of MuJoCo, see `strand.Model.to_mjcf`."""
+    """Return a model of MuJoCo, see `strand.Model.save_mjcf`."""
     version = check_integer("version", version, 3, 4)
     density, young = check_positive("density", density), check_positive("young", young)
     model = ElementTree.Element("mujoco", model="strand")

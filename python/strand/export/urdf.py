@@ -14,7 +14,7 @@ from strand.geometry.line import Line
 
 
 def urdf_of(chains: Sequence[Line], error: float) -> bytes:
-    """Return a URDF with a link for each rope, see `strand.Model.to_urdf`."""
+    """Return a URDF with a link for each rope, see `strand.Model.save_urdf`."""
     capsules = capsules_of(chains, error)
     robot = ElementTree.Element("robot", name="strand")
     ElementTree.SubElement(robot, "link", name="world")

@@ -138,7 +138,7 @@ class Grasp:
 
 
 @dataclass(frozen=True)
-class Refused:
+class NoGrasp:
     """A stretch of rope that cannot be held, and why.
 
     Attributes
@@ -168,12 +168,12 @@ class Grasps:
     ----------
     found : tuple of Grasp
         At most one for each place that was tried.
-    refused : tuple of Refused
+    refused : tuple of NoGrasp
         The other places, along the chains.
     """
 
     found: tuple[Grasp, ...]
-    refused: tuple[Refused, ...]
+    refused: tuple[NoGrasp, ...]
 
     def __len__(self) -> int:
         return len(self.found)
@@ -213,7 +213,7 @@ def find_grasps(
         raise TypeError(f"gripper: expected a Gripper, got {type(gripper).__name__}")
     towards, plane = unit_direction(direction), None if table is None else _plane(table)
     found: list[Grasp] = []
-    refused: list[Refused] = []
+    refused: list[NoGrasp] = []
     if not chains:
         return Grasps((), ())
     steps = _steps(chains)
@@ -230,7 +230,7 @@ def find_grasps(
         for kind, group in groupby(zip(places, kinds, strict=True), key=lambda pair: pair[1]):
             stretch = [s for s, _ in group]
             if kind:
-                refused.append(Refused(i, (stretch[0], stretch[-1]), kind))
+                refused.append(NoGrasp(i, (stretch[0], stretch[-1]), kind))
     return Grasps(tuple(sorted(found, key=lambda grasp: -grasp.score)), tuple(refused))
 
 

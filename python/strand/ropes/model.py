@@ -26,7 +26,7 @@ from strand.ropes.grasps import Grasps, Gripper, find_grasps
 from strand.ropes.next_view import best_camera
 from strand.ropes.notebook import notebook_html
 from strand.ropes.pulls import PullPlan, plan_pulls
-from strand.ropes.queries import RayHits, Sweeps
+from strand.ropes.queries import RayHits, SweepHits
 from strand.support.checks import (
     Array,
     check_choice,
@@ -259,7 +259,7 @@ class Model:
         """
         return RayHits(*self._tubes.ray_hits(origins, directions))
 
-    def swept_spheres(self, starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> Sweeps:
+    def swept_spheres(self, starts: ArrayLike, ends: ArrayLike, radius: ArrayLike) -> SweepHits:
         """When spheres that move touch a rope, and how near they come; exact, up to rounding.
 
         Each moves straight and evenly from its start to its end, and goes through what it touches. A touch
@@ -274,7 +274,7 @@ class Model:
 
         Returns
         -------
-        Sweeps
+        SweepHits
 
         Raises
         ------
@@ -283,9 +283,9 @@ class Model:
         ValueError
             If shapes are wrong or differ, a number is not finite, or a radius is negative.
         """
-        return Sweeps(*self._tubes.swept_spheres(starts, ends, radius))
+        return SweepHits(*self._tubes.swept_spheres(starts, ends, radius))
 
-    def swept_boxes(self, starts: ArrayLike, ends: ArrayLike, half_sizes: ArrayLike) -> Sweeps:
+    def swept_boxes(self, starts: ArrayLike, ends: ArrayLike, half_sizes: ArrayLike) -> SweepHits:
         """When boxes that move and turn touch a rope, and how near they come.
 
         Each box' centre moves straight and evenly from its start to its end, while the box turns evenly
@@ -305,7 +305,7 @@ class Model:
 
         Returns
         -------
-        Sweeps
+        SweepHits
             The clearance is no less than minus the chain's radius: its axis is in the box then.
 
         Raises
@@ -316,7 +316,7 @@ class Model:
             If shapes are wrong or differ, a number is not finite, a pose is no rigid motion, or a half size
             is negative.
         """
-        return Sweeps(*self._tubes.swept_boxes(starts, ends, half_sizes))
+        return SweepHits(*self._tubes.swept_boxes(starts, ends, half_sizes))
 
     def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
         """Find where the ropes cross each other, and themselves, as seen from one side, and which is on top.
@@ -576,7 +576,7 @@ class Model:
         """
         return spheres_of(self.chains, error)
 
-    def to_mjcf(
+    def save_mjcf(
         self,
         path: str | os.PathLike[str],
         version: int = 4,
@@ -620,7 +620,7 @@ class Model:
         format_of(path, ("xml",))
         write_bytes(path, mjcf_of(self.chains, version, spacing, density, young))
 
-    def to_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
+    def save_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
         """Write the ropes as a URDF, whole or not at all: rigid, for what must not be touched.
 
         Each rope is a link `rope_0`, fixed to the link `world`, whose frame is the world frame. Its shapes

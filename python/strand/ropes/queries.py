@@ -34,7 +34,7 @@ class RayHits:
 
 
 @dataclass(frozen=True, eq=False)
-class Sweeps:
+class SweepHits:
     """For each of N bodies that move, when it touches a tube and how near it comes.
 
     Attributes

@@ -16,6 +16,7 @@ import strand
 from lib.bag_files import FORMATS, Messages, cameras, film, write
 from shared.scene_files import POINTS, make_ply
 from strand.cli import main
+from strand.ropes.doubt import Doubt
 
 SCENE = strand.synthetic.scene("arc", views=3)
 SMALL = strand.synthetic.scene("arc", views=2, camera=strand.synthetic.Camera(size=(40, 30)))
@@ -32,7 +33,7 @@ def folder(tmp_path, monkeypatch):
     Path("empty.npz").touch()
     write(Path("rope"), "ros1", film(SMALL, 3, True))
     write(Path("cameras"), "mcap", cameras(SMALL))
-    chain = strand.Chain(POINTS, 0.004, confidence=0.5, doubts=(strand.Doubt("end", 0.7, "where", "why"),))
+    chain = strand.Chain(POINTS, 0.004, confidence=0.5, doubts=(Doubt("end", 0.7, "where", "why"),))
     strand.Model((chain,), SCENE.poses, confidence=0.5, doubts=chain.doubts, method="default").save(
         "model.json"
     )

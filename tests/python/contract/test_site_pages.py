@@ -74,8 +74,8 @@ def test_kernels_have_their_documentation(read):
 
 
 def test_lazy_properties_are_attributes(read):
-    assert read["ropes.chain.Chain.tangents"].is_attribute
-    assert read["ropes.chain.Chain.at"].is_function
+    assert read["geometry.line.Line.tangents"].is_attribute
+    assert read["geometry.line.Line.at"].is_function
 
 
 def test_no_module_hides_a_public_name(read):

@@ -52,7 +52,6 @@ PENDING = {
     "arrows in Rust",
     "long files",
     "packed constants",
-    "public names",
     "length of the documentation",
 }
 

@@ -16,6 +16,8 @@ from lib import whole_files
 from shared.ropes import R, draw_circle
 from strand import load_scene
 from strand.export.files import COLUMNS
+from strand.ropes.crossings import Crossing
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 
 SCHEMA = json.loads((Path(__file__).parents[3] / "docs" / "model.schema.json").read_text())
 OPEN = strand.Chain(
@@ -111,12 +113,12 @@ def test_what_the_schema_refuses_is_not_read_either(tmp_path, key):
 def test_every_field_of_the_values_is_in_the_schema():
     for name, kind in (
         ("chain", strand.Chain),
-        ("warning", strand.ModelWarning),
-        ("join", strand.Join),
-        ("doubt", strand.Doubt),
-        ("alternative", strand.Alternative),
+        ("warning", ModelWarning),
+        ("join", Join),
+        ("doubt", Doubt),
+        ("alternative", Alternative),
         ("sensor", strand.Sensor),
-        ("crossing", strand.Crossing),
+        ("crossing", Crossing),
     ):
         fields = set(kind.__dataclass_fields__)
         assert set(SCHEMA["$defs"][name]["properties"]) == set(SCHEMA["$defs"][name]["required"]) == fields

@@ -22,7 +22,7 @@ MODEL = Model((ROPE, RING, SHORT), np.eye(4)[None])
 
 def written(folder, model=MODEL, version=HERE, **more):
     path = folder / "ropes.xml"
-    model.to_mjcf(path, version, density=DENSITY, **more)
+    model.save_mjcf(path, version, density=DENSITY, **more)
     return path
 
 
@@ -160,12 +160,12 @@ def test_files_are_written_whole_or_not_at_all(tmp_path):
         ({"young": float("nan")}, "young: expected a positive number"),
     ]:
         with pytest.raises(ValueError, match=said):
-            MODEL.to_mjcf(path, **wrong)
+            MODEL.save_mjcf(path, **wrong)
     with pytest.raises(TypeError, match="spacing: expected a number"):
-        MODEL.to_mjcf(path, spacing="1 cm")
+        MODEL.save_mjcf(path, spacing="1 cm")
     assert path.read_bytes() == before
     with pytest.raises(ValueError, match=r"ropes\.mjcf: expected a name that ends with \.xml"):
-        MODEL.to_mjcf(tmp_path / "ropes.mjcf")
+        MODEL.save_mjcf(tmp_path / "ropes.mjcf")
     assert [one.name for one in tmp_path.iterdir()] == ["ropes.xml"]
-    MODEL.to_mjcf(str(path), young=2e6)  # a path as text; what exists is replaced
+    MODEL.save_mjcf(str(path), young=2e6)  # a path as text; what exists is replaced
     assert path.read_bytes() != before

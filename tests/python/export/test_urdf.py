@@ -21,7 +21,7 @@ MODEL = Model((ROPE, draw_circle(0.05, 60, True), DOWN), np.eye(4)[None])
 @pytest.mark.parametrize("error", [5e-4, 2e-3])
 def test_mujoco_places_cylinders_and_balls_as_the_capsules_are(tmp_path, error):
     path = tmp_path / "ropes.urdf"
-    MODEL.to_urdf(path, error)
+    MODEL.save_urdf(path, error)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -44,7 +44,7 @@ def test_mujoco_places_cylinders_and_balls_as_the_capsules_are(tmp_path, error):
 
 
 def test_a_link_for_each_rope_with_shapes_to_see_and_to_touch(tmp_path):
-    MODEL.to_urdf(tmp_path / "ropes.urdf")
+    MODEL.save_urdf(tmp_path / "ropes.urdf")
     tree = ElementTree.parse(tmp_path / "ropes.urdf").getroot()
     assert [link.get("name") for link in tree.iter("link")] == ["world", "rope_0", "rope_1", "rope_2"]
     assert {joint.get("type") for joint in tree.iter("joint")} == {"fixed"}
@@ -56,9 +56,9 @@ def test_a_link_for_each_rope_with_shapes_to_see_and_to_touch(tmp_path):
 
 def test_wrong_names_and_errors_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a\.xml: expected a name that ends with \.urdf"):
-        MODEL.to_urdf(tmp_path / "a.xml")
+        MODEL.save_urdf(tmp_path / "a.xml")
     with pytest.raises(ValueError, match="error: expected a positive number"):
-        MODEL.to_urdf(tmp_path / "a.urdf", 0.0)
+        MODEL.save_urdf(tmp_path / "a.urdf", 0.0)
     assert list(tmp_path.iterdir()) == []
-    Model((), np.eye(4)[None]).to_urdf(tmp_path / "a.urdf")
+    Model((), np.eye(4)[None]).save_urdf(tmp_path / "a.urdf")
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "a.urdf")).ngeom == 0

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import strand
 from shared.ropes import draw_circle
-from strand import Chain, Model, ModelWarning
+from strand import Chain, Model
+from strand.ropes.doubt import ModelWarning
 
 
 @given(

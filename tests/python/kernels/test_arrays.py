@@ -17,14 +17,7 @@ from shared.kernel_calls import (
     make_axis_normals,
     make_lattice,
 )
-from strand import (
-    centerline,
-    count_neighbors,
-    estimate_normals,
-    icp,
-    radius_outlier_mask,
-    trace_chains,
-)
+from strand import centerline, count_neighbors, estimate_normals, icp, radius_outlier_mask, trace_chains
 from strand._core import constant_copy
 
 

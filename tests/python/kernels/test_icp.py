@@ -10,9 +10,7 @@ import pytest
 
 import strand
 from shared.kernel_calls import assert_same, make_lattice
-from strand import (
-    icp,
-)
+from strand import icp
 
 
 def test_the_outcome_of_a_registration_is_a_value():

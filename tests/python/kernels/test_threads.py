@@ -15,9 +15,7 @@ import pytest
 
 import strand
 from shared.kernel_calls import ARRAYS, CALLS, CLOUDS, assert_same, call_kernel, list_arrays, make_lattice
-from strand import (
-    count_neighbors,
-)
+from strand import count_neighbors
 
 
 def test_the_number_of_threads(threads):

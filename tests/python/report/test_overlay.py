@@ -13,6 +13,7 @@ from PIL import Image
 import strand
 from strand.report.cameras import make_cameras
 from strand.report.overlay import draw_overlay
+from strand.ropes.doubt import Doubt
 
 K = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
 POSE = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -82,8 +83,8 @@ def test_images_keep_their_budget():
 
 def test_doubts_are_marked_with_their_reason():
     doubts = (
-        strand.Doubt("end", 0.2, "where it ends", "a < b", LINE[0]),
-        strand.Doubt("noise", 0.1, "a", "b"),
+        Doubt("end", 0.2, "where it ends", "a < b", LINE[0]),
+        Doubt("noise", 0.1, "a", "b"),
     )
     _, svg = drawn(table(), strand.Chain(LINE, 0.004), doubts=doubts)
     assert svg.count('class="doubt"') == 1

@@ -20,6 +20,7 @@ from shared.browser import start_chromium
 from shared.ropes import draw_circle
 from strand.figures import write_report
 from strand.report import page, space_figure
+from strand.ropes.doubt import Doubt, Join, ModelWarning
 
 LIMIT = 5_000_000  # bytes
 ATTACK = "<script>alert('a')</script><img src=x onerror=alert(1)>&amp;\"'"
@@ -116,8 +117,8 @@ def test_nothing_in_it_is_code_or_a_link(report):
 
 
 def test_what_a_model_says_is_no_code(browser, paper, paper_model, tmp_path):
-    doubts = (strand.Doubt("join", 0.3, ATTACK, "</script><b>" + ATTACK, paper_model.chains[0].points[9]),)
-    warnings = (strand.ModelWarning("branch", ATTACK),)
+    doubts = (Doubt("join", 0.3, ATTACK, "</script><b>" + ATTACK, paper_model.chains[0].points[9]),)
+    warnings = (ModelWarning("branch", ATTACK),)
     model = dataclasses.replace(paper_model, doubts=doubts, warnings=warnings, stages={})
     write_report(model, paper.views, tmp_path / "a.html")
     browser.events.clear()
@@ -191,9 +192,9 @@ def large():
     covariance = np.tile(np.eye(3) * 1e-6, (300, 1, 1))
     seen = rng.integers(0, 2, 300)
     chains = tuple(strand.Chain(line, 1e-5, False, None, covariance, seen, seen) for line in steps)
-    doubts = tuple(strand.Doubt("join", 1.0, "w" * 3000, "<" * 3000, line[0]) for line in steps) * 5
-    warnings = tuple(strand.ModelWarning("branch", "&" * 10_000) for _ in range(2000))
-    joins = tuple(strand.Join(line[1], (0,), 1.0) for line in steps) * 5
+    doubts = tuple(Doubt("join", 1.0, "w" * 3000, "<" * 3000, line[0]) for line in steps) * 5
+    warnings = tuple(ModelWarning("branch", "&" * 10_000) for _ in range(2000))
+    joins = tuple(Join(line[1], (0,), 1.0) for line in steps) * 5
     return strand.Model(chains, poses, {}, warnings, doubts=doubts, joins=joins), views
 
 

@@ -8,6 +8,7 @@ import pytest
 import strand
 from strand import Chain, Model
 from strand.report import tables
+from strand.ropes.doubt import Doubt
 
 LINE = np.stack([np.linspace(0.0, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
 # no point is where the camera is: that would be no return
@@ -152,7 +153,7 @@ def test_tables_line_up():
 
 
 def test_chains_that_say_how_sure_they_are():
-    doubts = [strand.Doubt(kind, 0.1, "it", "why") for kind in ("left out", "end", "end", "join", "range")]
+    doubts = [Doubt(kind, 0.1, "it", "why") for kind in ("left out", "end", "end", "join", "range")]
     chains = (
         Chain(LINE, RADIUS, confidence=0.5, doubts=doubts),
         Chain(LINE[:9], RADIUS, closed=True, confidence=0.987, doubts=doubts[1:4]),

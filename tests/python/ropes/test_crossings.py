@@ -7,8 +7,9 @@ import pytest
 
 import strand
 from shared.ropes import R
-from strand import Chain, Crossing, Doubt, Model
-from strand.ropes.crossings import listed_crossings
+from strand import Chain, Model
+from strand.ropes.crossings import Crossing, listed_crossings
+from strand.ropes.doubt import Doubt
 from strand.synthetic import random_ropes, shape
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -11,6 +11,7 @@ from knot_floer_homology import pd_to_hfk
 import strand
 from knots import BRAIDS, closed_braid, drawn
 from shared.ropes import R, draw_circle
+from strand.ropes.doubt import Doubt
 from strand.synthetic import SHAPES, shape
 
 # by name: Seifert genus and Ozsváth and Szabó's tau of the right knot (KnotInfo, knotinfo.org)
@@ -241,7 +242,7 @@ def test_a_reconstructed_chain_has_its_own_crossings():
     assert 0.9 * sure.probability < found.probability < sure.probability
     below = np.prod([crossing.probability for crossing in chain.crossings((0, 0.2, -1))])
     assert chain.knot(direction=(0, 0.2, -1)).probability == pytest.approx(below * sure.probability)
-    doubt = strand.Doubt("order", 2.0, "what is on top", "said by a test", place=chain.crossings()[0].place)
+    doubt = Doubt("order", 2.0, "what is on top", "said by a test", place=chain.crossings()[0].place)
     assert replace(chain, doubts=(doubt,)).knot().probability < 0.95 * found.probability
     # without covariances nodes are as they are
     assert replace(chain, covariance=None, doubts=(doubt,)).knot() == sure

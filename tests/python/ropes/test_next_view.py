@@ -10,6 +10,7 @@ import pytest
 import strand
 from shared.ropes import R
 from strand import synthetic
+from strand.ropes.doubt import Join
 
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
 SCENE = synthetic.scene(chains=[LINE], views=3, camera=synthetic.Camera(size=(160, 120)), seed=5)
@@ -20,7 +21,7 @@ def test_the_next_view_leaves_out_a_camera_at_the_place():
     place = LINE[80]
     poses = SCENE.poses.copy()
     poses[0, :3, 3] = place
-    model = strand.Model((CHAIN,), poses, joins=(strand.Join(place, (0,), 1.0),))
+    model = strand.Model((CHAIN,), poses, joins=(Join(place, (0,), 1.0),))
     assert np.isfinite(model.next_view()).all()
     with pytest.raises(ValueError, match="poses"):
         replace(model, poses=poses[:1]).next_view()

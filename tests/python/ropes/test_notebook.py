@@ -9,6 +9,7 @@ import pytest
 
 import strand
 from shared.ropes import draw_circle
+from strand.ropes.doubt import Doubt
 
 ATTACK = "<script>alert(1)</script>"
 
@@ -29,7 +30,7 @@ def test_a_chain_is_drawn_in_the_plane_in_which_it_lies():
 
 
 def test_a_model_is_drawn_with_its_doubts():
-    doubts = tuple(strand.Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
+    doubts = tuple(Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
     chains = (draw_circle(0.05, 40, True), draw_circle(0.03, 40, False))
     html = strand.Model(chains, np.eye(4)[None], doubts=doubts, confidence=0.5)._repr_html_()
     assert len(svg_of(html).findall("polyline")) == 2

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import strand
-from strand import (
-    centerline,
-    count_neighbors,
-    estimate_normals,
-    icp,
-    radius_outlier_mask,
-    trace_chains,
-)
+from strand import centerline, count_neighbors, estimate_normals, icp, radius_outlier_mask, trace_chains
 
 
 def make_lattice(count=120, seed=0):

@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand import synthetic
 from strand._core import EndObservation, spline_through
-from strand.ropes.doubt import Alternative, Doubt, ModelWarning
+from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 
 R = 0.0042
 LINE = np.stack([np.linspace(-0.08, 0.08, 161), np.zeros(161), np.full(161, R)], axis=1)
@@ -45,7 +45,7 @@ FUNCTIONS = {
         {"view": 0, "end": 0, "place": LINE[0], "outward": np.eye(3)[0], "sd": 1e-3},
     ),
     "Chain": (strand.Chain, {"points": LINE, "radius": R, "closed": False, "radius_sd": 1e-5}),
-    "Join": (strand.Join, {"place": LINE[0], "chains": (0,), "margin": 1.0}),
+    "Join": (Join, {"place": LINE[0], "chains": (0,), "margin": 1.0}),
     "Doubt": (Doubt, {"kind": "end", "amount": 0.1, "about": "where", "reason": "hidden"}),
     "ModelWarning": (
         ModelWarning,
