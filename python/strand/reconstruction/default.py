@@ -17,9 +17,9 @@ from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import confidence
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank
-from strand.reconstruction.images.depth_scatter import depth_scatter
-from strand.reconstruction.images.method import PLAIN, Read, answer, read
-from strand.reconstruction.images.noisy_depth import read_scattered
+from strand.reconstruction.images.depth_scatter import measure_depth_scatter
+from strand.reconstruction.images.method import MIN_CORRELATION, Interpretation, make_answer, read_images
+from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import suspected
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes import view_bias as of_tubes
@@ -117,13 +117,13 @@ def _with_all_poses(found: Found, used: Observed, observed: Observed) -> Found:
 
 def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     radius = float(observed.radii.values[0])
-    scatter = depth_scatter(observed.whole, observed.views, _WIDE * radius) / radius
+    scatter = measure_depth_scatter(observed.whole, observed.views, _WIDE * radius) / radius
     if scatter > _SCATTERED:
         try:
-            what = read_scattered(observed, config, run, scatter * radius, find_tubes)
+            what = read_noisy_depth(observed, config, run, scatter * radius, find_tubes)
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
-        return answer(what, observed, config, run)
+        return make_answer(what, observed, config, run)
     pictured = all(view.image for view in observed.whole)
     # no tubes are sought in a table that images tell from the ropes on it
     wide = no_ropes(observed.views, radius) if scatter < _WIDE else None
@@ -139,7 +139,7 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     if scatter > _WIDE:
         ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
         try:
-            what = read_scattered(observed, config, images_run, scatter * radius, find_tubes, ropes)
+            what = read_noisy_depth(observed, config, images_run, scatter * radius, find_tubes, ropes)
         except NotEnoughDataError:
             if tubes is None:
                 raise
@@ -147,9 +147,9 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         same = _alike(what.explanations[0].fit.nodes, ropes, radius)
         if tubes is not None and (same or _misread(what, scatter)):
             return _accepted(tubes, tubes_run, run)
-        return _accepted(answer(what, observed, config, images_run), images_run, run)
+        return _accepted(make_answer(what, observed, config, images_run), images_run, run)
     try:
-        what = read(observed, config, images_run)
+        what = read_images(observed, config, images_run)
     except NotEnoughDataError as error:
         if wide:
             raise NotEnoughDataError(f"views: {wide}") from error
@@ -157,11 +157,11 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
             raise
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
-        misread = what.neighbours_alike <= PLAIN and _misread(what, scatter)
+        misread = what.neighbor_correlation <= MIN_CORRELATION and _misread(what, scatter)
         if misread or run.late("the comparison with readings of the images"):
             return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
-    found = answer(what, observed, config, images_run)
+    found = make_answer(what, observed, config, images_run)
     if not _certain(found):
         raise NotEnoughDataError(
             f"views: {wide or 'the points make no rope; is the radius right, in metres?'}"
@@ -169,20 +169,24 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
     return _accepted(found, images_run, run)
 
 
-def _misread(what: Read, scatter: float) -> bool:
+def _misread(what: Interpretation, scatter: float) -> bool:
     """Tell whether medians scatter more than single depths: then images are read wrong."""
     return what.explanations[0].fit.noise > scatter + _MISREAD
 
 
 def _images_first(observed: Observed, config: Config, run: Run) -> Found:
     try:
-        what = read(observed, config, run)
+        what = read_images(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
     images_run = run.apart()
-    found = answer(what, observed, config, images_run)
+    found = make_answer(what, observed, config, images_run)
     wide = what.explanations[0].fit.noise > _NARROW
-    if what.neighbours_alike > PLAIN or (wide and _certain(found)) or run.late("tubes in the points"):
+    if (
+        what.neighbor_correlation > MIN_CORRELATION
+        or (wide and _certain(found))
+        or run.late("tubes in the points")
+    ):
         return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
@@ -233,11 +237,11 @@ def _certain(found: Found) -> bool:
 
 
 def _better(
-    what: Read, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
+    what: Interpretation, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
 ) -> Found:
     """Return the better of the answers, by what they leave unexplained."""
     if tubes is None:
-        return answer(what, observed, config, run)
+        return make_answer(what, observed, config, run)
     radius = float(observed.radii.values[0])
     ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
     places = [what.taken[what.held].project(points) for points in ropes]
@@ -256,7 +260,7 @@ def _better(
     ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
     if ring or (same and _plain(tubes) and best.fit.noise <= _NARROW):
         return _accepted(tubes, tubes_run, run)
-    return answer(replace(what, explanations=compared), observed, config, run)
+    return make_answer(replace(what, explanations=compared), observed, config, run)
 
 
 def _alike(some: list[Array], others: list[Array], radius: float) -> bool:

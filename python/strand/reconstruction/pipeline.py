@@ -16,9 +16,9 @@ from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, find_ropes
 from strand.reconstruction.finding.standing import holds_table
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
-from strand.reconstruction.images.depth_scatter import depth_scatter
-from strand.reconstruction.images.mask_radius import shown_radius
-from strand.reconstruction.images.pixel_errors import neighbours_alike
+from strand.reconstruction.images.depth_scatter import measure_depth_scatter
+from strand.reconstruction.images.mask_radius import estimate_mask_radius
+from strand.reconstruction.images.pixel_errors import CONFUSING_CORRELATION, correlate_neighbors
 from strand.reconstruction.masks import misplaced_masks, refuse_background, surplus_labels, why_no_rope
 from strand.reconstruction.mistakes.diagnosis import explained, thinnest
 from strand.reconstruction.mistakes.emptiness import mask_without_points, why_empty
@@ -41,8 +41,6 @@ _HURRIED = 0.3
 _WIDTHS = 0.1
 # where depths scatter by less than this, in radii, height tells ropes from their table
 _WIDE = 0.3
-# from this on errors of neighbouring pixels are so much alike that they look like ropes
-_ALIKE = 0.5
 # a mask of which less than this share has depth has little
 _LITTLE = 0.2
 
@@ -184,8 +182,9 @@ def reconstruct(
             with run.stage("radius"):
                 masked = [i for i, view in enumerate(views) if view.mask is not None and len(raw[i].points)]
                 if masked and method.any_radius:
-                    pictures = rope_images([raw[i] for i in masked], [views[i] for i in masked], box)
-                    radii = Radii(*shown_radius(pictures), free=False, held=True)
+                    middle = masked[len(masked) // 2]
+                    (image,) = rope_images([raw[middle]], [views[middle]], box)
+                    radii = Radii(*estimate_mask_radius(image), free=False, held=True)
                     message = "radius: masks alone fix it by how wide the rope looks; give it if it is known"
                     run.warnings.append(ModelWarning("radius", message))
                 else:
@@ -298,11 +297,11 @@ def _ropes_among_things(views: tuple[View, ...], radii: Radii | None, box: Box |
 def _holds_a_table(views: Sequence[View], raw: Sequence[View], radius: float) -> bool:
     """Tell whether bounds hold a table that ropes stand out of: noise that is wide for them hides them."""
     wide = _WIDE * radius
-    if not holds_table(views, raw) or depth_scatter(views, raw, wide) >= wide:
+    if not holds_table(views, raw) or measure_depth_scatter(views, raw, wide) >= wide:
         return False
     seen = [k for k, view in enumerate(raw) if len(view.points)]
     images = rope_images([raw[k] for k in seen], [views[k] for k in seen], None)
-    return neighbours_alike(images) < _ALIKE
+    return correlate_neighbors(images) < CONFUSING_CORRELATION
 
 
 def _left_out(found: FoundRopes) -> list[ModelWarning]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.pixel_errors import neighbours_alike
+from strand.reconstruction.images.pixel_errors import CONFUSING_CORRELATION, correlate_neighbors
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
 from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
@@ -28,20 +28,19 @@ _MAX_RADIUS = 0.25  # of the image's longer side: wider ropes are not segmented
 _LOW = 0.5  # radii: lower points lie on the table
 _MIN_TABLE_SHARE = 0.3  # of a view's points lie on the table if it shows more than ropes
 _AROUND = 4.0  # radii around the ropes that masks show: other views' ropes are sought there
-_CORRELATED = 0.5  # correlation of neighboring pixels' errors from which on they look like ropes
 
 
 def drop_unclear_views(observed: Observed) -> Observed:
     """Drop views without a mask in which errors hide the ropes, if others have masks.
 
-    Where errors of neighboring pixels are correlated, parts of the table stand out as ropes do. Then depth
+    Where errors of neighbouring pixels are correlated, parts of the table stand out as ropes do. Then depth
     images without a mask do not show which pixels are ropes, nor do points that include the table.
     """
     shown = _see_beside_masks(observed)
     if shown is None:
         return observed
     given, radius, images, table = shown
-    if neighbours_alike(images) < _CORRELATED:
+    if correlate_neighbors(images) < CONFUSING_CORRELATION:
         return observed
     kept = [
         k

@@ -1,4 +1,4 @@
-"""What depth shows beyond the ends of ropes: masks that lost a piece of rope end it where depth goes on."""
+"""Depth beyond the ends of ropes: where a mask lost a piece of rope, depth goes on."""
 
 from __future__ import annotations
 
@@ -11,30 +11,28 @@ from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-# places beyond an end and inside of it, and how far beside the axis the surroundings are, in radii
-_AHEAD, _ASIDE = np.arange(1.5, 4.1, 0.5), 3.0
-# other stretches nearer than this to a place say nothing of it; the own rope's begin so far back, radii
-_OTHERS, _OWN = 3.5, 7.0
-# fewest places that say anything; ropes stand out from their surroundings by so many radii at least, and what
-# does by so many is something else
-_FEWEST, _STANDS_OUT, _HIDES = 4, 0.3, 6.0
-# deviations of the noise that chance may have; the shares of the rope's height that are none of a doubt, as
-# matchers draw ends out, and all of it, and how much that is
-_CHANCE, _SHARES, _GOES_ON = 2.0, (0.2, 0.6), 1.2
+_PLACES = np.arange(1.5, 4.1, 0.5)  # radii beyond an end, and back from it, where depth is compared
+_ASIDE = 3.0  # radii beside the axis: what surrounds the rope
+_MIN_OTHER_DISTANCE = 3.5  # radii: places nearer to other stretches are skipped
+_OWN = 7.0  # radii from an end: farther along, the same rope is another stretch
+_MIN_DEPTHS = 4  # depths beyond an end and along its rope: with fewer the end is not doubted
+_MIN_HEIGHT = 0.3  # radii: ropes that stand out less say nothing
+_MAX_HEIGHT = 6.0  # radii: what stands out more is something else
+_DEVIATIONS = 2.0  # standard deviations of the noise that heights may have by chance
+_NO_DOUBT_SHARE = 0.2  # of the rope's height: matchers lengthen ends by as much
+_FULL_DOUBT_SHARE = 0.6  # of the rope's height
+_DOUBT = 1.2  # amount of full doubt
 
 
-def ends_that_go_on(
-    views: Sequence[DepthImage],
-    chains: Sequence[Array],
-    noise: float,
-    radius: float,
+def doubt_ends_beyond_masks(
+    views: Sequence[DepthImage], chains: Sequence[Array], noise: float, radius: float
 ) -> Iterator[Doubt]:
-    """Doubt ends beyond which depth stands out from what is beside it, as it does along the rope before.
+    """Doubt ends beyond which depth stands out from its surroundings as it does along the rope.
 
     Parameters
     ----------
     views : sequence of DepthImage
-        With poses as corrected.
+        With corrected poses.
     chains : sequence of (M, 3) ndarray
         Nodes of the ropes, metres.
     noise : float
@@ -47,46 +45,47 @@ def ends_that_go_on(
             from_end = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
             if from_end[-1] < 2.0 * _OWN * radius:
                 continue
-            back = int(np.searchsorted(from_end, _AHEAD[-1] * radius))
+            back = int(np.searchsorted(from_end, _PLACES[-1] * radius))
             outward = way[0] - way[back]
             outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
             others = [way[from_end > _OWN * radius], *(x for k, x in enumerate(chains) if k != number)]
-            beyond = way[0] + radius * _AHEAD[:, None] * outward
-            beyond = beyond[_core.squared_distances(beyond, np.concatenate(others)) > (_OTHERS * radius) ** 2]
-            inside = np.column_stack([np.interp(_AHEAD * radius, from_end, axis) for axis in way.T])
-            both = np.vstack([beyond, inside])
-            heights = np.stack([_height(view, both, outward, radius) for view in views])
-            told = np.isfinite(heights) & (np.abs(heights) < _HIDES)
+            beyond = way[0] + radius * _PLACES[:, None] * outward
+            away = _core.squared_distances(beyond, np.concatenate(others))
+            beyond = beyond[away > (_MIN_OTHER_DISTANCE * radius) ** 2]
+            inside = np.column_stack([np.interp(_PLACES * radius, from_end, axis) for axis in way.T])
+            places = np.vstack([beyond, inside])
+            heights = np.stack([_measure_heights(view, places, outward, radius) for view in views])
+            known = np.isfinite(heights) & (np.abs(heights) < _MAX_HEIGHT)
             ahead, along = (
-                heights[:, some][told[:, some]]
-                for some in (slice(len(beyond)), slice(len(beyond), len(both)))
+                heights[:, some][known[:, some]]
+                for some in (slice(len(beyond)), slice(len(beyond), len(places)))
             )
-            if min(len(ahead), len(along)) < _FEWEST:
+            if min(len(ahead), len(along)) < _MIN_DEPTHS:
                 continue
             height, usual = float(np.median(ahead)), float(np.median(along))
-            # depth of two discs, one after the other, and of what is beside them
-            chance = _CHANCE * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_AHEAD), 1.0))
-            if usual > _STANDS_OUT:
-                none, whole = _SHARES
-                share = ((height - chance) / usual - none) / (whole - none)
+            # a height is the depth of a disc against the mean of two beside it
+            chance = _DEVIATIONS * noise * np.sqrt(1.5 / 2.0 / max(len(ahead) / len(_PLACES), 1.0))
+            if usual > _MIN_HEIGHT:
+                share = ((height - chance) / usual - _NO_DOUBT_SHARE) / (_FULL_DOUBT_SHARE - _NO_DOUBT_SHARE)
                 reason = (
-                    f"depth goes on as if the rope did: {height:.1f} radii before what is beside it, "
+                    f"depth goes on as if the rope did: {height:.1f} radii before its surroundings, "
                     f"{usual:.1f} along the rope; the mask may have lost a piece"
                 )
-                amount = _GOES_ON * min(max(share, 0.0), 1.0)
+                amount = _DOUBT * min(max(share, 0.0), 1.0)
                 yield Doubt("end", amount, "where the rope ends", reason, way[0])
 
 
-def _height(view: DepthImage, places: Array, along: Array, radius: float) -> Array:
-    """(K,) How far depth at places is before that beside them, radii; NaN where not all is seen."""
+def _measure_heights(view: DepthImage, places: Array, along: Array, radius: float) -> Array:
+    """(K,) Return how far depth at places is before that beside them, radii; NaN where some is missing."""
     aside = np.cross(along, places - view.pose[:3, 3])
     aside *= _ASIDE * radius / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), np.finfo(float).tiny)
-    middle, left, right = np.split(_depth(view, np.vstack([places, places - aside, places + aside])), 3)
+    depths = _look_up_depth(view, np.vstack([places, places - aside, places + aside]))
+    middle, left, right = np.split(depths, 3)
     return np.asarray((0.5 * (left + right) - middle) / radius)
 
 
-def _depth(view: DepthImage, places: Array) -> Array:
-    """(K,) The depth of places' pixels, metres; NaN where there is none."""
+def _look_up_depth(view: DepthImage, places: Array) -> Array:
+    """(K,) Return the depth of places' pixels, metres; NaN where there is none."""
     columns, rows = np.rint(view.project(places)).astype(np.int64).T
     height, width = view.depth.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)

@@ -1,4 +1,4 @@
-"""How far depths scatter about their neighbours', which tells how rope may be found in them."""
+"""Scatter of depths about their neighbors: it decides how ropes are sought."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import strand._core as _core
 from strand.support.robust import DEVIATION_OF_MEDIAN
 from strand.views.view import View
 
-# every so many rows are asked
-_EVERY = 7
+_ROW_STEP = 7  # every seventh row of an image is used
 
 
-def depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> float:
-    """Return how far depths scatter about their neighbours' in the median view.
+def measure_depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> float:
+    """Return the standard deviation of depths about their neighbors in the median view, metres.
+
+    It is 0 if a view has no depth image.
 
     Parameters
     ----------
@@ -23,13 +24,7 @@ def depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> 
     views : sequence of View
         The same views, cropped.
     wide : float
-        Points of the cropped views that scatter less than this are ropes, metres: what is around them may be
-        rough.
-
-    Returns
-    -------
-    float
-        Standard deviation, metres; 0 if not all are of depth images.
+        Metres. Cropped points that scatter less are ropes, and count alone: their surroundings may be rough.
     """
     images = [view.image for view in whole if view.image is not None]
     if len(images) < len(whole):
@@ -38,8 +33,8 @@ def depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> 
         [image.depth for image in images],
         [image.camera for image in images],
         [view.points for view in views],
-        _EVERY,
+        _ROW_STEP,
     )
-    # of normal noise: the median's size, and a second difference has six times the variance of a depth
+    # a second difference has six times the variance of a depth
     found = DEVIATION_OF_MEDIAN * np.array(bends) / 6.0**0.5
     return float(np.median([min(around, own) if 0.0 < own < wide else around for around, own in found]))

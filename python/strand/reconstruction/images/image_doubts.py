@@ -1,4 +1,4 @@
-"""What speaks against an answer that was read from images, and how much."""
+"""Doubts of an answer that was read from images."""
 
 from __future__ import annotations
 
@@ -18,45 +18,34 @@ from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-# doubt that wide, correlated noise leaves always, and an order that depth cannot tell at all; a cost of
-# this much more for the other order is worth a factor of e in the odds
-_ALWAYS, _ORDER, _ORDER_SCALE = 0.05, 0.5, 5.0
-# an end this near to another strand may lie under it, radii, and by so much farther for what depths scatter;
-# how much doubt that is, and over which distance it grows
-_NEAR_END, _FARTHER, _END, _END_SCALE = 3.2, 3.5, 0.3, 1.2
-# doubt for each squared radius of mask that nothing covers beyond what is usual, and of tube outside masks
-_UNCOVERED, _USUAL_UNCOVERED, _OUTSIDE, _USUAL_OUTSIDE = 0.15, 0.15, 0.05, 2.0
-# doubt for each pixel by which masks are wider on a side than is usual
-_WIDE, _USUAL_WIDE = 0.8, 1.25
-# doubt for each radius of noise beyond what is narrow
-_NOISE, _NARROW = 3.0, 0.21
-# doubt for each radius of a stretch without depth beyond what a strand on top hides
-_BARE, _USUAL_BARE = 0.05, 6.0
-# ends are apart from their own rope beyond this many nodes
-_OWN = 16
-# where the nearest place of a rival jumps by more than this, it is joined otherwise, nodes
-_JUMP = 8
-# nodes that are compared with all others at a time
-_ROWS = 512
-# less is not worth mentioning, and less not worth looking where
-_LEAST, _PLACED = 1e-3, 0.05
+_ALWAYS = 0.05  # doubt of any answer: noise is wide and correlated
+_ORDER = 0.5  # doubt of an order at a crossing that depth leaves open
+_ORDER_SCALE = 5.0  # cost above the other order's that is worth a factor of e in the odds
+_END = 0.3  # doubt of an end at another strand
+_NEAR_END = 3.2  # radii from an end: nearer strands raise doubt
+_NEAR_END_PER_SCATTER = 3.5  # per radius of scatter of depths: farther strands raise doubt then
+_END_SCALE = 1.2  # radii nearer than that, over which the doubt grows
+_UNCOVERED = 0.15  # doubt per squared radius of mask that no rope covers
+_USUAL_UNCOVERED = 0.15  # squared radii of such mask that raise no doubt
+_OUTSIDE = 0.05  # doubt per squared radius of tube outside masks
+_USUAL_OUTSIDE = 2.0  # squared radii of such tube that raise no doubt
+_WIDE = 0.8  # doubt per pixel that masks are too wide on each side
+_USUAL_WIDE = 1.25  # pixels too wide that raise no doubt
+_NOISE = 3.0  # doubt per radius of noise
+_USUAL_NOISE = 0.21  # radii of noise that raise no doubt
+_BARE = 0.05  # doubt per radius of a stretch without depth
+_USUAL_BARE = 6.0  # radii of a stretch without depth that raise no doubt: a strand on top hides them
+_MIN_DOUBT = 1e-3  # smaller doubts are dropped
+_MIN_PLACED_DOUBT = 0.05  # smaller doubts of uncovered mask have no place
+
+_OWN_NODES = 16  # nodes at an end that are not another strand
+_MIN_DISTANCE = 1.5  # radii: ropes differ where they are farther from each other, and mask is uncovered
+_MAX_JUMP = 8  # nodes: where the nearest node of a rival jumps farther, the rival is joined otherwise
+_NODES_AT_ONCE = 512  # nodes that are compared with all others in one step
 
 
-def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explanation]:
-    """Leave out explanations by which the ropes run as by a better one.
-
-    Parameters
-    ----------
-    explanations : sequence of Explanation
-        The best first.
-    radius : float
-        Metres.
-
-    Returns
-    -------
-    list of Explanation
-        The best first.
-    """
+def drop_same_courses(explanations: Sequence[Explanation], radius: float) -> list[Explanation]:
+    """Drop explanations, the best first, whose ropes of a radius, metres, run as those of a better one."""
     kept: list[tuple[Explanation, list[Course]]] = []
     for one in explanations:
         mine = sample_courses([(nodes, False) for nodes in one.fit.nodes])
@@ -65,7 +54,7 @@ def distinct(explanations: Sequence[Explanation], radius: float) -> list[Explana
     return [one for one, _ in kept]
 
 
-def doubts(
+def find_doubts(
     rivals: Sequence[Explanation],
     fit: ImageFit,
     chains: Sequence[Chain],
@@ -73,62 +62,101 @@ def doubts(
     radius: float,
     others: Iterable[Doubt],
 ) -> tuple[Doubt, ...]:
-    """Say what speaks against the best explanation, and how much.
+    """Return the doubts of the best explanation, the greatest first.
 
-    Rivals that cost hardly more, orders at crossings that depth hardly tells, stretches without depth, mask
-    that no rope covers, ropes outside of masks, noise that is wide against the ropes, and others.
-    The weights were set on random ropes before imitated cameras.
+    They come from rivals, orders at crossings, stretches without depth, mask and ropes that do not cover each
+    other, and noise. Their weights were set on random ropes before imitated cameras.
 
     Parameters
     ----------
     rivals : sequence of Explanation
-        The best explanation and others by which the ropes run otherwise, the best first.
+        The best explanation and those whose ropes have other courses, the best first.
     fit : ImageFit
         The last fit of the best.
     chains : sequence of Chain
-        Made of it.
+        Made of that fit.
     views : sequence of DepthImage
-        With poses as corrected.
+        With corrected poses.
     radius : float
         Metres.
     others : iterable of Doubt
-        Of ends, and of the masks' width.
-
-    Returns
-    -------
-    tuple of Doubt
-        Those worth mentioning, the greatest first.
+        Further ones.
     """
     found = [Doubt("noise", _ALWAYS, "of all that depth decides", "errors of neighbouring pixels are alike")]
     if len(rivals) > 1:
         more = rivals[1].cost - rivals[0].cost
-        place, joined = _difference(fit.nodes, rivals[1].fit.nodes, radius)
+        place, joined = _locate_difference(fit.nodes, rivals[1].fit.nodes, radius)
         reason = f"another way to explain the images costs {more:.1f} more"
         if joined:
             reason += ": strands that touch there and part cross, or the other way round"
         found.append(Doubt("rival", float(np.exp(-more / SCALE)), "how the ropes run", reason, place))
     for crossing, margin in fit.crossings:
         amount = _ORDER * float(np.exp(-margin / _ORDER_SCALE))
-        reason = f"depth hardly tells it (margin {margin:.1f})"
+        reason = f"depth hardly decides it (margin {margin:.1f})"
         found.append(Doubt("order", amount, "which strand is on top", reason, np.array(crossing)))
     found += others
-    found += _of_stretches(chains)
+    found += _doubt_bare_stretches(chains)
     uncovered, outside = fit.misfit[:2]
     amount = _UNCOVERED * max(uncovered - _USUAL_UNCOVERED, 0.0)
     amount += _OUTSIDE * max(outside - _USUAL_OUTSIDE, 0.0)
     reason = "ropes and masks do not cover each other; is the radius right, and are the masks?"
-    place = _farthest_uncovered(views, fit.nodes, radius) if amount > _PLACED else None
+    place = _locate_uncovered(views, fit.nodes, radius) if amount > _MIN_PLACED_DOUBT else None
     found.append(Doubt("uncovered", amount, "of the ropes found", reason, place))
     reason = f"noise is {fit.noise:.2f} radii wide"
-    amount = _NOISE * max(fit.noise - _NARROW, 0.0)
+    amount = _NOISE * max(fit.noise - _USUAL_NOISE, 0.0)
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
-    return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
+    kept = (doubt for doubt in found if doubt.amount > _MIN_DOUBT)
+    return tuple(sorted(kept, key=lambda doubt: -doubt.amount))
 
 
-def _farthest_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Array | None:
-    """Return what a mask's pixel with depth shows that is farthest from the ropes; None if they cover all."""
+def doubt_wide_masks(taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
+    """Doubt a radius, metres, for which masks are too wide: it may be wrong, or the masks."""
+    wider = [
+        pixels - radius * image.camera.focal[0] / image.distance
+        for image, pixels in zip(taken, images.radii, strict=True)
+    ]
+    more = float(np.median(wider))
+    reason = (
+        f"masks are {more:.1f} pixels wider on each side than the radius says; is it right, and are they?"
+    )
+    yield Doubt("uncovered", _WIDE * max(more - _USUAL_WIDE, 0.0), "of the ropes found", reason)
+
+
+def doubt_ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:
+    """Doubt ends next to other strands: the rope may go on under these, or end before them.
+
+    Where single depths scatter, by `scatter` metres, ends are located less well. Strands count from farther
+    away then.
+    """
+    near = _NEAR_END + _NEAR_END_PER_SCATTER * scatter / radius
+    for number, nodes in enumerate(chains):
+        for end, own in ((nodes[0], nodes[_OWN_NODES:]), (nodes[-1], nodes[:-_OWN_NODES])):
+            others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
+            if not len(others):
+                continue
+            away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
+            amount = _END * min(max((near - away) / _END_SCALE, 0.0), 1.0)
+            yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
+
+
+def _doubt_bare_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
+    """Doubt the depth of stretches that only masks show."""
+    for chain in chains:
+        if chain.points_seen is None:
+            continue
+        spacing = chain.length / len(chain.points)
+        for start, stop in runs(chain.points_seen == 0):
+            length = (stop - start) * spacing
+            amount = _BARE * max(length / chain.radius - _USUAL_BARE, 0.0)
+            reason = f"{length * 1e3:.0f} mm of rope have no depth"
+            place = chain.points[(start + stop) // 2]
+            yield Doubt("points", amount, "how far away the rope is", reason, place)
+
+
+def _locate_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], radius: float) -> Array | None:
+    """Return the point of a mask that is farthest from the ropes; None if they cover all masks."""
     nodes = np.vstack(chains)
-    farthest: tuple[float, Array | None] = 1.5, None
+    farthest: tuple[float, Array | None] = _MIN_DISTANCE, None
     for view in views:
         rows, columns = np.nonzero(view.mask & (view.depth > 0))
         seen = view.project(nodes)
@@ -141,74 +169,31 @@ def _farthest_uncovered(views: Sequence[DepthImage], chains: Sequence[Array], ra
     return farthest[1]
 
 
-def wide_masks(taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
-    """Doubt a radius, metres, for which masks are too wide: it may be wrong, or they may."""
-    wider = [
-        pixels - radius * image.camera.focal[0] / image.distance
-        for image, pixels in zip(taken, images.radii, strict=True)
-    ]
-    more = float(np.median(wider))
-    reason = (
-        f"masks are {more:.1f} pixels wider on each side than the radius says; is it right, and are they?"
-    )
-    yield Doubt("uncovered", _WIDE * max(more - _USUAL_WIDE, 0.0), "of the ropes found", reason)
-
-
-def ends_at_strands(chains: Sequence[Array], scatter: float, radius: float) -> Iterator[Doubt]:
-    """Doubt ends next to other strands: they may lie under them, or be led on.
-
-    Where single depths scatter, by so many metres, ends are seen less well, and what is farther away is next
-    to them.
-    """
-    near = _NEAR_END + _FARTHER * scatter / radius
-    for number, nodes in enumerate(chains):
-        for end, own in ((nodes[0], nodes[_OWN:]), (nodes[-1], nodes[:-_OWN])):
-            others = np.vstack([own, *(other for k, other in enumerate(chains) if k != number)])
-            if not len(others):
-                continue
-            away = float(np.sqrt(((others - end) ** 2).sum(axis=1).min())) / radius
-            amount = _END * min(max((near - away) / _END_SCALE, 0.0), 1.0)
-            yield Doubt("end", amount, "where the rope ends", "another strand is next to it", end)
-
-
-def _of_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
-    """Doubts about stretches without depth: only the mask says where they are."""
-    for chain in chains:
-        if chain.points_seen is None:
-            continue
-        spacing = chain.length / len(chain.points)
-        for start, stop in runs(chain.points_seen == 0):
-            length = (stop - start) * spacing
-            amount = _BARE * max(length / chain.radius - _USUAL_BARE, 0.0)
-            reason = f"{length * 1e3:.0f} mm of rope have no depth"
-            yield Doubt(
-                "points", amount, "how far away the rope is", reason, chain.points[(start + stop) // 2]
-            )
-
-
-def _difference(chains: Sequence[Array], others: Sequence[Array], radius: float) -> tuple[Array | None, bool]:
-    """Return where other chains run elsewhere, or are joined otherwise; and whether they are only that."""
+def _locate_difference(
+    chains: Sequence[Array], others: Sequence[Array], radius: float
+) -> tuple[Array | None, bool]:
+    """Return where chains run farthest from others, or are joined otherwise; and whether it is a join."""
     theirs = np.vstack(others)
     number = np.repeat(np.arange(len(others)), [len(nodes) for nodes in others])
-    farthest: tuple[float, Array | None] = 1.5 * radius, None
+    farthest: tuple[float, Array | None] = _MIN_DISTANCE * radius, None
     joined: Array | None = None
     for nodes in chains:
-        nearest, away = _nearest(nodes, theirs)
+        nearest, away = _find_nearest(nodes, theirs)
         k = int(away.argmax())
         if away[k] > farthest[0]:
             farthest = float(away[k]), nodes[k]
-        jumps = (np.abs(np.diff(nearest)) > _JUMP) | (np.diff(number[nearest]) != 0)
+        jumps = (np.abs(np.diff(nearest)) > _MAX_JUMP) | (np.diff(number[nearest]) != 0)
         if joined is None and jumps.any():
             joined = nodes[int(jumps.argmax())]
     return (farthest[1], False) if farthest[1] is not None else (joined, joined is not None)
 
 
-def _nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]:
-    """(M,), (M,) Which of other nodes is nearest to each, and how far away it is."""
+def _find_nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]:
+    """(M,), (M,) Return the number of the nearest other node to each node, and its distance."""
     nearest = np.empty(len(nodes), dtype=np.intp)
     away = np.empty(len(nodes))
-    for first in range(0, len(nodes), _ROWS):
-        some = slice(first, first + _ROWS)
+    for first in range(0, len(nodes), _NODES_AT_ONCE):
+        some = slice(first, first + _NODES_AT_ONCE)
         squares = np.zeros((len(nodes[some]), len(others)))
         for k in range(3):
             squares += (nodes[some, k, None] - others[:, k]) ** 2

@@ -1,8 +1,6 @@
-"""The ropes' radius as masks show it, for views whose depth is too wide to tell."""
+"""The ropes' radius by masks, for views whose depth is too noisy to show it."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,48 +11,32 @@ from strand.reconstruction.images.table_plane import Plane, find_table_beside_ro
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 
-# a rope's top is seen this much lower above its table than it is: matchers and mixed pixels pull it down
-_SEEN_HEIGHT = 0.85
-# of the estimate: masks are a pixel too wide or too narrow, and depth is pulled
-_SD = 0.15
-# rounds until the width by which a mask is read is the one that it shows, and when that is so
-_ROUNDS, _SAME = 3, 0.05
+_SEEN_HEIGHT = 0.85  # of a rope's height above its table: matchers and mixed pixels pull it down
+_SD = 0.15  # of the radius: masks are a pixel too wide or too narrow, and depth is pulled
+_ROUNDS = 3  # readings of the mask by the radius that the one before shows
+_SAME = 0.05  # relative change of the radius: with less it has settled
 
 
-def shown_radius(images: Sequence[DepthImage]) -> tuple[Array, Array]:
-    """Estimate the radius of ropes in masks.
+def estimate_mask_radius(image: DepthImage) -> tuple[Array, Array]:
+    """Return the radius of ropes in a mask and its standard deviation, (1,) metres each.
 
-    A mask's area over twice the length of the ropes in it is their radius in the image. Where they lie on a
-    table, half of their height above it is another estimate; the mean of both is taken.
-
-    Parameters
-    ----------
-    images : sequence of DepthImage
-
-    Returns
-    -------
-    radius, sd : (1,) ndarray
-        Metres.
+    A mask's area over twice the length of its ropes is their radius in the image. On a table, half of their
+    height is another estimate, and the mean of both is returned.
 
     Raises
     ------
     strand.NotEnoughDataError
-        If the middle view's mask shows no rope with depth.
+        If the mask shows no rope with depth.
     """
-    middle = len(images) // 2
-    image = images[middle]
-    across = _core.shown_radius(image.mask)
-    if across is None or np.isnan(image.distance):
+    pixels = _core.shown_radius(image.mask)
+    if pixels is None or np.isnan(image.distance):
         raise NotEnoughDataError("views: the masks show no rope with depth")
     scale = image.distance / image.camera.focal[0]
-    radius = across * scale
+    radius = pixels * scale
     chains: list[Array] = []
     for _ in range(_ROUNDS):
-        chains = [
-            nodes
-            for _, _, chains, _ in prepare_images([image], radius).readings(None, 1, [0])
-            for nodes in chains
-        ]
+        readings = prepare_images([image], radius).readings(None, 1, [0])
+        chains = [nodes for _, _, ropes, _ in readings for nodes in ropes]
         if not chains:
             break
         length = sum(float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) for nodes in chains)
@@ -63,13 +45,13 @@ def shown_radius(images: Sequence[DepthImage]) -> tuple[Array, Array]:
             break
     table = find_table_beside_ropes(image, radius)
     if table is not None and chains:
-        height = _height(image, np.vstack(chains), table)
+        height = _measure_height(image, np.vstack(chains), table)
         radius = 0.5 * (radius + min(max(0.5 * height / _SEEN_HEIGHT, 0.5 * radius), 1.5 * radius))
     return np.array([radius]), np.array([_SD * radius])
 
 
-def _height(image: DepthImage, axis: Array, table: Plane) -> float:
-    """How high above the table the pixels along a rope's axis in the image are, in the median, metres."""
+def _measure_height(image: DepthImage, axis: Array, table: Plane) -> float:
+    """Return the median height above the table of the pixels along a rope's axis in the image, metres."""
     columns, rows = np.rint(axis).astype(np.int64).T
     height, width = image.depth.shape
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)

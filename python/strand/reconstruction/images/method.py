@@ -1,4 +1,4 @@
-"""Ropes read from images, composed: read the masks, lift and fit, compare, say what is unsure."""
+"""Ropes read from images: read the masks, fit the readings, rank them, and say what is unsure."""
 
 from __future__ import annotations
 
@@ -10,18 +10,23 @@ from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.images.above_table import mask_above_table
-from strand.reconstruction.images.beyond_mask import ends_that_go_on
+from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
-from strand.reconstruction.images.image_doubts import distinct, doubts, ends_at_strands, wide_masks
+from strand.reconstruction.images.image_doubts import (
+    doubt_ends_at_strands,
+    doubt_wide_masks,
+    drop_same_courses,
+    find_doubts,
+)
 from strand.reconstruction.images.image_ends import move_ends
 from strand.reconstruction.images.image_nodes import correct_poses, make_chains
-from strand.reconstruction.images.outlined import mean_noise
+from strand.reconstruction.images.outlines import estimate_mean_noise
 from strand.reconstruction.images.pixel_errors import (
     Errors,
-    expected_errors,
-    measured_errors,
-    neighbours_alike,
-    sensor_of,
+    convert_sensor,
+    correlate_neighbors,
+    describe_sensor,
+    measure_errors,
 )
 from strand.reconstruction.images.prepare import prepare_images
 from strand.reconstruction.images.table_plane import Plane, find_table_beside_ropes
@@ -33,31 +38,32 @@ from strand.views.pose import moved
 from strand.views.rope_images import rope_images
 from strand.views.sensor import Sensor
 
-PLAIN = 0.1
-"""Errors of neighbouring pixels that are less alike count as independent."""
-
+MIN_CORRELATION = 0.1  # of neighbouring pixels: errors that are less correlated count as independent
+_MAX_ALTERNATIVES = 3  # rivals in an answer
 _NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 
 
 @dataclass(frozen=True, eq=False)
-class Read:
-    """What the images say.
+class Interpretation:
+    """Images and their explanations.
 
     Attributes
     ----------
     images : RopeImages
+        The images as kernels take them.
     table : Plane or None
     held : int
         The view whose pose is held.
     explanations : list of Explanation
         The best first.
     taken : list of DepthImage
+        The images with the masks that were read.
     errors : Errors
-        The usual ones, or those of the sensor that is known.
-    averaged : int
-        So many pixels a side of the views are one of the images.
+        The usual ones, or those of the sensor that the caller gave.
+    side : int
+        Pixels of a view along each side of a pixel of the images.
     scatter : float or None
-        Standard deviation of single depths that are independent, metres; None if that was not measured.
+        Standard deviation of independent depths of single pixels, metres; None if it was not measured.
     """
 
     images: RopeImages
@@ -66,19 +72,19 @@ class Read:
     explanations: list[Explanation]
     taken: list[DepthImage]
     errors: Errors
-    averaged: int = 1
+    side: int = 1
     scatter: float | None = None
 
     @lazy_property
-    def neighbours_alike(self) -> float:
-        """How alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
-        return neighbours_alike(self.taken)
+    def neighbor_correlation(self) -> float:
+        """The correlation of neighbouring pixels' errors in flat surroundings; 0 without any."""
+        return correlate_neighbors(self.taken)
 
 
-def read(observed: Observed, config: Config, run: Run) -> Read:
-    """Read the images and compare the readings.
+def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
+    """Read the images and rank the readings.
 
-    Views without masks are cut from their table by smoothed heights.
+    Ropes in views without masks are segmented from their table by smoothed heights.
 
     Raises
     ------
@@ -97,53 +103,52 @@ def read(observed: Observed, config: Config, run: Run) -> Read:
         except ValueError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
     with run.stage("readings"):
-        every = [held] if run.late("readings of all views but one") else range(len(taken))
-        readings = find_likely_readings(images, observed.prior.ropes, every)
+        views = [held] if run.late("readings of all views but one") else range(len(taken))
+        readings = find_likely_readings(images, observed.prior.ropes, views)
     errors = Errors()
     if isinstance(config.sensor, Sensor):
-        errors = expected_errors(config.sensor, taken, images, radius)
+        errors = convert_sensor(config.sensor, taken, images, radius)
     with run.stage("explain"):
         if run.late("the comparison of readings"):
             readings = readings[:1]
         found = fit_and_rank(images, readings, table, held, errors, config, observed)
     if not found:
         raise NotEnoughDataError(_NO_ROPE)
-    return Read(images, table, held, found, taken, errors)
+    return Interpretation(images, table, held, found, taken, errors)
 
 
-def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
-    """Make chains of the best explanation, and say what is unsure."""
-    best = what.explanations[0]
+def make_answer(read: Interpretation, observed: Observed, config: Config, run: Run) -> Found:
+    """Return the chains of the best explanation with their doubts; add warnings to the run."""
+    best = read.explanations[0]
     radius, radius_sd = float(observed.radii.values[0]), float(observed.radii.sd[0])
     with run.stage("fit images"):
-        measured = measured_errors(best.fit, what.errors)
+        measured = measure_errors(best.fit, read.errors)
         errors = measured
         if isinstance(config.sensor, Sensor):
-            lateral = config.sensor.lateral or measured.lateral
-            errors = replace(what.errors, lateral=lateral)
-        fit = refit(what.images, best.fit, what.table, what.held, errors, config)
+            errors = replace(read.errors, lateral=config.sensor.lateral or measured.lateral)
+        fit = refit(read.images, best.fit, read.table, read.held, errors, config)
         if (
-            what.scatter is not None
-            and what.table is not None
+            read.scatter is not None
+            and read.table is not None
             and not run.late("the ropes' ends by the depths of all pixels")
         ):
-            # masks do not show ends well there
-            noise = mean_noise(what.scatter, what.averaged, radius)
-            fit = move_ends(what.images, fit, what.table, noise, radius)
-        chains = make_chains(what.images, fit, radius, radius_sd, config)
-    rivals = distinct(what.explanations, radius)
+            # masks locate ends badly where depths scatter
+            noise = estimate_mean_noise(read.scatter, read.side, radius)
+            fit = move_ends(read.images, fit, read.table, noise, radius)
+        chains = make_chains(read.images, fit, radius, radius_sd, config)
+    rivals = drop_same_courses(read.explanations, radius)
     poses = correct_poses([view.pose for view in observed.views], fit.corrections)
-    views = [replace(image, pose=pose) for image, pose in zip(what.taken, poses, strict=True)]
+    views = [replace(image, pose=pose) for image, pose in zip(read.taken, poses, strict=True)]
     others = [
-        *ends_at_strands(fit.nodes, what.scatter or 0.0, radius),
-        *wide_masks(what.taken, what.images, radius),
+        *doubt_ends_at_strands(fit.nodes, read.scatter or 0.0, radius),
+        *doubt_wide_masks(read.taken, read.images, radius),
     ]
-    if what.scatter is None:
-        # where depths scatter, what is before its surroundings was made the mask
-        others += ends_that_go_on(views, fit.nodes, fit.noise, radius)
-    uncertain = doubts(rivals, fit, chains, views, radius, others)
+    if read.scatter is None:
+        # where depths scatter, masks were made of what stands out
+        others += doubt_ends_beyond_masks(views, fit.nodes, fit.noise, radius)
+    doubts = find_doubts(rivals, fit, chains, views, radius, others)
     chains = sorted(chains, key=lambda chain: -chain.length)
-    run.warnings.extend(warn_about_answer(chains, uncertain, None, observed.bounds, config.linking))
+    run.warnings.extend(warn_about_answer(chains, doubts, None, observed.bounds, config.linking))
     return Found(
         chains,
         poses=poses,
@@ -152,30 +157,30 @@ def answer(what: Read, observed: Observed, config: Config, run: Run) -> Found:
             "registered": tuple(
                 moved(view.points, pose) for view, pose in zip(observed.views, poses, strict=True)
             ),
-            "readings": tuple(nodes for one in what.explanations for nodes in one.fit.nodes),
+            "readings": tuple(nodes for one in read.explanations for nodes in one.fit.nodes),
         },
         branch="images",
-        doubts=uncertain,
-        sensor=_sensor(what, measured, fit, radius),
+        doubts=doubts,
+        sensor=_describe_pixels(read, measured, fit, radius),
         alternatives=tuple(
-            Alternative(other.cost - best.cost, tuple(other.fit.nodes)) for other in rivals[1:4]
+            Alternative(other.cost - best.cost, tuple(other.fit.nodes))
+            for other in rivals[1 : 1 + _MAX_ALTERNATIVES]
         ),
     )
 
 
-def _sensor(what: Read, measured: Errors, fit: ImageFit, radius: float) -> Sensor:
-    """Return the sensor's errors, those of single pixels."""
-    sensor = sensor_of(measured, fit, _correlation(what), what.taken, what.images, radius)
-    if what.scatter is None:
+def _describe_pixels(read: Interpretation, measured: Errors, fit: ImageFit, radius: float) -> Sensor:
+    """Return the sensor with the errors of single pixels."""
+    sensor = describe_sensor(measured, fit, _find_correlation(read), read.taken, read.images, radius)
+    if read.scatter is None:
         return sensor
-    # means of pixels have no step, and are as little alike as the pixels
-    lateral = what.averaged * sensor.lateral
-    return replace(sensor, sd=what.scatter, correlation=0.0, step=0.0, lateral=lateral)
+    # means of pixels have no step, and are as independent as the pixels
+    return replace(sensor, sd=read.scatter, correlation=0.0, step=0.0, lateral=read.side * sensor.lateral)
 
 
-def _correlation(what: Read) -> float | None:
-    """Return `Sensor.correlation`, pixels, of which neighbours have exp(-1 / (4 c^2)); None if not seen."""
-    alike = what.neighbours_alike
-    if alike == 0.0:
+def _find_correlation(read: Interpretation) -> float | None:
+    """Return c of `Sensor.correlation`, pixels, where neighbours' errors correlate by exp(-1 / (4 c²))."""
+    found = read.neighbor_correlation
+    if found == 0.0:
         return None
-    return float((-0.25 / np.log(alike)) ** 0.5) if alike > PLAIN else 0.0
+    return float((-0.25 / np.log(found)) ** 0.5) if found > MIN_CORRELATION else 0.0

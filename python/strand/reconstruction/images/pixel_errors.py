@@ -1,4 +1,4 @@
-"""The sensor's errors in an image fit's own units: known beforehand, or measured by residuals."""
+"""The sensor's errors in the units of an image fit: given by the caller, or measured by residuals."""
 
 from __future__ import annotations
 
@@ -13,18 +13,16 @@ from strand.reconstruction.evidence.depth_errors import correlate_on_planes, fin
 from strand.views.depth_image import DepthImage
 from strand.views.sensor import Sensor
 
-# depth is taken from discs of this part of the rope's radius
-_DISC = 0.6
-# the median of independent errors has a standard deviation this much larger than their mean's
-_MEDIAN = 1.25
-# curves follow depth: its errors are so many times as wide as residuals, and reach so many times as far
-_FOLLOWED, _FARTHER = 1.4, 2.0
-# a correlation that is as good as none, pixels
-_ALONE = 0.01
-# of neighbouring pixels that are alike their correlation is found
-_MOST_ALIKE = 0.99
-# least and most noise, and lengths over which errors are alike, radii; and edges' errors, pixels
-_NOISE, _LENGTH, _LATERAL = (0.08, 2.0), (1.0, 8.0), (0.1, 1.0)
+CONFUSING_CORRELATION = 0.5  # of neighbouring pixels: errors that are more correlated look like ropes
+_DISC = 0.6  # radii: radius of the discs whose median depth is taken
+_MEDIAN_SD = 1.25  # standard deviation of the median of independent errors over that of their mean
+_FOLLOWED = 1.4  # width of depth's errors over that of their residuals: curves follow errors
+_FOLLOWED_LENGTH = 2.0  # length of depth's correlated errors over that of residuals
+_MIN_CORRELATION = 0.01  # pixels: a shorter correlation is none
+_MAX_NEIGHBOR_CORRELATION = 0.99  # of neighbouring pixels
+_NOISE_RANGE = (0.08, 2.0)  # radii
+_LENGTH_RANGE = (1.0, 8.0)  # radii over which errors are correlated
+_LATERAL_RANGE = (0.1, 1.0)  # pixels: errors of masks' edges
 
 
 @dataclass(frozen=True)
@@ -34,14 +32,13 @@ class Errors:
     Attributes
     ----------
     noise : float or None
-        Standard deviation of the depth that a disc of the rope's middle shows, radii; None if it is not
-        known.
+        Standard deviation of the median depth of a disc on a rope's middle, radii; None if unknown.
     correlation : float
-        A stretch of rope over which these count as one, radii.
+        Length of rope over which depths count as one, radii.
     lateral : float
         Standard deviation of the place of a mask's edge, pixels.
     bias : float
-        How much too far away ropes are seen, radii.
+        Depth minus its true value, radii.
     """
 
     noise: float | None = None
@@ -51,50 +48,50 @@ class Errors:
 
     @property
     def values(self) -> tuple[float | None, float, float, float]:
-        """As the kernels take them."""
+        """The errors as kernels take them."""
         return self.noise, self.correlation, self.lateral, self.bias
 
 
-def neighbours_alike(taken: Sequence[DepthImage]) -> float:
-    """Return how alike errors of neighbouring pixels are in flat surroundings; 0 if none are seen."""
+def correlate_neighbors(taken: Sequence[DepthImage]) -> float:
+    """Return the correlation of neighbouring pixels' errors in flat surroundings; 0 without any."""
     surroundings = [(image.depth, image.distance) for image in taken if np.isfinite(image.distance)]
     correlations, followed = correlate_on_planes(surroundings, 1)
-    return min(correlations[0] + followed, _MOST_ALIKE) if correlations else 0.0
+    return min(correlations[0] + followed, _MAX_NEIGHBOR_CORRELATION) if correlations else 0.0
 
 
-def expected_errors(sensor: Sensor, taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Errors:
-    """Return the errors of a known sensor's images of ropes of one radius, metres."""
+def convert_sensor(sensor: Sensor, taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Errors:
+    """Return the errors of a sensor's images of ropes of one radius, metres."""
     found = []
     for image, pixels in zip(taken, images.radii, strict=True):
         error = sensor.at(image.distance, image.camera.focal[0])
-        share, length = _of_discs(error.correlation, float(pixels))
+        share, length = _average_over_discs(error.correlation, float(pixels))
         found.append((error.sd * share / radius, length))
     noise, length = np.median(found, axis=0).tolist()
     usual = Errors()
     return Errors(
-        float(np.clip(noise, *_NOISE)),
-        float(np.clip(length, *_LENGTH)),
+        float(np.clip(noise, *_NOISE_RANGE)),
+        float(np.clip(length, *_LENGTH_RANGE)),
         sensor.lateral or usual.lateral,
         sensor.bias / radius,
     )
 
 
-def measured_errors(fit: ImageFit, usual: Errors) -> Errors:
-    """Return the errors that a fit's residuals show, the usual where they show nothing.
+def measure_errors(fit: ImageFit, usual: Errors) -> Errors:
+    """Return the errors that a fit's residuals show, and the usual ones where they show none.
 
-    A curve follows depth, and leaves less of its errors in the residuals; the mask's edges, which are many to
-    a span of the curve, it follows hardly.
+    A curve follows errors of depth, and leaves less of them in the residuals. It hardly follows those of the
+    mask's edges, of which a span of the curve has many.
     """
     noise, length = usual.noise, usual.correlation
     if fit.scatter is not None:
         sd, stretch = fit.scatter
-        noise = float(np.clip(_FOLLOWED * sd, *_NOISE))
-        length = float(np.clip(_FARTHER * stretch, *_LENGTH))
-    lateral = usual.lateral if fit.lateral is None else float(np.clip(fit.lateral, *_LATERAL))
+        noise = float(np.clip(_FOLLOWED * sd, *_NOISE_RANGE))
+        length = float(np.clip(_FOLLOWED_LENGTH * stretch, *_LENGTH_RANGE))
+    lateral = usual.lateral if fit.lateral is None else float(np.clip(fit.lateral, *_LATERAL_RANGE))
     return Errors(noise, length, lateral, usual.bias)
 
 
-def sensor_of(
+def describe_sensor(
     errors: Errors,
     fit: ImageFit,
     correlation: float | None,
@@ -102,12 +99,14 @@ def sensor_of(
     images: RopeImages,
     radius: float,
 ) -> Sensor:
-    """Return the sensor that makes errors, with biases of a fit and a correlation in pixels.
+    """Return the sensor whose images have some errors, a fit's biases and a correlation in pixels.
 
-    Without that, which takes flat surroundings, the discs' errors stand for the pixels', which are wider.
+    Without a correlation, the errors of discs stand for those of pixels, which are wider.
     """
     first = taken[0].depth[taken[0].mask]
-    share = 1.0 if correlation is None else _of_discs(correlation, float(np.median(images.radii)))[0]
+    share = 1.0
+    if correlation is not None:
+        share, _ = _average_over_discs(correlation, float(np.median(images.radii)))
     noise = fit.noise if errors.noise is None else errors.noise
     return Sensor(
         sd=noise / share * radius,
@@ -118,26 +117,31 @@ def sensor_of(
     )
 
 
-def _of_discs(correlation: float, pixels: float) -> tuple[float, float]:
-    """Return how wide errors of discs' medians are beside those of pixels, and how far they are alike, radii.
+def _average_over_discs(correlation: float, pixels: float) -> tuple[float, float]:
+    """Return the width of errors of discs' medians over that of pixels, and their correlation length, radii.
 
-    Errors of pixels are alike as `Sensor.correlation` says, on a rope whose radius is so many pixels.
+    Parameters
+    ----------
+    correlation : float
+        Of pixels' errors, as `Sensor.correlation`.
+    pixels : float
+        The ropes' radius.
     """
     reach = max(_DISC * pixels, 1.0)
     whole = math.floor(reach)
     y, x = np.ogrid[-whole : whole + 1, -whole : whole + 1]
     disc = np.hypot(x, y) <= reach
-    # how many pairs of a disc's pixels are so many rows and columns apart
+    # number of pairs of a disc's pixels at each distance in rows and columns
     size = 4 * whole + 1
     pairs = np.rint(np.fft.irfft2(np.abs(np.fft.rfft2(disc, (size, size))) ** 2, (size, size)))
-    apart = (np.arange(size) + 2 * whole) % size - 2 * whole
+    distances = (np.arange(size) + 2 * whole) % size - 2 * whole
 
-    def alike(away: np.ndarray) -> np.ndarray:
-        return np.exp(-(away**2) / (4.0 * max(correlation, _ALONE) ** 2))
+    def correlate(away: np.ndarray) -> np.ndarray:
+        return np.exp(-(away**2) / (4.0 * max(correlation, _MIN_CORRELATION) ** 2))
 
-    shares = alike(apart) @ pairs / np.count_nonzero(disc) ** 2
-    # longer stretches than the longest are not told apart
-    far = math.ceil(min(2.0 * reach + 6.0 * correlation, 2.0 * _LENGTH[1] * pixels))
-    power, *along = alike(apart + np.arange(far + 1)[:, None]) @ shares
-    share = min(_MEDIAN * math.sqrt(power), 1.0)
+    shares = correlate(distances) @ pairs / np.count_nonzero(disc) ** 2
+    # lengths beyond the longest that counts make no difference
+    far = math.ceil(min(2.0 * reach + 6.0 * correlation, 2.0 * _LENGTH_RANGE[1] * pixels))
+    power, *along = correlate(distances + np.arange(far + 1)[:, None]) @ shares
+    share = min(_MEDIAN_SD * math.sqrt(power), 1.0)
     return share, (1.0 + 2.0 * float(sum(along)) / power) / pixels

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.images.image_doubts import _difference, ends_at_strands
+from strand.reconstruction.images.image_doubts import _locate_difference, doubt_ends_at_strands
 from strand.synthetic import Camera, Layout, Segmentation, scene
 
 RADIUS = 0.004
@@ -17,16 +17,16 @@ RADIUS = 0.004
 def test_a_rival_is_named_where_it_is_farthest_away_or_joined_otherwise():
     # more nodes than are compared at a time
     nodes = np.arange(1300)[:, None] * [0.5 * RADIUS, 0.0, 0.0]
-    assert _difference([nodes], [nodes + 0.1 * RADIUS], RADIUS) == (None, False)
+    assert _locate_difference([nodes], [nodes + 0.1 * RADIUS], RADIUS) == (None, False)
     away = nodes.copy()
     away[690:711, 1] = (10.0 - np.abs(np.arange(-10, 11))) * RADIUS
-    place, joined = _difference([nodes], [away], RADIUS)
+    place, joined = _locate_difference([nodes], [away], RADIUS)
     assert np.array_equal(place, nodes[700])
     assert not joined
     # the same places, in another order
     halves = np.vstack([nodes[1000:], nodes[:1000]])
     for others, at in (([halves], 999), ([nodes[:600], nodes[600:]], 599)):
-        place, joined = _difference([nodes], others, RADIUS)
+        place, joined = _locate_difference([nodes], others, RADIUS)
         assert np.array_equal(place, nodes[at])
         assert joined
 
@@ -89,5 +89,5 @@ def test_ends_are_doubted_farther_from_strands_where_depths_scatter():
     # an end 4.5 radii above the other rope
     across = np.array([10.0, 0.0, 0.0]) * RADIUS + np.arange(9, 60)[:, None] * [0.0, 0.5 * RADIUS, 0.0]
     for scatter, doubted in ((0.0, 0), (0.6, 1)):
-        found = list(ends_at_strands([along, across], scatter * RADIUS, RADIUS))
+        found = list(doubt_ends_at_strands([along, across], scatter * RADIUS, RADIUS))
         assert sum(doubt.amount > 0.0 for doubt in found) == doubted

@@ -12,7 +12,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError, convolved
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.images.above_table import add_masks, mask_above_table
-from strand.reconstruction.images.mask_radius import shown_radius
+from strand.reconstruction.images.mask_radius import estimate_mask_radius
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
@@ -27,8 +27,8 @@ def test_exact_masks_show_the_radius(camera, radius):
     made = scene(
         "loop", seed=3, radius=radius, views=1, camera=Camera(camera, size=(640, 480)), mask=Segmentation()
     )
-    images = rope_images(made.views, made.views, None)
-    (found,), (sd,) = shown_radius(images)
+    (image,) = rope_images(made.views, made.views, None)
+    (found,), (sd,) = estimate_mask_radius(image)
     assert found == pytest.approx(radius, rel=0.15)
     assert abs(found - radius) < 2.0 * sd
 
@@ -37,7 +37,7 @@ def test_a_mask_without_rope_shows_no_radius():
     made = scene("arc", views=1, camera=Camera("zed"), mask=Segmentation())
     (image,) = rope_images(made.views, made.views, None)
     with pytest.raises(NotEnoughDataError, match="no rope"):
-        shown_radius([image.masked(np.zeros_like(image.mask))])
+        estimate_mask_radius(image.masked(np.zeros_like(image.mask)))
 
 
 @pytest.mark.parametrize("columns", [200, 500, 640])

@@ -10,10 +10,10 @@ import pytest
 import strand
 from strand.geometry.polyline import path_length
 from strand.reconstruction.images.above_table import mask_above_table
+from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.image_ends import _change_end
-from strand.reconstruction.images.lengthwise import points_along
-from strand.reconstruction.images.noisy_depth import _within
-from strand.reconstruction.images.outlined import averaged, outlined
+from strand.reconstruction.images.noisy_depth import _measure_overlap
+from strand.reconstruction.images.outlines import average_pixels, outline_ropes
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import Camera, Noise, scene
 from strand.views.rope_images import pixels_of, rope_images
@@ -65,7 +65,7 @@ def test_means_along_a_rope_leave_little_of_the_noise():
     true = image_of(clear)
     image = image_of(made).masked(true.mask)
     table = find_table_beside_ropes(image, RADIUS)
-    points = points_along(image, table, strand.Box(*made.bounds), RADIUS)
+    points = average_along_ropes(image, table, strand.Box(*made.bounds), RADIUS)
     rows, columns = pixels_of(points, made.views[0].image)
     assert np.count_nonzero(true.mask) == len(points)
     errors = points[:, 2] - true.depth[rows, columns]
@@ -111,7 +111,7 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
     true, image = image_of(clear), image_of(made)
     table = find_table_beside_ropes(image, RADIUS)
     (smoothed,) = mask_above_table([image], table, strand.Box(*made.bounds), RADIUS)
-    (found,) = outlined(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
+    (found,) = outline_ropes(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
 
     def wrong(mask):
         return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
@@ -123,7 +123,7 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
 def test_averaged_pixels_see_the_same_places():
     made = noisy("arc", 0.0, views=1, seed=6, camera=Camera(size=(1280, 720)))
     (image,) = rope_images(made.views, made.views, None)
-    coarse, side = averaged(image, RADIUS)
+    coarse, side = average_pixels(image, RADIUS)
     assert side > 2
     nodes = made.truth[0]
     fine = image.project(nodes)
@@ -193,10 +193,10 @@ def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
 def test_rope_within_other_strands_is_counted_along_long_ropes():
     x = 0.5 * RADIUS * np.arange(3000.0)
     rope = np.column_stack([x, 0.0 * x, 0.0 * x])
-    assert _within([rope], RADIUS) == 0.0
+    assert _measure_overlap([rope], RADIUS) == 0.0
     # half of it again, a radius aside
     beside = rope[:1500] + np.array([0.0, RADIUS, 0.0])
-    found = _within([rope, beside], RADIUS)
+    found = _measure_overlap([rope, beside], RADIUS)
     assert found == pytest.approx(0.5 * 2 * 1500, abs=2.0)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from limits import Truth, calibration
-from strand.reconstruction.images.pixel_errors import Errors, _of_discs, expected_errors
+from strand.reconstruction.images.pixel_errors import Errors, _average_over_discs, convert_sensor
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Layout, Segmentation, scene
 from strand.views.rope_images import rope_images
@@ -46,17 +46,17 @@ def test_errors_of_discs_are_as_alike_as_all_pairs_of_their_pixels(correlation):
         square = (x[:, None] - x + lag) ** 2 + (y[:, None] - y) ** 2
         return np.mean(np.exp(-square / (4.0 * correlation**2)) if correlation else square == 0)
 
-    share, length = _of_discs(correlation, pixels)
+    share, length = _average_over_discs(correlation, pixels)
     assert share == pytest.approx(min(1.25 * alike(0) ** 0.5, 1.0))
     assert length == pytest.approx((1.0 + 2.0 * sum(alike(lag) / alike(0) for lag in range(1, 60))) / pixels)
 
 
 def test_errors_of_the_widest_ropes_and_correlations_take_no_longer():
     # all pairs of the discs' pixels would be a thousand million, and of lags as many
-    share, length = _of_discs(2.0, 300.0)
+    share, length = _average_over_discs(2.0, 300.0)
     assert 0.0 < share < 0.1
     assert 1.0 < length < 1.2
-    share, length = _of_discs(1e9, 8.0)
+    share, length = _average_over_discs(1e9, 8.0)
     assert share == 1.0
     assert length > 8.0
 
@@ -67,7 +67,7 @@ def test_errors_of_discs_are_those_of_smoothed_noise(made, correlation):
     images = prepare_images([image], made.radius)
     pixels = float(images.radii[0])
     sd = 0.2 * made.radius
-    found = expected_errors(strand.Sensor(sd=sd, correlation=correlation), [image], images, made.radius)
+    found = convert_sensor(strand.Sensor(sd=sd, correlation=correlation), [image], images, made.radius)
     # noise of unit standard deviation, smoothed by its spectrum
     rng = np.random.default_rng(5)
     side = 360

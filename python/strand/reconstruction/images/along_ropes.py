@@ -1,4 +1,4 @@
-"""Depths that scatter, averaged along the ropes: what is left of the noise is narrower than a rope."""
+"""Depths that scatter, averaged along the ropes: the noise that is left is narrower than a rope."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
-# standard deviations of the means, along a rope and across, and of what tells where it runs: of heights and
-# of their slopes; radii
-_ALONG, _ACROSS, _SLOPE, _COURSE = 1.5, 0.35, 0.6, 1.0
-# kernels are at least so wide, pixels
-_FINEST = 0.5
-# single heights are cut off here, radii: ropes may lie on ropes
-_HIGHEST = 8.0
+# standard deviations of Gaussians
+_ALONG = 1.5  # radii: of means along the rope
+_ACROSS = 0.35  # radii: of means across it
+_SLOPE = 0.6  # radii: of heights before their slopes
+_COURSE = 1.0  # radii: of squared slopes
+_MIN_SMOOTHING = 0.5  # pixels: of all
+_MAX_HEIGHT = 8.0  # radii: larger heights of single pixels are cut; ropes may lie on ropes
 
 
-def points_along(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Array:
-    """Return a mask's pixels as points, whose heights are means along the rope.
+def average_along_ropes(image: DepthImage, table: Plane, bounds: Box | None, radius: float) -> Array:
+    """(N, 3) Return a mask's pixels as points, camera frame, metres, whose heights are means along the rope.
 
     A rope runs where heights change least: across the strongest direction of the structure tensor (Förstner
     and Gülch, *A fast operator for detection and precise location of distinct points, corners and centres of
@@ -36,33 +36,23 @@ def points_along(image: DepthImage, table: Plane, bounds: Box | None, radius: fl
         The extraction range, metres.
     radius : float
         Metres.
-
-    Returns
-    -------
-    (N, 3) ndarray
-        In the camera's frame, metres.
     """
-    above, seen, across = measure_heights(image, table, bounds, radius)
-    counted = np.where(seen, np.clip(above, MIN_HEIGHT * radius, _HIGHEST * radius) / radius, 0.0)
+    above, seen, pixels = measure_heights(image, table, bounds, radius)
+    counted = np.where(seen, np.clip(above, MIN_HEIGHT * radius, _MAX_HEIGHT * radius) / radius, 0.0)
     own = seen & image.mask
     if not own.any():
         return np.empty((0, 3))
     rows, columns = np.nonzero(own)
 
-    def mean(values: Array | NDArray[np.bool_], deviation: float) -> Array:
-        return np.asarray(
-            _core.convolved(
-                values.astype(np.float32), make_gaussian_kernel(max(deviation * across, _FINEST))
-            ),
-            float,
-        )
+    def smooth(values: Array | NDArray[np.bool_], deviation: float) -> Array:
+        kernel = make_gaussian_kernel(max(deviation * pixels, _MIN_SMOOTHING))
+        return np.asarray(_core.convolved(values.astype(np.float32), kernel), float)
 
-    smooth = mean(counted, _SLOPE) / np.maximum(mean(seen, _SLOPE), 1e-6)
-    down, aside = np.gradient(smooth)
-    squares = [mean(np.asarray(each), _COURSE)[rows, columns] for each in (aside**2, down**2, aside * down)]
+    down, aside = np.gradient(smooth(counted, _SLOPE) / np.maximum(smooth(seen, _SLOPE), 1e-6))
+    squares = [smooth(np.asarray(each), _COURSE)[rows, columns] for each in (aside**2, down**2, aside * down)]
     angle = 0.5 * np.arctan2(2.0 * squares[2], squares[0] - squares[1]) + 0.5 * np.pi
-    sums, weights = mean(np.where(own, counted, 0.0), _ACROSS), mean(own, _ACROSS)
-    deviation = (_ALONG**2 - _ACROSS**2) ** 0.5 * across
+    sums, weights = smooth(np.where(own, counted, 0.0), _ACROSS), smooth(own, _ACROSS)
+    deviation = (_ALONG**2 - _ACROSS**2) ** 0.5 * pixels
     reach = int(np.ceil(3.0 * deviation))
     total, weight = np.zeros(len(rows)), np.zeros(len(rows))
     for step in range(-reach, reach + 1):
@@ -74,6 +64,6 @@ def points_along(image: DepthImage, table: Plane, bounds: Box | None, radius: fl
     height = radius * total / weight
     normal, offset = table
     rays = image.camera.rays(rows, columns)
-    steep = rays @ image.pose[:3, :3].T @ normal
-    z = (offset + height - image.pose[:3, 3] @ normal) / np.where(steep < 0.0, steep, -np.inf)
+    slope = rays @ image.pose[:3, :3].T @ normal
+    z = (offset + height - image.pose[:3, 3] @ normal) / np.where(slope < 0.0, slope, -np.inf)
     return np.asarray(rays[z > 0.0] * z[z > 0.0, None])

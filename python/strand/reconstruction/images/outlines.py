@@ -1,4 +1,4 @@
-"""Ropes told from their table in depths that scatter widely: the likeliest mask with a short outline."""
+"""Ropes segmented from their table in depths that scatter widely: the likeliest mask with a short outline."""
 
 from __future__ import annotations
 
@@ -14,36 +14,24 @@ from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
 
-# pixels are averaged until a rope's radius is about this many of them: what is finer is lost in the noise
-_FINE = 3.0
-# ropes are this much above their table where they begin, radii, and heights count only up to there
-_EDGE, _HIGHEST = 0.6, 4.0
-# noise that is left at least, radii, as ropes are not quite round nor their poses exact
-_LEAST = 0.2
-# steps of the search for an outline
-_STEPS = 80
-# around what stands out in the smoothed image: radii, and pixels more
-_MARGIN = 3.0, 4
+_FINEST_RADIUS = 3.0  # pixels: a rope's radius, about, after pixels were averaged
+_EDGE_HEIGHT = 0.6  # radii: height of a rope's edge above its table
+_MAX_HEIGHT = 4.0  # radii: larger heights of single pixels are cut off
+_MIN_NOISE = 0.2  # radii: ropes are not quite round, nor poses exact
+_STEPS = 80  # steps of the search for an outline
+_MARGIN_RADII = 3.0  # radii around the first mask in which ropes are sought
+_MARGIN_PIXELS = 4  # pixels farther
 
 
-def averaged(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
-    """Average squares of pixels until ropes are not finer than noise lets them be seen.
+def average_pixels(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
+    """Average squares of pixels; return the image and the pixels along a square's side.
 
-    Parameters
-    ----------
-    image : DepthImage
-    radius : float
-        Metres.
-
-    Returns
-    -------
-    DepthImage, int
-        And how many pixels a side of a square is.
+    Ropes of a radius, metres, are about three pixels in radius then: noise hides what is finer.
     """
     seen = image.depth > 0
     if not seen.any():
         return image, 1
-    side = round(radius * image.camera.focal[0] / float(np.median(image.depth[seen])) / _FINE)
+    side = round(radius * image.camera.focal[0] / float(np.median(image.depth[seen])) / _FINEST_RADIUS)
     if side < 2:
         return image, 1
     height, width = (count // side for count in image.depth.shape)
@@ -59,12 +47,12 @@ def averaged(image: DepthImage, radius: float) -> tuple[DepthImage, int]:
     return DepthImage(depth, image.camera.averaged(side), image.pose, mask), side
 
 
-def mean_noise(scatter: float, side: int, radius: float) -> float:
-    """Return the standard deviation of means of so many pixels a side, and of ropes about tubes, metres."""
-    return max(scatter / side, _LEAST * radius)
+def estimate_mean_noise(scatter: float, side: int, radius: float) -> float:
+    """Return the standard deviation of means of `side` by `side` depths about tubes of a radius, metres."""
+    return max(scatter / side, _MIN_NOISE * radius)
 
 
-def outlined(
+def outline_ropes(
     image: DepthImage,
     table: Plane,
     bounds: Box | None,
@@ -72,14 +60,15 @@ def outlined(
     noise: float,
     weights: Sequence[float],
 ) -> list[DepthImage]:
-    """Return an image with the likeliest masks, whose outlines cost.
+    """Return the image with the likeliest mask for each weight of outlines.
 
-    What a pixel says for a rope is its height over half of a rope's there, in units of the noise.
+    A pixel's evidence for a rope is how far its height is above half of a rope's, relative to the noise.
+    Where no mask is left, the image stays as it is.
 
     Parameters
     ----------
     image : DepthImage
-        With a first mask, around which ropes are looked for.
+        With a first mask. Ropes are sought around it.
     table : Plane
     bounds : Box or None
         The extraction range, metres.
@@ -88,26 +77,21 @@ def outlined(
     noise : float
         Standard deviation of depth, metres.
     weights : sequence of float
-        What a pixel's length of outline costs, for each mask.
-
-    Returns
-    -------
-    list of DepthImage
-        For each weight; the same image where nothing is left of its mask.
+        Cost of a pixel's length of outline, for each mask.
     """
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return [image] * len(weights)
-    above, seen, across = measure_heights(image, table, bounds, radius)
-    reach = int(_MARGIN[0] * across) + _MARGIN[1]
+    above, seen, pixels = measure_heights(image, table, bounds, radius)
+    reach = int(_MARGIN_RADII * pixels) + _MARGIN_PIXELS
     part = (
         slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),
         slice(max(columns[0] - reach, 0), columns[-1] + reach + 1),
     )
-    # depth along the ray is seen as height at a slant
+    # noise is along the ray, which meets heights at a slant
     variance = (noise / radius * float(table.normal @ image.pose[:3, 2])) ** 2
-    clipped = np.clip(above[part] / radius, MIN_HEIGHT, _HIGHEST)
-    evidence = np.where(seen[part], (_EDGE - clipped) * _EDGE / max(variance, 1e-6), 0.0)
+    clipped = np.clip(above[part] / radius, MIN_HEIGHT, _MAX_HEIGHT)
+    evidence = np.where(seen[part], (_EDGE_HEIGHT - clipped) * _EDGE_HEIGHT / max(variance, 1e-6), 0.0)
     found = []
     for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):
         mask = np.zeros_like(image.mask)
