@@ -66,7 +66,7 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
     radii, run = Radii.given(scene.radius), Run(None)
     fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)
     parts = [part for part in extents(fit, exclusive=True) if part is not None]
-    return [part.at(part.nodes(0.25 * scene.radius))[0] for part in parts]
+    return [part.at(part.spaced(0.25 * scene.radius))[0] for part in parts]
 
 
 def main() -> int:

@@ -13,7 +13,7 @@ from strand.batch.table import Row, record_batch
 from strand.batch.units import Unit, in_words
 from strand.reconstruction.finding.ropes import NoRopeError
 from strand.reconstruction.pipeline import reconstruct
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 
 
@@ -104,7 +104,7 @@ def _model(seen: Seen, settings: Settings, previous: Model | None) -> Model:
 
 def _ropes(unit: Unit, number: int, when: float | None, model: Model, seconds: float) -> Iterator[Row]:
     """Go through the rows of a model: one for each chain, or one if there is none."""
-    crossings = listed_crossings(model.chains, (0, 0, 1), model.doubts)
+    crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
     warned = [
         ({number for number in one.chains if number < len(model.chains)}, f"{one.kind}: {one.message}")
         for one in model.warnings

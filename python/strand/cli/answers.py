@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from strand.cli.outcome import say
 from strand.report.remarks import list_remarks
-from strand.ropes.model import Model, content
+from strand.ropes.model import Model, describe_model
 
 # doubts that are not warned of are printed among the first so many remarks, and from this weight on: less
 # changes no digit of the confidence
@@ -17,7 +17,7 @@ _MOST, _LEAST = 10, 0.005
 
 def print_json(model: Model) -> None:
     """Print a model as its file has it, in one line."""
-    print(json.dumps(content(model), allow_nan=False))
+    print(json.dumps(describe_model(model), allow_nan=False))
 
 
 def warn(model: Model, about: str = "", doubts: bool = False) -> None:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from strand.export.files import format_of
+from strand.export.files import check_suffix
 from strand.support.files import require_writable
 
 
@@ -32,9 +32,9 @@ def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
     if options.figures is not None:
         require_folder(options.figures)
     if options.out is not None and options.every is None:
-        format_of(options.out)
+        check_suffix(options.out)
     if options.tube is not None:
-        format_of(options.tube, ("ply",))
+        check_suffix(options.tube, ("ply",))
     if options.every is not None:
         for option in ("tube", "figures"):
             if vars(options)[option] is not None:

@@ -19,7 +19,7 @@ from strand.cli.solving import known, radius_of, solve
 from strand.io.recordings import Frame
 from strand.io.scenes import Scene
 from strand.report import figures, tables
-from strand.ropes.model import content
+from strand.ropes.model import describe_model
 from strand.support.files import replace_file
 
 HINT = "ropes of a recorded scene"
@@ -122,7 +122,7 @@ def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
             except strand.NotEnoughDataError as error:
                 said["error"] = shown = str(error)
             else:
-                said["model"] = content(model)
+                said["model"] = describe_model(model)
                 shown = tables.describe_frame(model)
             line = json.dumps(said, allow_nan=False)
             words = f"frame {frame.number} at {frame.time:.3f} s: {shown}"

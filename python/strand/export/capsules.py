@@ -69,7 +69,7 @@ class Capsules:
         return poses
 
 
-def capsules_of(chains: Sequence[Line], error: float) -> Capsules:
+def make_capsules(chains: Sequence[Line], error: float) -> Capsules:
     """Return capsules along chains, see `strand.Model.capsules`.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from strand.export.segments import segment_ends
+from strand.export.segments import cut_segments
 from strand.geometry.line import Line
 from strand.support.checks import check_instances
 
@@ -36,7 +36,7 @@ def dismech(chains: Sequence[Line], spacing: float | None = None) -> str:
     nodes: list[str] = []
     edges: list[str] = []
     for chain in check_instances("chains", chains, Line):
-        places = segment_ends(chain, spacing)
+        places = cut_segments(chain, spacing)
         first, last = len(nodes) + 1, len(nodes) + len(places)
         nodes += [",".join(f"{value:.12g}" for value in place) for place in places.tolist()]
         edges += [f"{i},{i + 1}" for i in range(first, last)]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.export.segments import segment_ends
+from strand.export.segments import cut_segments
 from strand.geometry.line import Line
 
 
@@ -41,7 +41,7 @@ def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     """
     if not isinstance(chain, Line):
         raise TypeError(f"chain: expected a Chain or Line, got {type(chain).__name__}")
-    places = segment_ends(chain, spacing)
+    places = cut_segments(chain, spacing)
     path = np.vstack([places, places[:1]]) if chain.closed else places
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)

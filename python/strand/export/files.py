@@ -20,7 +20,7 @@ COLUMNS = ("chain", "node", "s", "x", "y", "z", "radius", "closed", "points_seen
 _PLACE = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
 
 
-def format_of(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS) -> str:
+def check_suffix(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS) -> str:
     """Return how a file is written, by the end of its name.
 
     Raises
@@ -35,7 +35,7 @@ def format_of(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS)
     return suffix
 
 
-def csv_of(chains: Sequence[Line]) -> bytes:
+def format_csv(chains: Sequence[Line]) -> bytes:
     """Return a table with a row for each node, numbers to the last bit; what is not known is empty."""
     rows = [",".join(COLUMNS)]
     for k, chain in enumerate(chains):
@@ -46,7 +46,7 @@ def csv_of(chains: Sequence[Line]) -> bytes:
     return ("\n".join(rows) + "\n").encode()
 
 
-def polylines_of(chains: Sequence[Line]) -> bytes:
+def format_polylines(chains: Sequence[Line]) -> bytes:
     """Return a binary PLY file with the nodes as vertices, and edges from each to the next."""
     counts = [len(chain.points) for chain in chains]
     number = np.repeat(np.arange(len(chains)), counts)
@@ -68,7 +68,7 @@ def polylines_of(chains: Sequence[Line]) -> bytes:
     )
 
 
-def mesh_of(tubes: Sequence[tuple[Array, NDArray[np.int32]]]) -> bytes:
+def format_mesh(tubes: Sequence[tuple[Array, NDArray[np.int32]]]) -> bytes:
     """Return a binary PLY file with the vertices and triangles of meshes, one after the other."""
     counts = [len(vertices) for vertices, _ in tubes]
     vertices = np.empty(sum(counts), dtype=_PLACE)

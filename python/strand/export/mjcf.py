@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.export.segments import segment_ends
+from strand.export.segments import cut_segments
 from strand.export.xml import document, numbers
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_integer, check_positive
@@ -20,7 +20,7 @@ _DAMPING = 0.01
 _CABLE = "mujoco.elasticity.cable"
 
 
-def mjcf_of(
+def make_mjcf(
     chains: Sequence[Line], version: int, spacing: float | None, density: float, young: float
 ) -> bytes:
     """Return a model of MuJoCo, see `strand.Model.save_mjcf`."""
@@ -36,7 +36,7 @@ def mjcf_of(
     world = ElementTree.SubElement(model, "worldbody")
     for number, chain in enumerate(chains):
         # MuJoCo makes no cable of two bodies
-        places = segment_ends(chain, spacing, _LEAST_SPACING, fewest=3 if version == 3 else 2)
+        places = cut_segments(chain, spacing, _LEAST_SPACING, fewest=3 if version == 3 else 2)
         mass = density * math.pi * chain.radius**2 * chain.length
         name = f"rope_{number}"
         if version == 3:

@@ -12,7 +12,7 @@ SPACING = 3.0
 _MOST = 100_000
 
 
-def segment_ends(chain: Line, spacing: float | None, least: float = 0.0, fewest: int = 2) -> Array:
+def cut_segments(chain: Line, spacing: float | None, least: float = 0.0, fewest: int = 2) -> Array:
     """(N + 1, 3) Places on the centreline, from end to end, where N segments meet; of a ring (N, 3).
 
     Parameters

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.export.capsules import capsules_of
+from strand.export.capsules import make_capsules
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
@@ -48,7 +48,7 @@ class Spheres:
         return f"Spheres({len(self)} of {len(np.unique(self.chain))} ropes)"
 
 
-def spheres_of(chains: Sequence[Line], error: float) -> Spheres:
+def make_spheres(chains: Sequence[Line], error: float) -> Spheres:
     """Return spheres along chains, see `strand.Model.spheres`.
 
     Parameters
@@ -60,7 +60,7 @@ def spheres_of(chains: Sequence[Line], error: float) -> Spheres:
     smallest = max((chain.radius for chain in chains), default=0.0) * _LEAST
     if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least 0.01 radii, {smallest:g} m, got {error}")
-    axes = capsules_of(chains, _AXIS * error)
+    axes = make_capsules(chains, _AXIS * error)
     centers, radii, numbers = [np.empty((0, 3))], [], []
     for i, (start, stop) in enumerate(zip(axes.start, axes.stop, strict=True)):
         radius = float(axes.radius[i])

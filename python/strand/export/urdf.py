@@ -8,14 +8,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from strand.export.capsules import Capsules, capsules_of
+from strand.export.capsules import Capsules, make_capsules
 from strand.export.xml import document, numbers
 from strand.geometry.line import Line
 
 
-def urdf_of(chains: Sequence[Line], error: float) -> bytes:
+def make_urdf(chains: Sequence[Line], error: float) -> bytes:
     """Return a URDF with a link for each rope, see `strand.Model.save_urdf`."""
-    capsules = capsules_of(chains, error)
+    capsules = make_capsules(chains, error)
     robot = ElementTree.Element("robot", name="strand")
     ElementTree.SubElement(robot, "link", name="world")
     for number in range(len(chains)):

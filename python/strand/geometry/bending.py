@@ -18,7 +18,7 @@ REACH = 4.0
 _SIDE = 16
 
 
-def over_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Array, Array, Array]:
+def fit_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Array, Array, Array]:
     """Return derivatives of a line by arc length, of the quintics that fit best around places of it.
 
     Parameters
@@ -43,18 +43,18 @@ def over_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[A
     return slope, 2.0 * (half - along[:, None] * slope), 6.0 * sixth
 
 
-def torsion_over_window(at: Callable[[Array], Array], s: Array, reach: float) -> Array:
+def find_window_torsion(at: Callable[[Array], Array], s: Array, reach: float) -> Array:
     """(K,) Torsion of these quintics, 1/m; 0 where they are straight."""
-    slope, bend, jerk = over_window(at, s, reach)
+    slope, bend, jerk = fit_window(at, s, reach)
     normal = np.cross(slope, bend)
     square = (normal * normal).sum(axis=1)
     bent = square > (STRAIGHT / reach) ** 2
     return np.asarray(np.where(bent, (normal * jerk).sum(axis=1) / np.where(bent, square, 1.0), 0.0))
 
 
-def torsion_of_curve(curve: Curve, s: Array) -> Array:
+def find_curve_torsion(curve: Curve, s: Array) -> Array:
     """(...,) Torsion of a spline at arc lengths, 1/m; 0 where it is straight."""
-    u = curve.parameter(s.ravel())
+    u = curve.parameter_at(s.ravel())
     first = np.clip(u.astype(np.intp), 0, len(curve.control) - 4)
     p = curve.control[first + np.arange(4)[:, None]]
     t = (u - first)[:, None]
@@ -69,7 +69,7 @@ def torsion_of_curve(curve: Curve, s: Array) -> Array:
     return np.asarray(np.where(straight, 0.0, found).reshape(s.shape))
 
 
-def derivatives_of_nodes(path: Array, closed: bool) -> tuple[Array, Array]:
+def find_node_derivatives(path: Array, closed: bool) -> tuple[Array, Array]:
     """Return unit tangents and curvature vectors at the nodes of straight segments.
 
     A closed path has the first node again at the end.
@@ -92,7 +92,7 @@ def derivatives_of_nodes(path: Array, closed: bool) -> tuple[Array, Array]:
     return tangents, np.vstack([bend[:1], bend, bend[-1:]])
 
 
-def torsion_of_nodes(nodes: Array, closed: bool, s: Array) -> Array:
+def find_node_torsion(nodes: Array, closed: bool, s: Array) -> Array:
     """(...,) Torsion of straight segments at arc lengths, 1/m: see `Line.torsion_at`."""
     path = np.vstack([nodes[-1:], nodes, nodes[:2]]) if closed else nodes
     steps = np.diff(path, axis=0)
@@ -114,7 +114,7 @@ def torsion_of_nodes(nodes: Array, closed: bool, s: Array) -> Array:
     return np.asarray(np.interp(s, middles, torsion))
 
 
-def least_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
+def find_tightest_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
     """Return the radius of a curve's closest bend, metres, and its arc length; (inf, 0) of a straight one."""
     s = np.linspace(arc_length[0], arc_length[-1], _PLACES * (len(arc_length) - 1) + 1)
     step = s[1]

@@ -14,7 +14,7 @@ from strand.support.lazy import lazy_property
 _NEWTON_STEPS = 4  # to the closest place of a curve
 
 
-def basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
+def evaluate_basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
     """Return the first of the four control points that each parameter depends on, and their weights."""
     first = np.clip(u.astype(np.int64), 0, count - 4)
     t = u - first
@@ -78,12 +78,12 @@ class Curve:
         """Arc length, metres."""
         return float(self._table[1][-1])
 
-    def parameter(self, s: ArrayLike) -> Array:
+    def parameter_at(self, s: ArrayLike) -> Array:
         """Parameter of the spline at arc length `s`, metres, held at the ends."""
         u, arc = self._table
         return np.asarray(np.interp(np.asarray(s), arc, u))
 
-    def arc_length(self, parameter: ArrayLike) -> Array:
+    def arc_length_at(self, parameter: ArrayLike) -> Array:
         """Arc length at a parameter of the spline, metres, held at the ends."""
         _, arc = self._table
         # the table's places are evenly apart: no search
@@ -93,9 +93,9 @@ class Curve:
         low = arc[before]
         return np.asarray(low + (place - before) * (arc[before + 1] - low))
 
-    def part(self, start: float, stop: float) -> Curve:
+    def trimmed(self, start: float, stop: float) -> Curve:
         """Return the stretch between two arc lengths, metres."""
-        first, last = self.parameter([start, stop])
+        first, last = self.parameter_at([start, stop])
         return Curve(self.control, float(first), float(last))
 
     def reversed(self) -> Curve:
@@ -120,7 +120,7 @@ class Curve:
         curvature : (M, 3) ndarray
             The tangent's derivative by arc length, 1/m.
         """
-        position, slope, bend = _core.spline_places(self.control, self.parameter(s))
+        position, slope, bend = _core.spline_places(self.control, self.parameter_at(s))
         square = (slope * slope).sum(axis=1, keepdims=True)
         along = (slope * bend).sum(axis=1, keepdims=True)
         return position, slope / np.sqrt(square), (bend - slope * along / square) / square
@@ -134,6 +134,6 @@ class Curve:
             s = np.clip(s + (offset * tangent).sum(axis=1) / slope, 0.0, self.length)
         return s
 
-    def nodes(self, spacing: float) -> Array:
+    def spaced(self, spacing: float) -> Array:
         """Arc lengths about `spacing` apart from end to end, metres, at least two."""
         return np.linspace(0.0, self.length, max(round(self.length / spacing), 1) + 1)

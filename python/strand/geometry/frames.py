@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from strand.support.checks import Array
+from strand.support.checks import Array, check_small_array
 
 
-def least_turned(tangent: Array) -> Array:
+def check_direction(name: str, value: ArrayLike) -> Array:
+    """Return an argument (3,) of any length but zero as a unit vector."""
+    given = check_small_array(name, value, (3,))
+    largest = float(np.abs(given).max())
+    if largest == 0.0:
+        raise ValueError(f"{name}: expected a vector that is not zero, got [0, 0, 0]")
+    scaled = given / largest
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
+def choose_side(tangent: Array) -> Array:
     """(3,) Unit vector across a tangent, as near to z as can be; of a tangent along z, to x."""
     up = np.array([0.0, 0.0, 1.0]) if abs(tangent[2]) < 1.0 - 1e-6 else np.array([1.0, 0.0, 0.0])
     across = up - (up @ tangent) * tangent
     return np.asarray(across / np.linalg.norm(across))
 
 
-def tangents_of_turns(path: Array, tangents: Array, closed: bool) -> Array:
+def fill_lost_tangents(path: Array, tangents: Array, closed: bool) -> Array:
     """(M, 3) Tangents; where nodes turn back on themselves and have none, the direction of the step before.
 
     A closed path has the first node again at the end.
@@ -28,7 +39,7 @@ def tangents_of_turns(path: Array, tangents: Array, closed: bool) -> Array:
     return np.where(lost[:, None], before, tangents)
 
 
-def node_frames(nodes: Array, tangents: Array, start: Array) -> Array:
+def carry_along_nodes(nodes: Array, tangents: Array, start: Array) -> Array:
     """(M, 3) A direction across each tangent, turned about the tangents as little as can be.
 
     Parameters
@@ -40,11 +51,11 @@ def node_frames(nodes: Array, tangents: Array, start: Array) -> Array:
     """
     across = [start]
     for i in range(len(nodes) - 1):
-        across.append(carried(across[-1], nodes[i], tangents[i], nodes[i + 1], tangents[i + 1]))
+        across.append(carry_directions(across[-1], nodes[i], tangents[i], nodes[i + 1], tangents[i + 1]))
     return np.array(across)
 
 
-def carried(across: Array, here: Array, tangent: Array, ahead: Array, next_tangent: Array) -> Array:
+def carry_directions(across: Array, here: Array, tangent: Array, ahead: Array, next_tangent: Array) -> Array:
     """(..., 3) Directions at the next places, by double reflection (Wang et al. 2008, table I)."""
     across, tangent = (_reflected(one, ahead - here) for one in (across, tangent))
     across = _reflected(across, next_tangent - tangent)

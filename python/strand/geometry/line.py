@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from strand._core import TubeQueries
 from strand.geometry import bending
 from strand.geometry.curve import Curve
-from strand.geometry.frames import carried, least_turned, node_frames, tangents_of_turns
-from strand.geometry.mesh import tube_mesh
+from strand.geometry.frames import carry_along_nodes, carry_directions, choose_side, fill_lost_tangents
+from strand.geometry.mesh import make_tube_mesh
 from strand.geometry.nearest import Nearest, find_nearest
-from strand.geometry.polyline import between, node_values, runs
+from strand.geometry.polyline import check_node_values, find_runs, interpolate
 from strand.support.checks import (
     Array,
     check_bool,
@@ -99,7 +99,7 @@ class Line:
             raise TypeError(f"curve: expected a Curve, got {self.curve!r}")
         for name, shape in _NODE_VALUES.items():
             if getattr(self, name) is not None:
-                value = node_values(name, getattr(self, name), (len(points), *shape), counts=not shape)
+                value = check_node_values(name, getattr(self, name), (len(points), *shape), counts=not shape)
                 object.__setattr__(self, name, freeze_array(value))
         if (np.diff(self._path_arcs) <= 0).any():
             raise ValueError("points: expected no two equal nodes in a row")
@@ -135,7 +135,7 @@ class Line:
         bare = np.zeros(len(self.points), dtype=bool)
         if self.points_seen is not None:
             spacing = self.length / len(self.points)
-            for start, stop in runs(self.points_seen == 0):
+            for start, stop in find_runs(self.points_seen == 0):
                 bare[start:stop] = (stop - start) * spacing >= self.radius
         return bare
 
@@ -159,7 +159,7 @@ class Line:
         repeat their neighbours' value; a line of two nodes has none.
         """
         if self.covariance is not None:
-            bend = bending.over_window(self.at, *self._window(self.arc_length))[1]
+            bend = bending.fit_window(self.at, *self._window(self.arc_length))[1]
             return np.asarray(np.linalg.norm(bend, axis=1))
         return np.asarray(np.linalg.norm(self._derivatives()[1], axis=1))
 
@@ -173,7 +173,7 @@ class Line:
         """Return unit tangents and curvature vectors at the nodes."""
         if self.curve is not None:
             return self.curve.at(self.arc_length)[1:]
-        return bending.derivatives_of_nodes(self._path, self.closed)
+        return bending.find_node_derivatives(self._path, self.closed)
 
     def reversed(self) -> Self:
         """Return the same rope with its nodes in the other order."""
@@ -200,7 +200,7 @@ class Line:
             Numbers of vertices, anticlockwise seen from outside. Triangles intersect where the rope bends
             more tightly than its radius.
         """
-        return tube_mesh(
+        return make_tube_mesh(
             self.points, self.tangents, self.radius, self.closed, check_integer("sides", sides, 3, 1000)
         )
 
@@ -273,12 +273,12 @@ class Line:
         known = self.arc_length
         if self.closed and self.curve is None:
             known, values = self._path_arcs, np.concatenate([values, values[:1]])
-        return between(s, known, values)
+        return interpolate(s, known, values)
 
     @lazy_property
     def _directions(self) -> Array:
         """(M, 3) Unit tangents at the nodes, also where the nodes turn back on themselves."""
-        return tangents_of_turns(self._path, self.tangents, self.closed)
+        return fill_lost_tangents(self._path, self.tangents, self.closed)
 
     def frames_at(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return positions and twist-free frames at arc lengths `s`, as `at` takes them.
@@ -299,14 +299,14 @@ class Line:
         flat = at.ravel()
         place, tangent = self.at(flat), self.tangent_at(flat)
         node = np.clip(np.searchsorted(self.arc_length, flat, side="right") - 1, 0, len(self.points) - 1)
-        side = carried(self._sides[node], self.points[node], self._directions[node], place, tangent)
+        side = carry_directions(self._sides[node], self.points[node], self._directions[node], place, tangent)
         rotation = np.stack([tangent, np.cross(side, tangent), side], axis=-1)
         return place.reshape(*at.shape, 3), rotation.reshape(*at.shape, 3, 3)
 
     @lazy_property
     def _sides(self) -> Array:
         """(M, 3) The z axes of the frames at the nodes."""
-        return node_frames(self.points, self._directions, least_turned(self._directions[0]))
+        return carry_along_nodes(self.points, self._directions, choose_side(self._directions[0]))
 
     def curvature_vector_at(self, s: ArrayLike) -> Array:
         """Return curvature vectors at arc lengths `s`, as `at` takes them: towards where the rope bends.
@@ -321,7 +321,7 @@ class Line:
         """
         at = self._clamped(s)
         if self.covariance is not None:
-            return bending.over_window(self.at, *self._window(at.ravel()))[1].reshape(*at.shape, 3)
+            return bending.fit_window(self.at, *self._window(at.ravel()))[1].reshape(*at.shape, 3)
         if self.curve is not None:
             return self.curve.at(at.ravel())[2].reshape(*at.shape, 3)
         return self._between_nodes(self._derivatives()[1], at)
@@ -340,10 +340,10 @@ class Line:
         """
         at = self._clamped(s)
         if self.covariance is not None:
-            return bending.torsion_over_window(self.at, *self._window(at.ravel())).reshape(at.shape)
+            return bending.find_window_torsion(self.at, *self._window(at.ravel())).reshape(at.shape)
         if self.curve is not None:
-            return bending.torsion_of_curve(self.curve, at)
-        return bending.torsion_of_nodes(self.points, self.closed, at)
+            return bending.find_curve_torsion(self.curve, at)
+        return bending.find_node_torsion(self.points, self.closed, at)
 
     def min_bend_radius(self) -> tuple[float, float]:
         """Find the tightest bend.
@@ -357,7 +357,7 @@ class Line:
             without `curve`, it is a node.
         """
         if self.curve is not None and self.covariance is None:
-            return bending.least_bend(self.curve, self.arc_length)
+            return bending.find_tightest_bend(self.curve, self.arc_length)
         worst = int(self.curvature.argmax())
         bend = float(self.curvature[worst])
         if bend * self.length <= bending.STRAIGHT:
@@ -428,7 +428,7 @@ class Line:
 
     @lazy_property
     def _queries(self) -> TubeQueries:
-        return tube_queries([self])
+        return make_queries([self])
 
     def _arcs_for_queries(self) -> Array:
         """Return the arc length at each node of the path, as `at` takes it."""
@@ -439,7 +439,7 @@ class Line:
         return np.append(self.arc_length, self.length + closing)
 
 
-def tube_queries(lines: Sequence[Line]) -> TubeQueries:
+def make_queries(lines: Sequence[Line]) -> TubeQueries:
     """Return what answers queries against the tubes of lines."""
     return TubeQueries(
         [line._path for line in lines],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Pairs = NDArray[np.intp]
 
 
-def meeting(low: NDArray[Any], high: NDArray[Any], cell: float) -> Iterator[tuple[Pairs, Pairs]]:
+def find_meeting_boxes(low: NDArray[Any], high: NDArray[Any], cell: float) -> Iterator[tuple[Pairs, Pairs]]:
     """Yield all pairs of boxes that meet, each once, some of them at a time.
 
     Parameters

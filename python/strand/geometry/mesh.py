@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.geometry.frames import carried, node_frames
+from strand.geometry.frames import carry_along_nodes, carry_directions
 from strand.support.checks import Array
 
 
-def tube_mesh(
+def make_tube_mesh(
     nodes: Array, tangents: Array, radius: float, closed: bool, sides: int
 ) -> tuple[Array, NDArray[np.int32]]:
     """Return a closed triangle mesh of rings around nodes, see `Line.tube`.
@@ -30,11 +30,11 @@ def tube_mesh(
         raise ValueError(f"points: expected at least three nodes of a closed chain, got {count}")
     least = np.eye(3)[np.abs(tangents[0]).argmin()]
     start = np.cross(tangents[0], least)
-    across = node_frames(nodes, tangents, start / np.linalg.norm(start))
+    across = carry_along_nodes(nodes, tangents, start / np.linalg.norm(start))
     twist = np.zeros(count)
     if closed:
         # the frame that has gone once around is turned against the first one; each ring takes its share
-        round_ = carried(across[-1], nodes[-1], tangents[-1], nodes[0], tangents[0])
+        round_ = carry_directions(across[-1], nodes[-1], tangents[-1], nodes[0], tangents[0])
         missing = np.arctan2(np.cross(round_, across[0]) @ tangents[0], round_ @ across[0])
         steps = np.linalg.norm(np.diff(nodes, axis=0, append=nodes[:1]), axis=1)
         twist = missing * np.concatenate([[0.0], np.cumsum(steps[:-1])]) / steps.sum()

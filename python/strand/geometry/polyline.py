@@ -12,10 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from strand._core import bridge, end_direction, path_length
 from strand.support.checks import Array, to_array
 
-__all__ = ["between", "bridge", "end_direction", "node_values", "path_length", "runs", "walk"]
+__all__ = [
+    "bridge",
+    "check_node_values",
+    "end_direction",
+    "find_runs",
+    "interpolate",
+    "order_segments",
+    "path_length",
+]
 
 
-def between(s: Array, known: Array, values: Array) -> Array:
+def interpolate(s: Array, known: Array, values: Array) -> Array:
     """Return values linear between known ones.
 
     Parameters
@@ -32,7 +40,7 @@ def between(s: Array, known: Array, values: Array) -> Array:
     return np.asarray((1.0 - part) * values[k] + part * values[k + 1])
 
 
-def node_values(name: str, value: ArrayLike, shape: tuple[int, ...], counts: bool) -> NDArray[Any]:
+def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], counts: bool) -> NDArray[Any]:
     """Return an argument with one value for each node: finite floats, or counts."""
     array = to_array(name, value)
     if array.dtype.kind not in ("iu" if counts else "f"):
@@ -46,7 +54,7 @@ def node_values(name: str, value: ArrayLike, shape: tuple[int, ...], counts: boo
     return array
 
 
-def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
+def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Find the stretches of a path that are marked.
 
     Parameters
@@ -63,7 +71,7 @@ def runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
     return edges.astype(np.int64).reshape(-1, 2)
 
 
-def walk(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:
+def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:
     """Order the segments along each rope.
 
     Parameters

@@ -31,7 +31,7 @@ from strand.report.sheet import (
 )
 from strand.report.tables import find_stage_names
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
@@ -488,7 +488,7 @@ def _crossed(model: Model, cloud: Array) -> Array:
     """(K, 3) Places of the crossings that the plan shows."""
     plan = Plan.towards(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
     towards = plan.signs[2] * np.eye(3)[plan.axes[2]]
-    met = listed_crossings(model.chains, towards, model.doubts)
+    met = list_crossings(model.chains, towards, model.doubts)
     return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met)])
 
 

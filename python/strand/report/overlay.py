@@ -10,7 +10,7 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from strand.geometry.polyline import runs
+from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
 from strand.report.sheet import pick_spread
 from strand.ropes.chain import Chain
@@ -166,7 +166,7 @@ def _strokes(
     strokes = []
     for kind, chosen in states.items():
         pieces = []
-        for start, stop in runs(chosen):
+        for start, stop in find_runs(chosen):
             # to the next node, so that the pieces join
             to = stop + 1 if stop < len(pixels) and visible[stop] else stop
             pieces.append("M" + "L".join(f"{u:.1f},{v:.1f}" for u, v in pixels[start:to]))

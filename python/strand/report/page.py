@@ -21,7 +21,7 @@ from strand.report.overlay import MAX_CHAINS, draw_overlay
 from strand.report.sheet import pick_spread
 from strand.report.space_figure import compute_deviations, make_space_figure
 from strand.report.tables import count_stages
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_finite_array
 from strand.support.extras import import_extra
@@ -199,7 +199,7 @@ def _crossings(model: Model) -> str:
         return ""
     nodes = np.concatenate([chain.points for chain in model.chains])
     towards = find_seen_side(nodes, model.poses[:, :3, 3])
-    met = listed_crossings(model.chains, towards, model.doubts)
+    met = list_crossings(model.chains, towards, model.doubts)
     rows = [
         (
             *(f"chain {chain} at {1e3 * s:.0f} mm" for chain, s in (one.over, one.under)),

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from strand._core import StrandError
 from strand.report.cameras import find_seen_side, make_cameras
 from strand.report.page import place_points
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import check_finite_array
@@ -134,7 +134,7 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
     if len(nodes):
         towards = find_seen_side(nodes, model.poses[:, :3, 3])
-        met = listed_crossings(model.chains, towards, model.doubts)
+        met = list_crossings(model.chains, towards, model.doubts)
         if met:
             places, orders = zip(*((crossing.place, str(crossing)) for crossing in met), strict=True)
             log("crossings", rerun.Points3D(places, radii=radius, colors=[_CROSSING], labels=orders))

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from strand.geometry.polyline import runs
+from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera, find_seen_side
 from strand.report.sheet import INK, pick_spread
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
@@ -278,7 +278,7 @@ def _rounded(parts: Sequence[Array]) -> list[float | None]:
 def _unseen(pen: Pen, lines: Sequence[_Line]) -> list[dict[str, Any]]:
     """Stretches that no point supports, each to the nodes beside it."""
     stretches = [
-        line.points[max(start - 1, 0) : stop + 1] for line in lines for start, stop in runs(line.bridged)
+        line.points[max(start - 1, 0) : stop + 1] for line in lines for start, stop in find_runs(line.bridged)
     ]
     if not stretches:
         return []
@@ -295,7 +295,7 @@ def _places(pen: Pen, model: Model, towards: Array) -> list[dict[str, Any]]:
         if not chain.closed
         for place, what in ((chain.points[0], "starts"), (chain.points[-1], "ends"))
     ]
-    met = listed_crossings(model.chains, towards, model.doubts)
+    met = list_crossings(model.chains, towards, model.doubts)
     crossed = [(crossing.place, str(crossing)) for crossing in met]
     doubts = [
         (doubt.place, f"{doubt.kind}, weight {doubt.amount:.3f}: {doubt}")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.ropes.chain import Chain
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.views.view import View
 
@@ -260,7 +260,7 @@ def describe_crossings(model: Model) -> str:
 
     Empty without any.
     """
-    met = listed_crossings(model.chains, (0, 0, 1), model.doubts)
+    met = list_crossings(model.chains, (0, 0, 1), model.doubts)
     rows = [
         (
             *(f"{chain} at {s * 1e3:.1f}" for chain, s in (one.over, one.under)),

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand.geometry.line import Line
-from strand.ropes.crossings import Crossing, find_crossings, listed_crossings
+from strand.ropes.crossings import Crossing, find_crossings, list_crossings
 from strand.ropes.doubt import Doubt
-from strand.ropes.knots import Knot, tied
+from strand.ropes.knots import Knot, name_knot
 from strand.ropes.notebook import notebook_html
 from strand.ropes.shape import ShapeError, compare_shapes
 from strand.support.checks import check_finite_array, check_fraction_or_nan, check_instances
@@ -99,10 +99,10 @@ class Chain(Line):
         """
         arc = self._path_arcs if self.closed else self.arc_length
         if crossings is not None or self.covariance is None:
-            return tied(self.points, self.closed, arc, crossings, direction)
-        own = listed_crossings([self], direction, self.doubts)
+            return name_knot(self.points, self.closed, arc, crossings, direction)
+        own = list_crossings([self], direction, self.doubts)
         rows = [(one.over[1], one.under[1], one.probability) for one in own]
-        return tied(self.points, self.closed, arc, rows, direction, strict=False)
+        return name_knot(self.points, self.closed, arc, rows, direction, strict=False)
 
     def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
         """Find where the rope crosses itself as seen from one side, see `Model.crossings`.

@@ -16,7 +16,7 @@ _PLACES, _FINER = 12, 2
 _AT_ONCE = 2_000
 
 
-def least_distance(
+def find_least_distances(
     chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array
 ) -> Array:
     """Return the least distance of axes near places of both.
@@ -62,7 +62,7 @@ def _least(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Ar
     count = a.shape[1]
     one, other = (np.arange(count * count) // count, np.arange(count * count) % count)
     pairs = (part.reshape(-1, 3) for part in (a[:, one], b[:, one], c[:, other], d[:, other]))
-    _, away = nearest_on_segments(*pairs)
+    _, away = find_nearest_on_segments(*pairs)
     return np.asarray(away.reshape(-1, count * count).min(axis=1))
 
 
@@ -76,7 +76,7 @@ def _places(chains: Sequence[Line], number: NDArray[np.intp], s: Array) -> Array
     return np.asarray(places - places.mean(axis=(0, 2), keepdims=True))
 
 
-def nearest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
+def find_nearest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     """Closest places of segments a to b and c to d (Ericson 2005, section 5.1.9).
 
     Returns

@@ -12,10 +12,11 @@ import numpy as np
 import rustworkx as rx
 from numpy.typing import ArrayLike, NDArray
 
+from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
-from strand.geometry.meeting import meeting
-from strand.ropes.clearance import nearest_on_segments
-from strand.ropes.crossings import Crossing, find_crossings, unit_direction
+from strand.geometry.meeting import find_meeting_boxes
+from strand.ropes.clearance import find_nearest_on_segments
+from strand.ropes.crossings import Crossing, find_crossings
 from strand.support.checks import Array, check_nonnegative
 
 # strands are compared in steps of so many radii, and of not more than so many in all
@@ -86,7 +87,7 @@ class _Steps:
 def find_contacts(chains: Sequence[Line], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
     """Find where strands are near each other and do not cross, see `Model.contacts`."""
     most = check_nonnegative("distance", distance)
-    towards = unit_direction(direction)
+    towards = check_direction("direction", direction)
     if not chains:
         return ()
     steps = _steps(chains)
@@ -128,7 +129,7 @@ def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArr
     cell = float(max(2.0 * reach.max(), (high - low).max()))
     origin = low.min(axis=0)
     found = []
-    for one, other in meeting(low - reach - origin, high + reach - origin, cell):
+    for one, other in find_meeting_boxes(low - reach - origin, high + reach - origin, cell):
         i, j = np.minimum(one, other), np.maximum(one, other)
         limit = radius[steps.chain[i]] + radius[steps.chain[j]] + distance
         # legs of a bend are strands of their own if the way round is longer than a half circle
@@ -137,7 +138,7 @@ def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArr
         s = np.where(closed[mine], np.minimum(s, length[mine] - s), s)
         apart = (mine != steps.chain[j]) | (s > 0.5 * pi * limit)
         i, j, limit = i[apart], j[apart], limit[apart]
-        share, away = nearest_on_segments(steps.start[i], steps.stop[i], steps.start[j], steps.stop[j])
+        share, away = find_nearest_on_segments(steps.start[i], steps.stop[i], steps.start[j], steps.stop[j])
         near = away < limit
         at = np.stack([_along(steps.arcs[i], share[0]), _along(steps.arcs[j], share[1])], axis=1)
         surfaces = away - limit + distance

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strand._core import crossed_segments
+from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
-from strand.ropes.clearance import least_distance
+from strand.ropes.clearance import find_least_distances
 from strand.ropes.doubt import Doubt
-from strand.ropes.order import probability_of_order
+from strand.ropes.order import estimate_order_probability
 from strand.support.checks import (
     Array,
     check_fraction_or_nan,
@@ -127,7 +128,7 @@ def find_crossings(
     doubts : sequence of Doubt
         What speaks against the chains.
     """
-    towards = unit_direction(direction)
+    towards = check_direction("direction", direction)
     first, second, turns = _met(chains, towards)
     if not len(turns):
         return ()
@@ -143,7 +144,7 @@ def find_crossings(
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
     radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
     gap = _gap(chains, number, at, height, radii)
-    probability = probability_of_order(height, sd, radii, point.mean(axis=0), doubts)
+    probability = estimate_order_probability(height, sd, radii, point.mean(axis=0), doubts)
     found = []
     for k in range(len(height)):
         over, under = (upper[k], k), (1 - upper[k], k)
@@ -164,7 +165,7 @@ def find_crossings(
     return tuple(found)
 
 
-def listed_crossings(
+def list_crossings(
     chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
 ) -> tuple[Crossing, ...]:
     """Return crossings for files, tables and pages: none where chains are too long for a list.
@@ -176,7 +177,7 @@ def listed_crossings(
     return find_crossings(chains, direction, doubts)
 
 
-def free_stretch(
+def find_free_stretch(
     chain: Line, number_of_chain: int, s: float, crossings: Sequence[Crossing]
 ) -> tuple[float, float]:
     """Return the stretch around a place in which nothing crosses, see `Model.segment_between_crossings`."""
@@ -193,25 +194,7 @@ def free_stretch(
     return float(met[met <= place].max()), float(met[met >= place].min())
 
 
-def unit_direction(direction: ArrayLike) -> Array:
-    """(3,) A direction of length 1.
-
-    Raises
-    ------
-    TypeError
-        If it does not hold real numbers.
-    ValueError
-        If it is not of shape (3,), not finite, or zero.
-    """
-    given = check_small_array("direction", direction, (3,))
-    largest = float(np.abs(given).max())
-    if largest == 0.0:
-        raise ValueError("direction: expected a vector that is not zero, got [0, 0, 0]")
-    scaled = given / largest
-    return np.asarray(scaled / np.linalg.norm(scaled))
-
-
-def segments_of(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+def collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
     """Return the nodes of all chains, and their segments: nodes, number of the chain, arc lengths.
 
     Returns
@@ -249,7 +232,7 @@ def _met(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArra
     aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     aside /= np.linalg.norm(aside)
     basis = np.column_stack([aside, np.cross(towards, aside)])
-    nodes, segments, number, arcs = segments_of(chains)
+    nodes, segments, number, arcs = collect_segments(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
     pairs, shares, turns = crossed_segments((nodes - origin) @ basis, segments)
     which = number[pairs]
@@ -354,7 +337,7 @@ def _gap(chains: Sequence[Line], number: NDArray[np.intp], at: Array, height: Ar
         if chain.closed:
             half = np.maximum(0.5 * (chain.length - between - _APART * chain.radius), 0.0)
             back[0, mine], ahead[1, mine] = np.minimum(back[0, mine], half), np.minimum(ahead[1, mine], half)
-    return least_distance(chains, number, at, back, ahead) - radii
+    return find_least_distances(chains, number, at, back, ahead) - radii
 
 
 def _apart(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:

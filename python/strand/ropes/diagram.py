@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
-from strand.support.checks import Array, check_bool, check_finite_array, check_small_array
+from strand.geometry.frames import check_direction
+from strand.support.checks import check_bool, check_finite_array
 
 
 @dataclass(frozen=True)
@@ -85,29 +85,11 @@ def knot_diagram(
         `direction` is zero, or strands lie along each other from there.
     """
     nodes = check_finite_array("points", points, ("N", 3))
-    codes = _core.knot_diagram(nodes, check_bool("closed", closed), unit_vector("direction", direction))
-    return diagram_of(codes)
+    codes = _core.knot_diagram(nodes, check_bool("closed", closed), check_direction("direction", direction))
+    return make_diagram(codes)
 
 
-def diagram_of(codes: tuple[list[int], list[int], list[list[int]], list[int]]) -> Diagram:
+def make_diagram(codes: tuple[list[int], list[int], list[list[int]], list[int]]) -> Diagram:
     """Return a diagram of codes as the kernel gives them."""
     gauss, signs, planar, even = codes
     return Diagram(tuple(gauss), tuple(signs), tuple(map(tuple, planar)), tuple(even))
-
-
-def unit_vector(name: str, value: ArrayLike) -> Array:
-    """Return a direction as a vector of unit length.
-
-    Raises
-    ------
-    TypeError
-        If it does not hold real numbers.
-    ValueError
-        If it is not of shape (3,), not finite, or zero.
-    """
-    vector = check_small_array(name, value, (3,))
-    largest = np.abs(vector).max()
-    if largest == 0:
-        raise ValueError(f"{name}: expected a vector that is not zero")
-    vector = vector / largest
-    return np.asarray(vector / np.linalg.norm(vector))

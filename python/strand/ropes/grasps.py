@@ -11,8 +11,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
-from strand.ropes.crossings import Crossing, unit_direction
+from strand.ropes.crossings import Crossing
 from strand.support.checks import Array, check_nonnegative, check_number, check_positive, check_sequence
 
 Table = tuple[Array, float]
@@ -211,7 +212,7 @@ def find_grasps(
     """Find where a gripper can take hold, see `Model.grasps`."""
     if not isinstance(gripper, Gripper):
         raise TypeError(f"gripper: expected a Gripper, got {type(gripper).__name__}")
-    towards, plane = unit_direction(direction), None if table is None else _plane(table)
+    towards, plane = check_direction("direction", direction), None if table is None else _plane(table)
     found: list[Grasp] = []
     refused: list[NoGrasp] = []
     if not chains:
@@ -238,10 +239,7 @@ def _plane(table: tuple[ArrayLike, float]) -> Table:
     given = check_sequence("table", table, "a normal and an offset")
     if len(given) != 2:
         raise ValueError(f"table: expected a normal and an offset, got {len(given)} values")
-    try:
-        normal = unit_direction(given[0])
-    except ValueError as error:
-        raise ValueError(f"table: {error}") from None
+    normal = check_direction("table[0]", given[0])
     length = float(np.linalg.norm(np.asarray(given[0], dtype=np.float64)))
     return normal, check_number("table[1]", given[1]) / length
 

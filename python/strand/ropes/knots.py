@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strand import _core
+from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
-from strand.ropes.diagram import Diagram, diagram_of, unit_vector
+from strand.ropes.diagram import Diagram, make_diagram
 from strand.support.checks import Array, check_bool, check_finite_array
 
 UNKNOWN = "unknown"
@@ -129,10 +130,10 @@ def knot(
     """
     nodes, closed = check_finite_array("points", points, ("N", 3)), check_bool("closed", closed)
     path = np.vstack([nodes, nodes[:1]]) if closed and len(nodes) else nodes
-    return tied(nodes, closed, _core.path_length(path), crossings, direction)
+    return name_knot(nodes, closed, _core.path_length(path), crossings, direction)
 
 
-def tied(
+def name_knot(
     nodes: Array,
     closed: bool,
     arc: Array,
@@ -154,7 +155,7 @@ def tied(
             raise ValueError(f"crossings: expected arc lengths from 0 to {arc[-1]:g} m")
         places = np.interp(given[:, :2], arc, _core.path_length(path))
         rows = np.column_stack([places, given[:, 2]])
-        towards = unit_vector("direction", direction)
+        towards = check_direction("direction", direction)
         probability *= _core.order_probability(nodes, closed, towards, rows, strict)
     return Knot(
         name=name,
@@ -165,7 +166,7 @@ def tied(
         shares=shares,
         alexander=None if alexander is None else tuple(alexander),
         jones=None if jones is None else (jones[0], tuple(jones[1])),
-        diagram=diagram_of(codes),
+        diagram=make_diagram(codes),
     )
 
 

@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike
 
 from strand._core import TubeQueries
 from strand.config import METHODS
-from strand.export.capsules import Capsules, capsules_of
-from strand.export.files import csv_of, format_of, mesh_of, polylines_of
-from strand.export.mjcf import mjcf_of
-from strand.export.spheres import Spheres, spheres_of
-from strand.export.urdf import urdf_of
-from strand.geometry.line import tube_queries
+from strand.export.capsules import Capsules, make_capsules
+from strand.export.files import check_suffix, format_csv, format_mesh, format_polylines
+from strand.export.mjcf import make_mjcf
+from strand.export.spheres import Spheres, make_spheres
+from strand.export.urdf import make_urdf
+from strand.geometry.line import make_queries
 from strand.geometry.nearest import Nearest, find_nearest
 from strand.ropes.chain import Chain
 from strand.ropes.contacts import Contact, find_contacts
-from strand.ropes.crossings import Crossing, find_crossings, free_stretch, listed_crossings
+from strand.ropes.crossings import Crossing, find_crossings, find_free_stretch, list_crossings
 from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.ropes.grasps import Grasps, Gripper, find_grasps
-from strand.ropes.next_view import best_camera
+from strand.ropes.next_view import find_best_camera
 from strand.ropes.notebook import notebook_html
 from strand.ropes.pulls import PullPlan, plan_pulls
 from strand.ropes.queries import RayHits, SweepHits
@@ -178,12 +178,12 @@ class Model:
             seen = chain.points_seen
             place = chain.points[len(chain.points) // 2 if seen is None else int(seen.argmin())]
         radius = self.chains[0].radius
-        return best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
+        return find_best_camera(place, [chain.points for chain in self.chains], self.poses[:, :3, 3], radius)
 
     @lazy_property
     def _tubes(self) -> TubeQueries:
         """All chains' tubes in one hierarchy, built when it is first asked."""
-        return tube_queries(self.chains)
+        return make_queries(self.chains)
 
     def signed_distance(self, points: ArrayLike) -> Array:
         """Distance of points from the ropes' surfaces, negative inside.
@@ -404,7 +404,7 @@ class Model:
         if not self.chains:
             raise ValueError(f"chain: expected the number of a chain, got {chain!r}: the model has no chains")
         number_ = check_integer("chain", chain, 0, len(self.chains) - 1)
-        return free_stretch(self.chains[number_], number_, s, self.crossings(direction))
+        return find_free_stretch(self.chains[number_], number_, s, self.crossings(direction))
 
     def grasps(
         self,
@@ -496,11 +496,11 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        kind = format_of(path)
+        kind = check_suffix(path)
         if kind != "json":
-            write_bytes(path, csv_of(self.chains) if kind == "csv" else polylines_of(self.chains))
+            write_bytes(path, format_csv(self.chains) if kind == "csv" else format_polylines(self.chains))
             return
-        write_json(path, content(self))
+        write_json(path, describe_model(self))
 
     def save_tube(self, path: str | os.PathLike[str], sides: int = 16) -> None:
         """Write the ropes' surfaces as one triangle mesh to a PLY file, whole or not at all.
@@ -521,8 +521,8 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        format_of(path, ("ply",))
-        write_bytes(path, mesh_of([chain.tube(sides) for chain in self.chains]))
+        check_suffix(path, ("ply",))
+        write_bytes(path, format_mesh([chain.tube(sides) for chain in self.chains]))
 
     def capsules(self, error: float) -> Capsules:
         """Return the ropes as capsules for collision checks.
@@ -549,7 +549,7 @@ class Model:
         ValueError
             If it is not positive and finite, or less than a thousandth of a radius.
         """
-        return capsules_of(self.chains, error)
+        return make_capsules(self.chains, error)
 
     def spheres(self, error: float) -> Spheres:
         """Return the ropes as spheres for collision checks, of the ropes' radius.
@@ -574,7 +574,7 @@ class Model:
         ValueError
             If it is not positive and finite, or less than a hundredth of a radius.
         """
-        return spheres_of(self.chains, error)
+        return make_spheres(self.chains, error)
 
     def save_mjcf(
         self,
@@ -617,8 +617,8 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        format_of(path, ("xml",))
-        write_bytes(path, mjcf_of(self.chains, version, spacing, density, young))
+        check_suffix(path, ("xml",))
+        write_bytes(path, make_mjcf(self.chains, version, spacing, density, young))
 
     def save_urdf(self, path: str | os.PathLike[str], error: float = 5e-4) -> None:
         """Write the ropes as a URDF, whole or not at all: rigid, for what must not be touched.
@@ -642,16 +642,16 @@ class Model:
         OSError
             If the file cannot be written.
         """
-        format_of(path, ("urdf",))
-        write_bytes(path, urdf_of(self.chains, error))
+        check_suffix(path, ("urdf",))
+        write_bytes(path, make_urdf(self.chains, error))
 
 
-def content(model: Model) -> dict[str, Any]:
+def describe_model(model: Model) -> dict[str, Any]:
     """Return what a model's file says, in JSON's types."""
     # the arrays between the stages are large and stay out
     said = convert_to_json(replace(model, stages={}))
     del said["stages"]
-    crossings = convert_to_json(listed_crossings(model.chains, (0, 0, 1), model.doubts))
+    crossings = convert_to_json(list_crossings(model.chains, (0, 0, 1), model.doubts))
     return {
         "format": FORMAT,
         "version": VERSION,

@@ -16,7 +16,7 @@ _STRETCH, _CLEAR = 5.0, 3.0
 _SIDE, _NEW = 0.5, 0.3
 
 
-def best_camera(place: Array, strands: Sequence[Array], cameras: Array, radius: float) -> Array:
+def find_best_camera(place: Array, strands: Sequence[Array], cameras: Array, radius: float) -> Array:
     """Find the camera position that best sees a place.
 
     Strands near the place should hide each other as little as possible, and be seen from the side, not along

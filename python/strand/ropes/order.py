@@ -22,7 +22,7 @@ _ALWAYS = 0.002
 _MOST = 50.0
 
 
-def probability_of_order(
+def estimate_order_probability(
     height: Array, sd: Array, radii: Array, place: Array, doubts: Sequence[Doubt]
 ) -> Array:
     """Return how likely the orders at crossings are right.

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strand.geometry.frames import check_direction
 from strand.geometry.line import Line
-from strand.ropes.crossings import Crossing, unit_direction
+from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
 
 # how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
@@ -109,7 +110,7 @@ class _Way(NamedTuple):
 
 def plan_pulls(chains: Sequence[Line], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
     """Plan how ropes come apart, see `Model.pull_plan`."""
-    towards = unit_direction(direction)
+    towards = check_direction("direction", direction)
     left = dict(enumerate(crossings))
     pulls = []
     while left:

@@ -16,7 +16,7 @@ from shared.batch_recordings import SETTINGS, save_scenes
 from strand.batch import Settings, find, load, load_models, rows_of, schema, write_summary
 from strand.batch.shards import Work, Written
 from strand.batch.table import UNLIKE
-from strand.ropes.crossings import listed_crossings
+from strand.ropes.crossings import list_crossings
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 COLUMNS = (
@@ -52,7 +52,7 @@ def test_rows_hold_the_model_bit_for_bit(knot):
     assert batch.schema == schema()
     scene = strand.load_scene(knot)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
-    crossings = listed_crossings(model.chains, (0, 0, 1), model.doubts)
+    crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
     assert len(batch) == len(model.chains) > 1
     assert len(crossings) > 0
     written = []

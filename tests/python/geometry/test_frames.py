@@ -25,7 +25,7 @@ def smooth(seed=0):
         np.random.default_rng(seed).normal(size=(12, 3)) * [0.02, 0.02, 0.005] + [0.02, 0, 0], axis=0
     )
     curve = Curve.whole(control)
-    return Chain(curve.at(curve.nodes(0.004))[0], 0.004, curve=curve)
+    return Chain(curve.at(curve.spaced(0.004))[0], 0.004, curve=curve)
 
 
 @pytest.mark.parametrize(

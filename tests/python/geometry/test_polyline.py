@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strand.geometry.polyline import between, runs, walk
+from strand.geometry.polyline import find_runs, interpolate, order_segments
 
 
 @settings(deadline=None, max_examples=100)
@@ -18,7 +18,7 @@ def test_walking_visits_every_segment_once_and_follows_the_joins(count, seed):
     rng = np.random.default_rng(seed)
     ends = rng.permutation(2 * count)
     pairs = [(int(a), int(b)) for a, b in ends[: 2 * int(rng.integers(0, count + 1))].reshape(-1, 2)]
-    walks = walk(count, pairs)
+    walks = order_segments(count, pairs)
     assert sorted(end // 2 for entered, _ in walks for end in entered) == list(range(count))
     links = {frozenset(pair) for pair in pairs}
     used = set()
@@ -33,7 +33,7 @@ def test_walking_visits_every_segment_once_and_follows_the_joins(count, seed):
 
 @given(st.lists(st.booleans(), max_size=30))
 def test_runs_are_the_stretches_that_are_marked(marked):
-    found = runs(np.array(marked, dtype=bool))
+    found = find_runs(np.array(marked, dtype=bool))
     again = np.zeros(len(marked), dtype=bool)
     for start, stop in found:
         assert 0 <= start < stop <= len(marked)
@@ -48,7 +48,7 @@ def test_covariances_between_nodes_are_linear_and_at_nodes_their_own():
     roots = rng.normal(size=(5, 3, 3))
     values = roots @ roots.transpose(0, 2, 1)
     known = np.linspace(0.0, 1.0, 5)
-    assert between(known, known, values) == pytest.approx(values)
-    assert between(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
-    found = between(rng.uniform(size=100), known, values)
+    assert interpolate(known, known, values) == pytest.approx(values)
+    assert interpolate(np.array([0.125]), known, values)[0] == pytest.approx(0.5 * (values[0] + values[1]))
+    found = interpolate(rng.uniform(size=100), known, values)
     assert (np.linalg.eigvalsh(found) > 0).all()

@@ -7,7 +7,7 @@ import pytest
 
 from shared.ropes import draw_circle
 from strand import Chain, Model
-from strand.ropes.clearance import nearest_on_segments
+from strand.ropes.clearance import find_nearest_on_segments
 from strand.synthetic import random_ropes
 
 R = 0.004
@@ -147,7 +147,7 @@ def test_nearest_places_of_segments_against_a_search():
     rng = np.random.default_rng(0)
     a, b, c, d = rng.normal(size=(4, 50, 3))
     b[0], d[0] = a[0] + [1, 0, 0], c[0] + [2, 0, 0]
-    shares, away = nearest_on_segments(a, b, c, d)
+    shares, away = find_nearest_on_segments(a, b, c, d)
     s = np.linspace(0, 1, 201)[:, None]
     for k in range(50):
         p, q = a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k])

@@ -8,7 +8,7 @@ import pytest
 import strand
 from shared.ropes import R
 from strand import Chain, Model
-from strand.ropes.crossings import Crossing, listed_crossings
+from strand.ropes.crossings import Crossing, list_crossings
 from strand.ropes.doubt import Doubt
 from strand.synthetic import random_ropes, shape
 
@@ -278,8 +278,8 @@ def test_a_hundred_thousand_nodes_lose_no_crossing():
     # of a Lissajous figure of 7 and 9: 2 * 7 * 9 - 7 - 9
     assert len(found) == 2 * 7 * 9 - 7 - 9
     # no file lists them: chains of noise have millions
-    assert listed_crossings([Chain(weave, 1e-4)], UP, ()) == ()
-    assert len(listed_crossings([Chain(weave[::20], 1e-4)], UP, ())) == len(found)
+    assert list_crossings([Chain(weave, 1e-4)], UP, ()) == ()
+    assert len(list_crossings([Chain(weave[::20], 1e-4)], UP, ())) == len(found)
 
 
 def test_a_height_without_covariance_has_no_deviation():

@@ -143,7 +143,7 @@ def make_smooth_chain() -> Chain:
     t = np.linspace(0.0, 4.0 * np.pi, 40)
     control = np.stack([0.03 * np.cos(t), 0.03 * np.sin(2.0 * t), 0.005 * t], axis=1)
     curve = Curve.whole(control)
-    return Chain(curve.at(curve.nodes(0.001))[0], R, curve=curve)
+    return Chain(curve.at(curve.spaced(0.001))[0], R, curve=curve)
 
 
 def measure_path_distance(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:

@@ -117,7 +117,7 @@ def test_table_is_finite_and_optional():
     assert render_depth([], RADIUS, PINHOLE, OVERHEAD) == pytest.approx(0.35, abs=1e-12)
 
 
-def tube_mesh(nodes, radius, sides=128):
+def make_tube_mesh(nodes, radius, sides=128):
     tangents = np.gradient(nodes, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     across = np.cross(tangents, (0.0, 0.0, 1.0))
@@ -142,7 +142,7 @@ def tube_mesh(nodes, radius, sides=128):
 
 def test_parity_with_open3d():
     made = scene("paper", seed=3, views=3)
-    vertices, faces = tube_mesh(finer(made.truth[0], 2), RADIUS)
+    vertices, faces = make_tube_mesh(finer(made.truth[0], 2), RADIUS)
     square = np.float32([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
     cast = o3d.t.geometry.RaycastingScene()
     cast.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(faces))

@@ -9,7 +9,7 @@ import numpy as np
 
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
-from strand.geometry.polyline import path_length, runs
+from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
 from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
@@ -212,7 +212,7 @@ def _penalize_free_space(fit: ImageFit, visibility: Visibility, observed: Observ
     radius = float(observed.radii.values[0])
     cost = 0.0
     for nodes in fit.nodes:
-        for start, stop in runs(visibility.free(nodes, radius)):
+        for start, stop in find_runs(visibility.free(nodes, radius)):
             if stop - start >= _MIN_FREE_NODES:
                 cost += _FREE_COST * _NODE_SPACING * (stop - start)
     return cost

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import strand._core as _core
 from strand._core import ImageFit, RopeImages
-from strand.geometry.polyline import runs
+from strand.geometry.polyline import find_runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import SCALE
 from strand.reconstruction.images.comparison import Explanation
@@ -145,7 +145,7 @@ def _doubt_bare_stretches(chains: Sequence[Chain]) -> Iterator[Doubt]:
         if chain.points_seen is None:
             continue
         spacing = chain.length / len(chain.points)
-        for start, stop in runs(chain.points_seen == 0):
+        for start, stop in find_runs(chain.points_seen == 0):
             length = (stop - start) * spacing
             amount = _BARE * max(length / chain.radius - _USUAL_BARE, 0.0)
             reason = f"{length * 1e3:.0f} mm of rope have no depth"

@@ -9,7 +9,7 @@ import numpy as np
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.curve import Curve
-from strand.geometry.polyline import between
+from strand.geometry.polyline import interpolate
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.pose import rotation_about
@@ -35,11 +35,11 @@ def make_chains(
     support = images.support(fit)
     for control, covariances, (counts, views) in zip(fit.controls, fit.covariances, support, strict=True):
         curve = Curve.whole(control)
-        s = curve.nodes(config.tubes.node_spacing * radius)
+        s = curve.spaced(config.tubes.node_spacing * radius)
         places, tangents, _ = curve.at(s)
         share = s / curve.length
         known = np.linspace(0.0, 1.0, len(covariances))
-        covariance = between(share, known, covariances)
+        covariance = interpolate(share, known, covariances)
         # nodes divide the way from end to end, so they move with the ends
         along = (_END_SD * radius) ** 2 * ((1.0 - share) ** 2 + share**2)
         covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]

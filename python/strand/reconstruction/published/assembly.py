@@ -11,7 +11,7 @@ import numpy as np
 
 import strand._core as _core
 from strand.config import Reconnection
-from strand.geometry.polyline import bridge, end_direction, path_length, walk
+from strand.geometry.polyline import bridge, end_direction, order_segments, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.published.reconnection import SegmentJoins
 from strand.support.checks import Array
@@ -60,7 +60,7 @@ def assemble(
     cut_back = [config.trim * radius * (end in joined.meeting) for end in range(2 * len(segments))]
     trimmed = [trim_segment(part, *cut_back[2 * k : 2 * k + 2]) for k, part in enumerate(segments)]
     strings: Chains = []
-    for entered, closed in walk(len(segments), joined.joins):
+    for entered, closed in order_segments(len(segments), joined.joins):
         parts = [trimmed[end // 2][:: -1 if end % 2 else 1] for end in entered]
         nodes = parts[0]
         for part in parts[1:]:

@@ -8,7 +8,7 @@ import numpy as np
 
 import strand._core as _core
 from strand.config import Linking
-from strand.geometry.polyline import end_direction, path_length, runs
+from strand.geometry.polyline import end_direction, find_runs, path_length
 from strand.support.checks import Array
 
 # arcs shorter than this may be duplicates of others that they are nearer to than strands in contact, in radii
@@ -58,7 +58,7 @@ def part_at_contacts(arcs: Sequence[Array], radius: float, config: Linking, back
                     kept[i] &= ~_merged(arc, np.abs(lengths[i] - place), other, i == j, radius, back)
     parts = []
     for arc, keep in zip(arcs, kept, strict=True):
-        parts += [arc[a:b] for a, b in runs(keep) if b - a >= 3]
+        parts += [arc[a:b] for a, b in find_runs(keep) if b - a >= 3]
     return parts
 
 

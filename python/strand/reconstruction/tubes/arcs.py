@@ -218,6 +218,6 @@ def seen_arcs(fit: TubeFit, config: Config) -> Arcs:
     for number, part in enumerate(extents(fit, exclusive=False)):
         radius = fit.radius(number)
         if part is not None and part.length > config.tubes.min_arc * radius:
-            nodes.append(part.at(part.nodes(0.5 * radius))[0])
+            nodes.append(part.at(part.spaced(0.5 * radius))[0])
             classes.append(int(fit.radius_classes[number]))
     return Arcs(nodes, classes)

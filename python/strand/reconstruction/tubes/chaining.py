@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strand.geometry.polyline import bridge, path_length, walk
+from strand.geometry.polyline import bridge, order_segments, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.tubes.bridges import LONG, least_bending, seen_through
@@ -50,7 +50,7 @@ def _parts(arcs: Sequence[Array], joins: Sequence[Pair]) -> list[tuple[list[Arra
     """Arcs of each chain in order, their nodes too, and whether it is closed."""
     return [
         ([arcs[end // 2][:: -1 if end % 2 else 1] for end in entered], closed)
-        for entered, closed in walk(len(arcs), joins)
+        for entered, closed in order_segments(len(arcs), joins)
     ]
 
 

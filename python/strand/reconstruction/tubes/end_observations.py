@@ -65,7 +65,7 @@ def observed_ends(
         Only of ends that two views or more see.
     """
     axis = [
-        None if part is None else part.at(part.nodes(0.5 * fit.radius(number)))[0]
+        None if part is None else part.at(part.spaced(0.5 * fit.radius(number)))[0]
         for number, part in enumerate(parts)
     ]
     cameras = [moved(centre[None], motion)[0] for centre, motion in zip(viewpoints, fit.motions, strict=True)]
@@ -76,9 +76,9 @@ def observed_ends(
             continue
         r = fit.radius(number)
         whole = Curve.whole(part.control)
-        first, last = whole.arc_length([part.start, part.stop])
+        first, last = whole.arc_length_at([part.start, part.stop])
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
-        place = whole.arc_length(fit.parameter[mine])
+        place = whole.arc_length_at(fit.parameter[mine])
         for late in (False, True):
             end = 2 * number + late
             # from the end inwards

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from strand._core import NotEnoughDataError, TubeFit
-from strand.geometry.polyline import path_length, walk
+from strand.geometry.polyline import order_segments, path_length
 from strand.reconstruction.courses import Chains, have_same_courses
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.stages import Run
@@ -152,7 +152,7 @@ def _nearest(costs: JoinCosts, pairs: Sequence[Pair]) -> Sequence[Pair]:
 def _open_chains(made: Chains, joins: Sequence[Pair], arcs: int, least: float) -> list[int]:
     """Return for each arc the number of its chain if that has ends and is longer than `least`, else -1."""
     numbers = [-1] * arcs
-    for number, (chain, (entered, closed)) in enumerate(zip(made, walk(arcs, joins), strict=True)):
+    for number, (chain, (entered, closed)) in enumerate(zip(made, order_segments(arcs, joins), strict=True)):
         for end in entered:
             enough = path_length(chain[0])[-1] > least
             numbers[end // 2] = number if enough and not closed else -1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import strand._core as _core
-from strand.geometry.polyline import bridge, end_direction, path_length, runs
+from strand.geometry.polyline import bridge, end_direction, find_runs, path_length
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.tubes.bridges import bridge_cost, least_bending, seen_through
 from strand.reconstruction.tubes.clouds import Pair
@@ -94,7 +94,7 @@ def join_costs(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
             if distance[i, j] > config.gap * radius and visibility.occluded(nodes, radius).mean() < _MOSTLY:
                 continue
             free = visibility.free(nodes, radius)
-            longest = max((stop - start for start, stop in runs(free)), default=0) * 0.4
+            longest = max((stop - start for start, stop in find_runs(free)), default=0) * 0.4
             if longest >= max(_THROUGH[0], _THROUGH[1] * distance[i, j] / radius):
                 continue
             share = float(free.mean()) if len(nodes) else 0.0

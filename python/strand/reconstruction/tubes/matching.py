@@ -8,7 +8,7 @@ from heapq import heappop, heappush
 import numpy as np
 import rustworkx as rx
 
-from strand.geometry.polyline import walk
+from strand.geometry.polyline import order_segments
 from strand.reconstruction.tubes.clouds import Pair
 from strand.reconstruction.tubes.join_costs import JoinCosts
 
@@ -49,7 +49,7 @@ def matched(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -
     count = 0
     while True:
         cost, _, joins, barred = heappop(ways)
-        rings = [entered for entered, closed in walk(len(costs.arcs), joins) if closed]
+        rings = [entered for entered, closed in order_segments(len(costs.arcs), joins) if closed]
         if not rings:
             return joins, cost
         arcs = {end // 2 for end in rings[0]}

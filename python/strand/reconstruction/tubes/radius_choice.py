@@ -88,7 +88,7 @@ def _width(fit: TubeFit, number: int, radius: float, limit: float) -> float:
     if np.count_nonzero(mine) < 3:
         return 0.0
     curve = Curve.whole(fit.curves[number])
-    axis, tangent, _ = curve.at(curve.arc_length(fit.parameter[mine]))
+    axis, tangent, _ = curve.at(curve.arc_length_at(fit.parameter[mine]))
     aside = np.cross(fit.to_camera[mine], tangent)
     aside /= np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-300)
     lateral = ((fit.points[mine] - axis) * aside).sum(axis=1)

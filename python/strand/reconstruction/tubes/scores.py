@@ -6,7 +6,7 @@ import numpy as np
 
 import strand._core as _core
 from strand._core import TubeFit
-from strand.geometry.polyline import path_length, runs
+from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import Visibility
@@ -51,14 +51,14 @@ def explanation_cost(fit: TubeFit, visibility: Visibility | None) -> float:
     spacing = 0.25
     centres, places, number = [], [], []
     for k, part in enumerate(parts):
-        s = part.nodes(spacing * r)
+        s = part.spaced(spacing * r)
         position, _, curvature = part.at(s)
         bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, 1.5)
         cost += _BENDING * spacing * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
         if visibility is not None:
             free = visibility.free(position, r)
             cost += _FREE * spacing * float(free.sum())
-            cost += _GONE * sum(is_phantom(stretch, len(s), spacing) for stretch in runs(free))
+            cost += _GONE * sum(is_phantom(stretch, len(s), spacing) for stretch in find_runs(free))
         centres.append(position[::2])
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))

@@ -9,7 +9,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import TubeFit
 from strand.geometry.curve import Curve
-from strand.geometry.polyline import runs
+from strand.geometry.polyline import find_runs
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.clouds import Arcs
 from strand.support.checks import Array
@@ -71,7 +71,7 @@ def _of_radius(fit: TubeFit, r: float) -> list[Array]:
     if len(points) < 20:
         return []
     curves = [Curve.whole(control) for control in fit.curves]
-    known = np.concatenate([curve.at(curve.nodes(0.5 * r))[0] for curve in curves])
+    known = np.concatenate([curve.at(curve.spaced(0.5 * r))[0] for curve in curves])
     enough = _SHARE * density(fit, curves)
     # only the direction to the camera matters to a trace
     arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_NODES)
@@ -108,13 +108,13 @@ def to_decide_again(fit: TubeFit, parts: Sequence[Curve | None], visibility: Vis
         if part is None:
             continue
         r = fit.radius(number)
-        places = part.at(part.nodes(0.5 * r))[0]
+        places = part.at(part.spaced(0.5 * r))[0]
         keep = np.ones(len(places), dtype=bool)
-        for stretch in runs(visibility.free(places, r)):
+        for stretch in find_runs(visibility.free(places, r)):
             if is_phantom(stretch, len(places), 0.5):
                 keep[slice(*stretch)] = False
         cut = cut or not keep.all()
-        kept = [places[start:stop] for start, stop in runs(keep) if stop - start >= 3]
+        kept = [places[start:stop] for start, stop in find_runs(keep) if stop - start >= 3]
         nodes += kept
         classes += [int(fit.radius_classes[number])] * len(kept)
     more = unexplained_arcs(fit, range(len(fit.radii)))

@@ -132,10 +132,10 @@ def _of_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibility
             continue
         r = fit.radius(number)
         curve = Curve.whole(kept.control)
-        start, stop = curve.arc_length([kept.start, kept.stop])
-        s = curve.arc_length(fit.parameter[fit.inlier & (fit.curve == number)])
+        start, stop = curve.arc_length_at([kept.start, kept.stop])
+        s = curve.arc_length_at(fit.parameter[fit.inlier & (fit.curve == number)])
         typical = np.count_nonzero((s > start) & (s < stop)) / max(stop - start, r)
-        others = (np.inf, np.inf) if whole is None else curve.arc_length([whole.start, whole.stop])
+        others = (np.inf, np.inf) if whole is None else curve.arc_length_at([whole.start, whole.stop])
         for late, end, other in ((False, start, others[0]), (True, stop, others[1])):
             inside = end - s if late else s - end
             seen = np.count_nonzero((inside > _INSIDE[0] * r) & (inside < _INSIDE[1] * r))

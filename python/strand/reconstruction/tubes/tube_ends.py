@@ -96,13 +96,13 @@ def with_hidden_ends(
             continue
         r = fit.radius(number)
         whole = Curve.whole(part.control)
-        start, stop = whole.arc_length([part.start, part.stop])
+        start, stop = whole.arc_length_at([part.start, part.stop])
         early, late = (unseen_beyond(part, end, visibility, r) for end in (False, True))
         if _UNSEEN[0] * r <= early <= _UNSEEN[1] * r:
             start = max(start - 0.5 * early, 0.0)
         if _UNSEEN[0] * r <= late <= _UNSEEN[1] * r:
             stop = min(stop + 0.5 * late, whole.length)
-        longer[number] = whole.part(start, stop)
+        longer[number] = whole.trimmed(start, stop)
     return longer
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from strand._core import TubeFit
 from strand.config import Config
-from strand.geometry.curve import Curve, basis
+from strand.geometry.curve import Curve, evaluate_basis
 from strand.reconstruction.tubes.tube_ends import end_deviations
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
@@ -42,14 +42,14 @@ def as_chains(
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None:
             continue
-        s = part.nodes(config.tubes.node_spacing * fit.radius(number))
+        s = part.spaced(config.tubes.node_spacing * fit.radius(number))
         if ring and len(s) < _LEAST_OF_RING:
             continue
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
-        place = part.arc_length(fit.parameter[mine])
+        place = part.arc_length_at(fit.parameter[mine])
         counts, views = _seen(place, fit.view[mine], s)
         places, tangents, _ = part.at(s)
-        covariance = node_covariance(fit.covariances[number], part.parameter(s))
+        covariance = node_covariance(fit.covariances[number], part.parameter_at(s))
         if not ring:
             # nodes divide the way from end to end: they go along with the ends
             share = s / part.length
@@ -97,7 +97,7 @@ def node_covariance(covariance: Array, parameter: Array) -> Array:
     (M, 3, 3) ndarray
         sum_ij B_i B_j C_ij, m^2.
     """
-    first, weights = basis(parameter, len(covariance))
+    first, weights = evaluate_basis(parameter, len(covariance))
     total = np.zeros((len(parameter), 3, 3))
     for i in range(4):
         for j in range(i, 4):

@@ -145,4 +145,4 @@ def _once_round(curve: Curve, margin: float) -> Curve:
     start = curve.at([margin])[0]
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]
-    return curve.part(margin, float(stop))
+    return curve.trimmed(margin, float(stop))

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from strand.geometry.polyline import walk
+from strand.geometry.polyline import order_segments
 from strand.reconstruction.tubes.join_costs import JoinCosts
 from strand.reconstruction.tubes.matching import joined_to, matched
 
@@ -68,7 +68,7 @@ def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
 
         def search(k, chosen, costs=costs, pairs=pairs):
             if k == len(pairs):
-                closed = any(ring for _, ring in walk(4, chosen))
+                closed = any(ring for _, ring in order_segments(4, chosen))
                 cost = sum(costs[pair] for pair in chosen) + 5.0 * (8 - 2 * len(chosen))
                 return np.inf if closed else cost
             best = search(k + 1, chosen)
@@ -77,7 +77,7 @@ def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
             return best
 
         joins, cost = matched(costs_of(costs, 4, rings=False), 5.0)
-        assert not any(ring for _, ring in walk(4, joins))
+        assert not any(ring for _, ring in order_segments(4, joins))
         assert cost == pytest.approx(sum(costs[pair] for pair in joins) + 5.0 * (8 - 2 * len(joins)))
         assert cost == pytest.approx(search(0, []))
         closing += matched(costs_of(costs, 4, rings=True), 5.0)[1] < cost - 1e-9

@@ -60,8 +60,8 @@ def test_a_ring_of_hardly_any_length_is_no_chain(paper_model):
     fit, radius = paper_model.stages["fit"], paper_model.chains[0].radius
     curve, config = Curve.whole(fit.curves[0]), strand.Config()
     for length, count in ((0.3 * radius, 0), (20.0 * radius, 1)):
-        part = curve.part(10.0 * radius, 10.0 * radius + length)
+        part = curve.trimmed(10.0 * radius, 10.0 * radius + length)
         assert len(as_chains(fit, [part], [True], np.zeros(1), config)) == count
-    short = curve.part(10.0 * radius, 10.3 * radius)
+    short = curve.trimmed(10.0 * radius, 10.3 * radius)
     (chain,) = as_chains(fit, [short], [False], np.zeros(1), config)
     assert len(chain.points) == 2
