@@ -34,7 +34,7 @@ high = [0.2, 0.2, 0.1]
 [turntable]
 angles_deg = [-140, 0, 90]
 origin = [0.4, 0.0, 0.45]
-centre = [0, 0, 0]
+center = [0, 0, 0]
 axis = [0, 0, 1]
 [[view]]
 file = "depth.png"

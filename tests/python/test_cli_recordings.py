@@ -145,7 +145,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
         (["rope.bag", "--depth-scale", "0"], 2, "depth_scale: expected a positive number"),
         (["arc.npz", "--frame", "0"], 2, "--frame: for recordings only, and arc.npz is none"),
         (["arc.npz", "--ignore-distortion"], 2, "--ignore-distortion: for recordings only"),
-        (["arc.npz", "--depth-scale", "1"], 2, "depth_scale: only of a single file"),
+        (["arc.npz", "--depth-scale", "1"], 2, "depth_scale: accepted only for a single file"),
     ],
 )
 def test_errors_are_one_line(tmp_path, monkeypatch, capsys, arguments, code, said):

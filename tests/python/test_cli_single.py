@@ -87,7 +87,7 @@ def test_places_may_be_negative_and_have_units(folder, given):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["cloud.pcd", "-o", "a.json"], 2, "viewpoint: cloud.pcd does not say from where"),
+        (["cloud.pcd", "-o", "a.json"], 2, "viewpoint: cloud.pcd does not say where the camera was"),
         (["depth.png", "-o", "a.json"], 2, "intrinsics: depth.png is a depth image"),
         (["depth.png", "-o", "a.json", "--intrinsics", INTRINSICS], 2, "depth_scale: depth.png holds whole"),
         (["depth.png", "-o", "a.json", "--intrinsics", "no.txt"], 3, "no.txt: No such file"),

@@ -1,1 +1,1 @@
-"""Recorded scenes and saved models, read from files."""
+"""Read scenes, point clouds, depth images, recordings and saved models from files."""

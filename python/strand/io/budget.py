@@ -1,4 +1,4 @@
-"""How much memory a scene's files may take."""
+"""The memory limit that the files of one scene share."""
 
 from __future__ import annotations
 
@@ -7,31 +7,20 @@ from pathlib import Path
 
 from strand.support.files import FileFormatError, read_bytes
 
-MAX_BYTES = 1 << 32
+MAX_BYTES = 1 << 32  # default limit, bytes
 
 
 class Budget:
-    """What is left of a limit that the files of a scene share.
+    """The memory that is left for the files of a scene.
 
-    It is asked before something is decoded, by the size that the file declares.
-
-    Parameters
-    ----------
-    max_bytes : int
-        How many bytes they may take together.
+    Readers call `take` with the size that a file declares, before they decode anything.
     """
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = self.left = max_bytes
 
     def take(self, file: str | os.PathLike[str], size: int, place: str | None = None) -> None:
-        """Set bytes aside for something in a file.
-
-        Raises
-        ------
-        strand.FileFormatError
-            If so many are not left.
-        """
+        """Reserve `size` bytes for data of a file; raise FileFormatError if less is left."""
         if size > self.left:
             raise FileFormatError(
                 file, f"takes {size} bytes, but {self.left} are left of max_bytes={self.max_bytes}", place
@@ -39,15 +28,7 @@ class Budget:
         self.left -= size
 
     def read(self, file: Path) -> bytes:
-        """Return what a file holds, which must be something.
-
-        Raises
-        ------
-        strand.FileFormatError
-            If it is empty, no regular file, or takes more than is left.
-        OSError
-            If it is missing, or cannot be read.
-        """
+        """Return the bytes of a regular file, and reserve them; refuse an empty file."""
         data = read_bytes(file, self.left)
         if not data:
             raise FileFormatError(file, "the file is empty")

@@ -1,4 +1,4 @@
-"""What a file holds: a scene, a single view's points or depth, a recording, or a model."""
+"""Find out what a file contains: a scene, a single view, a recording, or a model."""
 
 from __future__ import annotations
 
@@ -25,27 +25,25 @@ from strand.support.files import JSON_BYTES, FileFormatError
 from strand.views.box import Box, extraction_range
 from strand.views.view import View, cropped
 
-# entries of a folder that are looked at
-_MOST = 10_000
+_MAX_ENTRIES = 10_000  # entries of a folder that are counted
 
 
 @dataclass(frozen=True, eq=False)
 class SceneContents:
-    """What a scene holds.
+    """The content of a scene.
 
     Attributes
     ----------
     name : str
-    views : tuple of Seen
-        One for each view; each has a pose.
+    views : tuple of ViewSummary
     bounds : Box or None
-        The extraction range; None if the scene does not say it.
+        The extraction range, if the scene gives one.
     points_in_bounds : int or None
-        How many points of all views lie there, and inside their masks; None without bounds.
+        Points of all views inside the bounds and the masks; None without bounds.
     radius : float or None
-        The ropes' radius, metres; None if the scene does not say it.
+        The ropes' radius, metres, if the scene gives one.
     true_ropes : int
-        How many true centrelines there are.
+        Number of true centrelines.
     """
 
     name: str
@@ -58,16 +56,16 @@ class SceneContents:
 
 @dataclass(frozen=True, eq=False)
 class SingleContents:
-    """What a single file of one view holds.
+    """The content of a file of one view.
 
     Attributes
     ----------
-    view : Seen
-        Of a depth image of whole numbers distances are in the file's unit, which it does not say.
+    view : ViewSummary
+        If `whole`, distances are in the unit of the file, which is not known.
     whole : bool
-        Whether it is a depth image of whole numbers.
+        Whether the file is a depth image of whole numbers.
     viewpoint : (3,) ndarray or None
-        Where the file says that its points were seen from, metres.
+        The camera's position, metres, if the file gives one.
     """
 
     view: ViewSummary
@@ -81,46 +79,23 @@ Contents = SceneContents | SingleContents | RecordingContents | Model
 def read_contents(
     path: Path, topics: Sequence[str] | None = None, *, max_bytes: int, outside: bool = False
 ) -> Contents:
-    """Return what a file or folder holds.
+    """Return the content of any file or folder that `strand reconstruct` takes, or of a model file.
 
-    Of recordings little more is read than the index. Other files are read as `strand.load_scene` and
-    `strand.load_model` do.
-
-    Parameters
-    ----------
-    path : Path
-        What `strand reconstruct` takes, or a model's `.json` file.
-    topics : sequence of str, optional
-        Of a recording: the topics with depth to look at, as `strand.Recording` takes them; all if not given.
-    max_bytes : int
-        How many bytes of it may be in memory.
-    outside : bool
-        Whether a `scene.toml` may name files outside of its folder.
-
-    Raises
-    ------
-    OSError
-        If it is missing or cannot be read.
-    strand.FileFormatError
-        If it is empty, truncated, damaged, something else, or takes more than `max_bytes`.
-    ValueError
-        If topics are given and it is no recording, or has no such topic; the message lists those that there
-        are.
-    ImportError
-        If reading it needs a package that is not installed.
+    Little more than the index of a recording is read. `topics` selects its topics with depth, as in
+    `strand.Recording`; by default, all are read. `max_bytes` and `outside` are those of `strand.load_scene`.
     """
     max_bytes = check_integer("max_bytes", max_bytes, 1)
     if is_recording(path):
         return read_recording_contents(path, topics, max_bytes)
     if topics is not None:
-        raise ValueError(f"topics: for recordings only, and {path} is none")
+        raise ValueError(f"topics: only recordings have topics, and {path} is not a recording")
     suffix = path.suffix.lower()
     if suffix == ".json" and not path.is_dir():
         return load_model(path, max_bytes=min(max_bytes, JSON_BYTES))
     if suffix in SUFFIXES and not path.is_dir():
-        return _single(path, max_bytes)
+        return _read_single_contents(path, max_bytes)
     if path.is_dir() and not (path / "scene.toml").exists():
-        raise FileNotFoundError(errno.ENOENT, f"No such file; {_files_of(path)}", str(path / "scene.toml"))
+        raise FileNotFoundError(errno.ENOENT, f"No such file; {_count_files(path)}", str(path / "scene.toml"))
     scene = load_scene(path, max_bytes=max_bytes, outside=outside)
     bounds = None if scene.bounds is None else extraction_range(scene.bounds)
     inside = None
@@ -130,14 +105,14 @@ def read_contents(
     return SceneContents(scene.name, views, bounds, inside, scene.radius, len(scene.truth))
 
 
-def _files_of(folder: Path) -> str:
-    """Say what there is in a folder that is no scene."""
-    names = [entry.suffix.lower() or "other" for entry in islice(folder.iterdir(), _MOST)]
+def _count_files(folder: Path) -> str:
+    """Say for a message how many files of each suffix a folder has."""
+    names = [entry.suffix.lower() or "other" for entry in islice(folder.iterdir(), _MAX_ENTRIES)]
     found = ", ".join(f"{count} {suffix}" for suffix, count in Counter(names).most_common(8))
     return f"the folder has {found or 'no files'}"
 
 
-def _single(path: Path, max_bytes: int) -> SingleContents:
+def _read_single_contents(path: Path, max_bytes: int) -> SingleContents:
     seen = read_view_file(path, Budget(max_bytes))
     try:
         if isinstance(seen, PointCloud):
@@ -145,7 +120,7 @@ def _single(path: Path, max_bytes: int) -> SingleContents:
             none = len(seen.points) - view.dropped - len(view.points)
             return SingleContents(summarize_view(view, none), False, seen.viewpoint)
         whole = seen.dtype.kind == "u"
-        # any pinhole does: no point is made
+        # any pinhole will do, as no points are computed
         image = summarize_view(View.from_depth(seen, np.eye(3), depth_scale=1.0 if whole else None))
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

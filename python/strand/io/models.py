@@ -1,4 +1,4 @@
-"""Models read back from JSON files."""
+"""Load models from JSON files."""
 
 from __future__ import annotations
 
@@ -18,62 +18,61 @@ from strand.support.checks import check_integer, check_number, check_sequence
 from strand.support.files import JSON_BYTES, FileFormatError, describe_value, open_file, parse_json, read_json
 from strand.views.sensor import Sensor
 
-REQUIRED = (
+REQUIRED = (  # keys that a model file must have
     *("chains", "poses", "timings", "warnings", "pose_sd", "confidence", "joins", "doubts", "alternatives"),
     *("method", "branch"),
 )
 
 
 def load_model(path: str | os.PathLike[str], *, max_bytes: int = JSON_BYTES) -> Model:
-    """Read a model that `Model.save` wrote.
+    """Load a model that `Model.save` wrote.
 
     Parameters
     ----------
     path : str or path-like
         The JSON file.
     max_bytes : int
-        How large it may be: 64 MiB if not given. What it says takes up to 25 times as much memory.
+        Largest accepted file, 64 MiB by default. Loading may take 25 times as much memory as the file.
 
     Returns
     -------
     Model
-        With the same chains, poses, deviations, timings, warnings, confidence, joins, doubts,
-        alternatives and sensor, bit for bit; without stages.
+        Equal to the saved one, bit for bit, but without stages.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     strand.FileFormatError
-        If the file is truncated, is not a model, or is larger than `max_bytes`. `place` says which key, such
-        as `chains[0]`, and `reason` what was wrong there.
+        If the file is truncated, is not a model, or is larger than `max_bytes`. `place` names the key, such
+        as `chains[0]`, and `reason` says what is wrong there.
     """
-    return _model(path, read_json(path, check_integer("max_bytes", max_bytes, 1)))
+    return _parse_model(path, read_json(path, check_integer("max_bytes", max_bytes, 1)))
 
 
 def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model | None]]:
-    """Go through the models that `strand reconstruct --every` wrote, one in memory at a time.
+    """Yield the models that `strand reconstruct --every` wrote, one in memory at a time.
 
     Parameters
     ----------
     path : str or path-like
-        The file, with a line of JSON for each frame.
+        The file, with one line of JSON for each frame.
 
     Yields
     ------
     frame : int
-        The frame's number in the recording.
+        The number of the frame in the recording.
     stamp : int
         Its time stamp, nanoseconds since 1970.
     model : Model or None
-        None where the frame did not support an answer.
+        None if reconstruction raised an error for the frame.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     strand.FileFormatError
-        If a line is truncated, is no model's, or is longer than 64 MiB.
+        If a line is truncated, is not a frame, or is longer than 64 MiB.
     """
     with open_file(path) as file:
         number = 0
@@ -89,10 +88,10 @@ def load_frames(path: str | os.PathLike[str]) -> Iterator[tuple[int, int, Model 
                     str(data["error"])
             except (KeyError, TypeError, ValueError) as error:
                 raise FileFormatError(path, f"not a frame's model ({error})", place) from error
-            yield frame, stamp, _model(path, data["model"]) if "model" in data else None
+            yield frame, stamp, _parse_model(path, data["model"]) if "model" in data else None
 
 
-def _model(path: str | os.PathLike[str], data: Any) -> Model:
+def _parse_model(path: str | os.PathLike[str], data: Any) -> Model:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FileFormatError(path, f"not a {FORMAT}")
     if data.get("version") != VERSION:
@@ -103,32 +102,32 @@ def _model(path: str | os.PathLike[str], data: Any) -> Model:
     if missing:
         raise FileFormatError(path, f"not a {FORMAT}: missing {', '.join(missing)}")
     makers: dict[str, Callable[[Any], Any]] = {
-        "chains": _chain,
+        "chains": _parse_chain,
         "warnings": lambda warning: ModelWarning(**warning),
         "joins": lambda join: Join(**join),
         "doubts": lambda doubt: Doubt(**doubt),
-        "alternatives": _alternative,
+        "alternatives": _parse_alternative,
     }
-    values: dict[str, Any] = {key: _several(path, key, data[key], make) for key, make in makers.items()}
-    # they come of the chains and doubts: what a file says of them is checked, and worked out anew
-    _several(path, "crossings", data.get("crossings", []), lambda crossing: Crossing(**crossing))
-    with _place(path, "poses"):
+    values: dict[str, Any] = {key: _parse_list(path, key, data[key], make) for key, make in makers.items()}
+    # check the file's crossings, then drop them: the model computes them from its chains and doubts
+    _parse_list(path, "crossings", data.get("crossings", []), lambda crossing: Crossing(**crossing))
+    with _locate_errors(path, "poses"):
         values["poses"] = np.asarray(data["poses"], dtype=np.float64).reshape(-1, 4, 4)
-    with _place(path, "pose_sd"):
+    with _locate_errors(path, "pose_sd"):
         values["pose_sd"] = np.array(data["pose_sd"], dtype=np.float64).reshape(-1, 6)
-    with _place(path, "timings"):
+    with _locate_errors(path, "timings"):
         values["timings"] = {stage: check_number(stage, spent) for stage, spent in data["timings"].items()}
-    with _place(path, "confidence"):
-        values["confidence"] = _confidence(data["confidence"])
-    with _place(path, "sensor"):
+    with _locate_errors(path, "confidence"):
+        values["confidence"] = _parse_confidence(data["confidence"])
+    with _locate_errors(path, "sensor"):
         values["sensor"] = None if data.get("sensor") is None else Sensor(**data["sensor"])
-    with _place(path, None):
+    with _locate_errors(path, None):
         return Model(method=data["method"], branch=data["branch"], **values)
 
 
 @contextmanager
-def _place(path: str | os.PathLike[str], place: str | None) -> Iterator[None]:
-    """Say where in the file something is wrong."""
+def _locate_errors(path: str | os.PathLike[str], place: str | None) -> Iterator[None]:
+    """Convert errors to FileFormatError with a place in the file."""
     try:
         yield
     except KeyError as error:
@@ -137,20 +136,20 @@ def _place(path: str | os.PathLike[str], place: str | None) -> Iterator[None]:
         raise FileFormatError(path, f"not a {FORMAT} ({error})", place) from error
 
 
-def _several(
+def _parse_list(
     path: str | os.PathLike[str], key: str, entries: Any, make: Callable[[Any], Any]
 ) -> tuple[Any, ...]:
-    """Make values of the entries of a list."""
+    """Make a value of each entry of a list."""
     made = []
-    with _place(path, key):
+    with _locate_errors(path, key):
         listed = check_sequence(key, entries, "values")
     for i, entry in enumerate(listed):
-        with _place(path, f"{key}[{i}]"):
+        with _locate_errors(path, f"{key}[{i}]"):
             made.append(make(entry))
     return tuple(made)
 
 
-def _chain(data: dict[str, Any]) -> Chain:
+def _parse_chain(data: dict[str, Any]) -> Chain:
     curve = data["curve"]
     kinds = {"points": float, "covariance": float, "points_seen": int, "views_seen": int}
     arrays: dict[str, Any] = {
@@ -159,14 +158,14 @@ def _chain(data: dict[str, Any]) -> Chain:
     if curve is not None:
         curve = Curve(np.asarray(curve["control"], dtype=np.float64), curve["start"], curve["stop"])
     doubts = tuple(Doubt(**doubt) for doubt in data["doubts"])
-    sure = _confidence(data["confidence"])
+    sure = _parse_confidence(data["confidence"])
     return Chain(**{**data, **arrays, "curve": curve, "doubts": doubts, "confidence": sure})
 
 
-def _confidence(value: Any) -> float:
+def _parse_confidence(value: Any) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _alternative(data: dict[str, Any]) -> Alternative:
+def _parse_alternative(data: dict[str, Any]) -> Alternative:
     chains = tuple(np.asarray(nodes, dtype=np.float64).reshape(-1, 3) for nodes in data["chains"])
     return Alternative(data["cost"], chains)

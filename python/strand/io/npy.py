@@ -1,4 +1,4 @@
-"""NPY files, and arrays of NPZ archives: only those that are asked for, and only plain numbers and text."""
+"""Read NPY files, and single arrays of NPZ archives, of plain numbers and text only."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from strand.io.budget import Budget
 from strand.support.files import FileFormatError, open_file
 
-HEADER_BYTES = 10_000
-DIRECTORY_BYTES = 1 << 20  # some ten thousand members
-METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # np.savez, np.savez_compressed
+MAX_HEADER = 10_000  # longest header of an NPY file, bytes
+MAX_DIRECTORY = 1 << 20  # largest directory of an archive, bytes: about ten thousand members
+METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # as written by np.savez and np.savez_compressed
 
-_ENCRYPTED = 1
-_BLOCK = 1 << 20
-# one entry of the header, a Python dictionary. NumPy's own reader runs Python's tokenizer and parser on it,
-# which have errors of many kinds
+_ENCRYPTED = 1  # the flag bit of an encrypted member
+_BLOCK = 1 << 20  # bytes read at once
+# one entry of the header, which is a Python dictionary; NumPy's reader runs Python's tokenizer and parser
+# on it, which raise errors of many types
 _ENTRY = re.compile(
     r"""\s*(['"])(descr|fortran_order|shape)\1\s*:\s*"""
     r"""(?:(?P<type>'[^'\\]{1,40}'|"[^"\\]{1,40}")|(?P<order>True|False)|\((?P<shape>[\d\sL,]{0,600})\))\s*(?:,|(?=\}))"""
@@ -32,13 +32,7 @@ _TYPE = re.compile(r"[<>|=]?(?:[bifucSUV][1-9]\d{0,17}|\?|[Mm]8(?:\[\w{1,5}\])?)
 
 
 def read_npy(path: Path, budget: Budget) -> NDArray[Any]:
-    """Array of an NPY file, of any shape and any plain type.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If it is truncated or is something else, holds Python objects, or takes more than the budget.
-    """
+    """Return the array of an NPY file, of any shape and any plain type."""
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if not size:
@@ -47,20 +41,7 @@ def read_npy(path: Path, budget: Budget) -> NDArray[Any]:
 
 
 class Archive:
-    """An NPZ archive whose arrays are read one by one; a context that closes the file.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    budget : Budget
-        How much its arrays may take.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If it is truncated, or no archive.
-    """
+    """An open NPZ archive whose arrays are read one by one; use it in a `with` statement."""
 
     def __init__(self, path: Path, budget: Budget) -> None:
         self.path, self._budget = path, budget
@@ -86,27 +67,20 @@ class Archive:
 
     @property
     def names(self) -> list[str]:
-        """Names of the arrays that it holds."""
+        """Names of the arrays in the archive."""
         return [name[:-4] for name in self._members if name.endswith(".npy")]
 
     def read(self, name: str) -> NDArray[Any]:
-        """Return an array by its name.
-
-        Raises
-        ------
-        strand.FileFormatError
-            If it is truncated or damaged, not compressed as NumPy does, holds Python objects, or takes more
-            than is left of the budget.
-        """
+        """Return an array by its name."""
         entry = self._members[name + ".npy"]
         if entry.flag_bits & _ENCRYPTED or entry.compress_type not in METHODS:
             raise FileFormatError(
-                self.path, "encrypted, or compressed in another way than np.savez_compressed does", name
+                self.path, "encrypted, or compressed by a method that np.savez_compressed does not use", name
             )
         try:
             with self._zip.open(entry) as member:
                 array = _read_array(self.path, name, member, entry.file_size, self._budget)
-                # what follows is read for the sake of the checksum at the end
+                # zipfile checks the checksum only at the end of the member, so read the rest
                 left = entry.file_size - member.tell()
                 self._budget.take(self.path, left, name)
                 while member.read(_BLOCK):
@@ -118,7 +92,7 @@ class Archive:
             raise FileFormatError(self.path, f"truncated or damaged ({error})", name) from error
 
 
-# what zipfile says of files that are damaged; errors of its own modules too
+# what zipfile, and the modules that it uses, raise for damaged files
 _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -132,21 +106,21 @@ _DAMAGE = (
 
 
 class _ShortReads:
-    """A file of which no more is read at once than an archive's directory may take."""
+    """A file that reads at most `MAX_DIRECTORY` bytes at once, as zipfile reads the directory whole."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.seek, self.tell, self.seekable = file.seek, file.tell, file.seekable
 
     def read(self, size: int = -1) -> bytes:
-        data = self._file.read(size if 0 <= size <= DIRECTORY_BYTES else DIRECTORY_BYTES + 1)
-        if len(data) > DIRECTORY_BYTES:
-            raise zipfile.BadZipFile(f"a directory of more than {DIRECTORY_BYTES} bytes")
+        data = self._file.read(size if 0 <= size <= MAX_DIRECTORY else MAX_DIRECTORY + 1)
+        if len(data) > MAX_DIRECTORY:
+            raise zipfile.BadZipFile(f"a directory of more than {MAX_DIRECTORY} bytes")
         return data
 
 
 def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budget: Budget) -> NDArray[Any]:
-    """Read an array from the start of `size` bytes; what follows it is left."""
+    """Read the array at the start of `size` bytes; leave the rest unread."""
 
     def damaged(reason: str) -> FileFormatError:
         return FileFormatError(path, reason, place)
@@ -156,8 +130,8 @@ def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budge
         raise damaged("truncated, or not an .npy file")
     field = file.read(2 if start[6] == 1 else 4)
     length = int.from_bytes(field, "little")
-    if length > HEADER_BYTES:
-        raise damaged(f"expected an .npy header of up to {HEADER_BYTES} bytes, got {length}")
+    if length > MAX_HEADER:
+        raise damaged(f"expected an .npy header of up to {MAX_HEADER} bytes, got {length}")
     header = file.read(length)
     if len(field) < 2 or len(header) < max(length, 1):
         raise damaged("truncated in the .npy header")
@@ -166,7 +140,7 @@ def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budge
     expected = count * kind.itemsize
     held = size - 8 - len(field) - length
     if expected > held or max(shape, default=0) > budget.max_bytes:
-        raise damaged(f"truncated: {shape} {kind} takes {expected} bytes, and {held} follow the .npy header")
+        raise damaged(f"truncated: {shape} {kind} takes {expected} bytes, but {held} follow the .npy header")
     budget.take(path, expected, place)
     flat = np.empty(count, dtype=kind)
     view = memoryview(flat.view(np.uint8).data) if expected else memoryview(b"")
@@ -179,12 +153,12 @@ def _read_array(path: Path, place: str | None, file: IO[bytes], size: int, budge
         done += len(block)
     try:
         return flat.reshape(shape, order="F" if fortran else "C")
-    except ValueError as error:  # more dimensions than NumPy has
+    except ValueError as error:  # more dimensions than NumPy supports
         raise damaged(f"shape: {error}") from error
 
 
 def _parse_header(header: bytes, damaged: Any) -> tuple[np.dtype[Any], bool, tuple[int, ...]]:
-    """Type, order and shape of what follows an NPY header."""
+    """Return the type, whether the order is Fortran's, and the shape, from an NPY header."""
     text = header.decode("latin-1").strip()
     found, at = {}, 1
     while match := _ENTRY.match(text, at):
@@ -197,7 +171,7 @@ def _parse_header(header: bytes, damaged: Any) -> tuple[np.dtype[Any], bool, tup
         raise damaged("not an .npy header: expected a shape of whole numbers")
     described = found["descr"]["type"][1:-1]
     if "O" in described:
-        raise damaged("holds Python objects (pickles), which are not read")
+        raise damaged("holds Python objects (pickles), which strand does not read")
     try:
         kind = np.dtype(described) if _TYPE.fullmatch(described) else None
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Points and colours of PLY files, ASCII and binary."""
+"""Read points and colours from PLY files, ASCII and binary."""
 
 from __future__ import annotations
 
@@ -16,9 +16,13 @@ from strand.io.point_cloud import PointCloud, scale_colors
 from strand.io.text_rows import is_long_enough, read_rows, split_lines
 from strand.support.files import FileFormatError
 
-HEADER_BYTES = 1 << 16
-ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-TYPES = {
+MAX_HEADER = 1 << 16  # longest header, bytes
+ORDERS = {
+    "ascii": "",
+    "binary_little_endian": "<",
+    "binary_big_endian": ">",
+}  # NumPy's mark of each byte order
+TYPES = {  # NumPy's name of each type
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"},
     **{"double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4"},
     **{"uint32": "u4", "float32": "f4", "float64": "f8"},
@@ -37,7 +41,7 @@ class Element:
     name : str
     rows : int
     columns : tuple of (str, str)
-        Name and NumPy type of each property; of a list the type is "list".
+        Name and NumPy type of each property; "list" for the type of a list.
     """
 
     name: str
@@ -46,17 +50,10 @@ class Element:
 
 
 def read_ply(path: Path, budget: Budget) -> PointCloud:
-    """Return the vertices of a PLY file, with their colours if there are red, green and blue.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If it is truncated or is something else, has vertices without float or double x, y and z, lists before
-        or in them, colours that are none, or takes more than the budget.
-    """
+    """Return the vertices of a PLY file, with colours if it has red, green and blue."""
     data = budget.read(path)
     start = re.match(rb"ply\r?\n", data)
-    end = re.search(rb"(?:^|\n)end_header[ \t]*\r?\n", data[:HEADER_BYTES])
+    end = re.search(rb"(?:^|\n)end_header[ \t]*\r?\n", data[:MAX_HEADER])
     if start is None or end is None:
         raise FileFormatError(path, "truncated, or not a PLY file")
     encoding, elements = _parse_header(path, data[start.end() : end.start() + 1])
@@ -73,15 +70,15 @@ def read_ply(path: Path, budget: Budget) -> PointCloud:
         raise FileFormatError(path, "expected no lists in the vertices or before them", "header")
     body = memoryview(data)[end.end() :]
     wanted = ["x", "y", "z", *(_COLORS if set(_COLORS) <= set(kinds) else ())]
-    table: Any  # columns by their names
+    table: Any  # columns by name
     if encoding == "ascii":
-        table = _ascii_columns(path, budget, body, before, element, wanted)
+        table = _read_ascii_columns(path, budget, body, before, element, wanted)
     else:
-        table = _binary_rows(path, body, ORDERS[encoding], before, element)
-        _refuse_more(path, body, elements)
+        table = _read_binary_rows(path, body, ORDERS[encoding], before, element)
+        _refuse_extra_bytes(path, body, elements)
     kind = np.result_type(*(kinds[axis] for axis in "xyz"))
     budget.take(path, (3 * kind.itemsize + (24 if _COLORS[0] in wanted else 0)) * element.rows)
-    with np.errstate(over="ignore"):  # what a float does not hold is infinite
+    with np.errstate(over="ignore"):  # numbers too large for a float become infinite
         points = np.stack([table[axis].astype(kinds[axis]) for axis in "xyz"], axis=1).astype(kind)
     if len(wanted) == 3:
         return PointCloud(points)
@@ -93,7 +90,7 @@ def read_ply(path: Path, budget: Budget) -> PointCloud:
 
 
 def _parse_header(path: Path, header: bytes) -> tuple[str, list[Element]]:
-    """Read the encoding and elements of what stands between the first line and the end of the header."""
+    """Return the encoding and the elements that a header declares after its first line."""
     encoding, elements = None, []
     for number, line in enumerate(header.decode("latin-1").split("\n"), 2):
         words = line.split()
@@ -106,9 +103,9 @@ def _parse_header(path: Path, header: bytes) -> tuple[str, list[Element]]:
             case ["element", name, rows] if _COUNT.fullmatch(rows):
                 elements.append(Element(name, int(rows), ()))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= set(TYPES):
-                elements[-1] = _with_column(elements[-1], name, "list")
+                elements[-1] = _add_column(elements[-1], name, "list")
             case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1] = _with_column(elements[-1], name, TYPES[kind])
+                elements[-1] = _add_column(elements[-1], name, TYPES[kind])
             case _:
                 known = False
         if not known:
@@ -118,50 +115,50 @@ def _parse_header(path: Path, header: bytes) -> tuple[str, list[Element]]:
     return encoding, elements
 
 
-def _with_column(element: Element, name: str, kind: str) -> Element:
+def _add_column(element: Element, name: str, kind: str) -> Element:
     return Element(element.name, element.rows, (*element.columns, (name, kind)))
 
 
-def _too_few(path: Path, element: Element) -> FileFormatError:
+def _make_truncated_error(path: Path, element: Element) -> FileFormatError:
     return FileFormatError(path, f"truncated, fewer than {element.rows} whole vertices")
 
 
-def _binary_rows(
+def _read_binary_rows(
     path: Path, body: memoryview, order: str, before: list[Element], element: Element
 ) -> NDArray[Any]:
-    """(N,) The vertices, with the file's own fields."""
+    """Return the (N,) vertices as a structured array with the fields of the file."""
     sizes = [one.rows * sum(np.dtype(kind).itemsize for _, kind in one.columns) for one in (*before, element)]
     if sum(sizes) > len(body):
-        raise _too_few(path, element)
+        raise _make_truncated_error(path, element)
     row = np.dtype([(name, order + kind) for name, kind in element.columns])
     if not element.rows:
         return np.empty(0, dtype=row)
     return np.frombuffer(body, dtype=row, count=element.rows, offset=sum(sizes[:-1]))
 
 
-def _refuse_more(path: Path, body: memoryview, elements: list[Element]) -> None:
-    """Refuse a file that holds more than its header says: some writers have rows of another width."""
+def _refuse_extra_bytes(path: Path, body: memoryview, elements: list[Element]) -> None:
+    """Refuse a file with more bytes than its header declares: some writers write rows of another width."""
     kinds = [(one.rows, kind) for one in elements for _, kind in one.columns]
-    if any(kind == "list" for _, kind in kinds):  # how long they are is not known
+    if any(kind == "list" for _, kind in kinds):  # the header does not say how long lists are
         return
     size = sum(rows * np.dtype(kind).itemsize for rows, kind in kinds)
     if bytes(body[size : size + 64]).strip():
         raise FileFormatError(path, f"expected {size} bytes after the header, got {len(body)}")
 
 
-def _ascii_columns(
+def _read_ascii_columns(
     path: Path, budget: Budget, body: memoryview, before: list[Element], element: Element, wanted: list[str]
 ) -> dict[str, NDArray[Any]]:
-    """(N,) Those columns of the vertices that are wanted, by their names."""
+    """Return the wanted (N,) columns of the vertices by name."""
     width, skipped = len(element.columns), sum(one.rows for one in before)
     if not is_long_enough(body, skipped + element.rows * width):
-        raise _too_few(path, element)
+        raise _make_truncated_error(path, element)
     budget.take(path, 8 * len(wanted) * element.rows)
     numbers = np.empty((element.rows, len(wanted)))
     names = [name for name, _ in element.columns]
     each = split_lines(path, body)
     if sum(1 for _ in islice(each, skipped)) < skipped:
-        raise _too_few(path, element)
+        raise _make_truncated_error(path, element)
     if not read_rows(path, each, numbers, [names.index(name) for name in wanted], width, "vertex"):
-        raise _too_few(path, element)
+        raise _make_truncated_error(path, element)
     return dict(zip(wanted, numbers.T, strict=True))

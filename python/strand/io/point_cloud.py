@@ -1,4 +1,4 @@
-"""What a point cloud file says: points, their colours, and where they were seen from."""
+"""The content of a point cloud file: points, colours and the camera's viewpoint."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class PointCloud:
     Attributes
     ----------
     points : (N, 3) ndarray of float
-        In the frame that the file or its reader means, metres; some may not be finite.
+        Metres, in the camera or world frame: the caller knows which. Some may not be finite.
     colors : (N, 3) ndarray, or None
         Red, green and blue: uint8, or floats from 0 to 1.
     viewpoint : (3,) ndarray, or None
-        Where the file says that the points were seen from, in their frame, metres.
+        The camera's position by the file, in the frame of the points, metres.
     """
 
     points: NDArray[Any]
@@ -32,50 +32,29 @@ class PointCloud:
 
     @property
     def numbers(self) -> int:
-        """How many numbers a view of it holds."""
+        """Number of floats in a view of the cloud."""
         return self.points.size * (1 if self.colors is None else 2)
 
     def make_view(self, pose: Array) -> View:
-        """Return a view of points in the camera frame, with the camera-to-world pose (4, 4).
+        """Return a view with this (4, 4) camera-to-world pose; the points are in the camera frame.
 
-        Points that are not finite are left out, and counted in `View.dropped`.
-
-        Raises
-        ------
-        ValueError
-            If the pose is not a rigid motion, or colours are not from 0 to 1.
+        The view drops points that are not finite, and counts them in `View.dropped`.
         """
         finite = np.isfinite(self.points).all(axis=1)
         colors = None if self.colors is None else self.colors[finite]
         return View(self.points[finite], pose, int((~finite).sum()), colors)
 
     def make_view_from(self, viewpoint: Array) -> View:
-        """Return a view of points in the world frame, seen from there (3,)."""
+        """Return a view from this (3,) viewpoint, metres; the points are in the world frame."""
         pose = np.eye(4)
         pose[:3, 3] = viewpoint
         return PointCloud(self.points - viewpoint, self.colors).make_view(pose)
 
 
 def scale_colors(numbers: NDArray[Any], whole: bool) -> NDArray[Any]:
-    """Return the colours that a file writes as numbers.
+    """Return (N, 3) colours of a file as uint8 if they are `whole` numbers, else as floats from 0 to 1.
 
-    Parameters
-    ----------
-    numbers : (N, 3) ndarray
-        Red, green and blue.
-    whole : bool
-        Whether they are whole numbers from 0 to 255. Others are from 0 to 1 if none is larger, else from 0 to
-        255.
-
-    Returns
-    -------
-    (N, 3) ndarray
-        Uint8, or floats from 0 to 1.
-
-    Raises
-    ------
-    ValueError
-        If one is negative, above 255 or not finite.
+    Floats above 1 mean that the file's colours go from 0 to 255.
     """
     least, most = (numbers.min(), numbers.max()) if numbers.size else (0, 0)
     if not (least >= 0 and most <= 255):

@@ -1,4 +1,4 @@
-"""What a `scene.toml` says: lengths, cameras, views and how they were posed."""
+"""Parse a `scene.toml`: lengths, the camera, the views and their poses."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from strand.support.files import describe_value
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.pose import pose_from_angles, turntable_pose
 
-POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}
+POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}  # of each unit in metres
 _FILES = ("file", "color", "mask")
 LENGTH = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(mm|cm|m)?\s*")
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedView:
-    """What a `scene.toml` says of a view; files are relative to it.
+    """A view of a `scene.toml`; its files are relative to the folder of the `scene.toml`.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class RecordedView:
     pose : (4, 4) ndarray
         Camera to world.
     color, mask : str or None
-        The colour image and the mask that belong to a depth image.
+        The colour image and the mask of a depth image.
     """
 
     file: str
@@ -42,21 +42,20 @@ class RecordedView:
 
     @property
     def files(self) -> dict[str, str]:
-        """The files that there are, by their keys."""
+        """The view's files by key."""
         named = {"file": self.file, "color": self.color, "mask": self.mask}
         return {key: name for key, name in named.items() if name is not None}
 
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """What a `scene.toml` says.
+    """The content of a `scene.toml`.
 
     Attributes
     ----------
     name : str or None
-        What to call the scene.
     intrinsics : (3, 3) ndarray or None
-        The camera's pinhole matrix, pixels; None if the scene has no depth images.
+        The camera's pinhole matrix, pixels.
     depth_scale : float or None
         Metres per unit of a 16-bit depth image.
     bounds : pair of (3,) ndarray, Box, or None
@@ -75,20 +74,7 @@ class Description:
 
 
 def parse_length(value: str | float) -> float:
-    """Return a length in metres.
-
-    Parameters
-    ----------
-    value : str or float
-        A number with a unit, such as "4.2mm", "0.42 cm" or "0.0042 m"; a number without one is in metres.
-
-    Raises
-    ------
-    TypeError
-        If `value` is neither text nor a number.
-    ValueError
-        If it is not a finite number with one of the units, or with none.
-    """
+    """Return a length in metres from a number of metres, or text such as "4.2mm" or "0.42 cm"."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise TypeError(
             f"length: expected a number of metres or text such as '4.2mm', got {describe_value(value)}"
@@ -99,7 +85,7 @@ def parse_length(value: str | float) -> float:
             f"length: expected metres, or a number with mm, cm or m, got {describe_value(value)}"
         )
     number, unit = match.groups()
-    # by a decimal shift, as 4.2 * 0.001 differs from 0.0042 in the last digit
+    # shift the decimal point, as 4.2 * 0.001 differs from 0.0042 in the last digit
     length = float(Decimal(number).scaleb(POWER_OF_TEN[unit]))
     if not math.isfinite(length):
         raise ValueError(f"length: expected a finite number, got {describe_value(value)}")
@@ -107,70 +93,63 @@ def parse_length(value: str | float) -> float:
 
 
 def parse_description(table: Mapping[str, Any]) -> Description:
-    """Read the tables of a `scene.toml` (see `strand.load_scene` for what they hold).
-
-    Parameters
-    ----------
-    table : mapping
-        The file's content.
-
-    Raises
-    ------
-    TypeError
-        If a value is of the wrong kind.
-    ValueError
-        If a key is missing or not known, or a value is not accepted; the message names the key.
-    """
+    """Convert the tables of a `scene.toml`, which `strand.load_scene` documents; errors name the key."""
     _check_keys("scene", table, accepted=("name", "radius", "camera", "extract", "turntable", "view"))
     views = table.get("view", [])
     if not isinstance(views, list) or not views:
         raise ValueError("view: expected at least one [[view]] table")
-    intrinsics, depth_scale = _camera(table["camera"]) if "camera" in table else (None, None)
+    intrinsics, depth_scale = _parse_camera(table["camera"]) if "camera" in table else (None, None)
     return Description(
-        name=_name(table["name"]) if "name" in table else None,
+        name=_parse_name(table["name"]) if "name" in table else None,
         intrinsics=intrinsics,
         depth_scale=depth_scale,
-        bounds=_bounds(table["extract"]) if "extract" in table else None,
-        radius=_radius(table["radius"]) if "radius" in table else None,
-        views=tuple(_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views)),
+        bounds=_parse_bounds(table["extract"]) if "extract" in table else None,
+        radius=_parse_radius(table["radius"]) if "radius" in table else None,
+        views=tuple(_parse_view(f"view {i}", view, table.get("turntable")) for i, view in enumerate(views)),
     )
 
 
-def _name(value: Any) -> str:
+def _parse_name(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(f"name: expected text, got {describe_value(value)}")
     return value
 
 
-def _camera(table: Any) -> tuple[Array, float | None]:
+def _parse_camera(table: Any) -> tuple[Array, float | None]:
     required = ("fx", "fy", "cx", "cy")
     _check_keys("camera", table, accepted=(*required, "depth_scale"), required=required)
-    fx, fy, cx, cy = (_number(f"camera.{key}", table[key]) for key in required)
+    fx, fy, cx, cy = (_parse_number(f"camera.{key}", table[key]) for key in required)
     if fx <= 0 or fy <= 0:
         raise ValueError(f"camera: expected fx, fy > 0 pixels, got {fx} and {fy}")
     depth_scale = None
     if "depth_scale" in table:
-        depth_scale = _number("camera.depth_scale", table["depth_scale"])
+        depth_scale = _parse_number("camera.depth_scale", table["depth_scale"])
         if depth_scale <= 0:
             raise ValueError(f"camera.depth_scale: expected metres per unit > 0, got {depth_scale}")
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), depth_scale
 
 
-def _bounds(table: Any) -> Bounds:
+def _parse_bounds(table: Any) -> Bounds:
     pose = ("pose", "angles_deg", "origin")
     _check_keys("extract", table, accepted=("low", "high", *pose), required=("low", "high"))
-    box = extraction_range((_numbers("extract.low", table["low"]), _numbers("extract.high", table["high"])))
-    return Box(box.low, box.high, _pose("extract", table)) if set(pose) & set(table) else (box.low, box.high)
+    box = extraction_range(
+        (_parse_numbers("extract.low", table["low"]), _parse_numbers("extract.high", table["high"]))
+    )
+    return (
+        Box(box.low, box.high, _parse_pose("extract", table))
+        if set(pose) & set(table)
+        else (box.low, box.high)
+    )
 
 
-def _radius(value: Any) -> float:
+def _parse_radius(value: Any) -> float:
     radius = parse_length(value)
     if radius <= 0:
         raise ValueError(f"radius: expected a positive length, got {describe_value(value)}")
     return radius
 
 
-def _view(name: str, table: Any, turntable: Any) -> RecordedView:
+def _parse_view(name: str, table: Any, turntable: Any) -> RecordedView:
     accepted = (*_FILES, "pose", "angles_deg", "origin", "turntable_deg")
     _check_keys(name, table, accepted, required=("file",))
     for key in _FILES:
@@ -178,35 +157,35 @@ def _view(name: str, table: Any, turntable: Any) -> RecordedView:
             raise TypeError(f"{name}.{key}: expected a file's name, got {describe_value(table[key])}")
     files = {key: table.get(key) for key in _FILES}
     if "turntable_deg" not in table:
-        return RecordedView(pose=_pose(name, table), **files)
+        return RecordedView(pose=_parse_pose(name, table), **files)
     if set(table) - set(_FILES) != {"turntable_deg"}:
         raise ValueError(f"{name}: expected one pose, got turntable_deg and another one")
     if turntable is None:
         raise ValueError(f"{name}: turntable_deg needs a [turntable] table with the camera's pose at angle 0")
-    _check_keys("turntable", turntable, accepted=("pose", "angles_deg", "origin", "centre", "axis"))
+    _check_keys("turntable", turntable, accepted=("pose", "angles_deg", "origin", "center", "axis"))
     pose = turntable_pose(
-        _pose("turntable", turntable),
-        math.radians(_number(f"{name}.turntable_deg", table["turntable_deg"])),
-        _numbers("turntable.centre", turntable.get("centre", [0.0, 0.0, 0.0])),
-        _numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
+        _parse_pose("turntable", turntable),
+        math.radians(_parse_number(f"{name}.turntable_deg", table["turntable_deg"])),
+        _parse_numbers("turntable.center", turntable.get("center", [0.0, 0.0, 0.0])),
+        _parse_numbers("turntable.axis", turntable.get("axis", [0.0, 0.0, 1.0])),
     )
     return RecordedView(pose=pose, **files)
 
 
-def _pose(name: str, table: Mapping[str, Any]) -> Array:
-    """Pose of a table that has either `pose`, or `angles_deg` and `origin`."""
+def _parse_pose(name: str, table: Mapping[str, Any]) -> Array:
+    """Return the pose of a table that has either `pose`, or `angles_deg` and `origin`."""
     given = {"pose", "angles_deg", "origin"} & set(table)
     if given == {"pose"}:
-        return check_rigid_motion(f"{name}.pose", _numbers(f"{name}.pose", table["pose"]))
+        return check_rigid_motion(f"{name}.pose", _parse_numbers(f"{name}.pose", table["pose"]))
     if given == {"angles_deg", "origin"}:
-        angles = _numbers(f"{name}.angles_deg", table["angles_deg"])
+        angles = _parse_numbers(f"{name}.angles_deg", table["angles_deg"])
         if angles.shape != (3,):
             raise ValueError(f"{name}.angles_deg: expected three angles, got {describe_value(angles)}")
         rx, ry, rz = np.radians(angles).tolist()
-        return pose_from_angles(rx, ry, rz, _numbers(f"{name}.origin", table["origin"]))
+        return pose_from_angles(rx, ry, rz, _parse_numbers(f"{name}.origin", table["origin"]))
     raise ValueError(
-        f"{name}: expected a pose: either pose (4 x 4, camera to world), or angles_deg and origin, or, "
-        f"in a view, turntable_deg; got {', '.join(sorted(given)) or 'none of them'}"
+        f"{name}: expected either pose (4 x 4, camera to world), or angles_deg and origin, or, in a view, "
+        f"turntable_deg; got {', '.join(sorted(given)) or 'none of them'}"
     )
 
 
@@ -221,15 +200,15 @@ def _check_keys(name: str, table: Any, accepted: Collection[str], required: Coll
         raise ValueError(f"{name}: missing key {', '.join(missing)}")
 
 
-def _number(name: str, value: Any) -> float:
+def _parse_number(name: str, value: Any) -> float:
     try:
         return check_number(name, value)
     except (TypeError, ValueError) as error:
         raise TypeError(f"{name}: expected a finite number, got {describe_value(value)}") from error
 
 
-def _numbers(name: str, value: Any) -> Array:
-    """Nested lists of numbers, which TOML may have written without a decimal point, as floats."""
+def _parse_numbers(name: str, value: Any) -> Array:
+    """Return nested lists of numbers as floats; in TOML, some may be whole."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths

@@ -1,4 +1,4 @@
-"""Recorded scenes: `.npz` archives, folders with a `scene.toml`, and single files of one view."""
+"""Load scenes from `.npz` archives, folders with a `scene.toml`, and single files of one view."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from strand.views.box import Bounds, extraction_range
 from strand.views.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
-# bytes of a view beside its arrays, and of each pixel's depth (float64), mask (int32) and colours (3 float64)
-_VIEW, _DEPTH, _MASK, _COLOUR = 4096, 8, 4, 24
+_VIEW = 4096  # bytes of a view beside its arrays
+_DEPTH = 8  # bytes of a pixel's depth (float64)
+_MASK = 4  # bytes of a pixel's label (int32)
+_COLOR = 24  # bytes of a pixel's colour (three float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Views of ropes, and what is known about them.
+    """Views of ropes, and known facts about the ropes.
 
     Attributes
     ----------
     name : str
-        What to call it.
     views : tuple of View
-        What the cameras saw.
     bounds : pair of (3,) ndarray, Box, or None
-        The extraction range in the world frame, metres: low and high corner, or a box that is turned; None:
-        everything.
+        The extraction range in the world frame, metres: low and high corner, or a turned box. None if not
+        given.
     radius : float or None
-        The ropes' radius, metres; None: not known.
+        The ropes' radius, metres; None if not given.
     truth : tuple of (M, 3) ndarray
-        The true centrelines in the world frame, metres, where they are known.
+        The true centrelines in the world frame, metres, if known.
     files : tuple of Path
-        What it was read from.
+        All files that were read.
     """
 
     name: str
@@ -71,15 +71,19 @@ def load_scene(
 ) -> Scene:
     """Read a scene: an `.npz` file, a folder with a `scene.toml`, or a single file of one view.
 
-    The `.npz` holds `depth` (V, H, W) uint16 in units of `depth_scale` metres, 0 where there is no
-    return, the pinhole matrix `K` (3, 3) and the camera-to-world `poses` (V, 4, 4); optionally the
-    extraction range `box` (2, 3), `radius`, `name`, the true centrelines `truth_0`, `truth_1`, ..., and, for
-    each pixel of the depths, the colour images `color` (V, H, W, 3) uint8 and the masks `mask` (V, H, W),
-    bools or labels.
+    An `.npz` file must have these arrays:
 
-    The `scene.toml` names one file a view and says how it was taken:
+    - `depth` (V, H, W) uint16, in units of `depth_scale` metres, 0 without a return
+    - `depth_scale`, a positive number
+    - `K` (3, 3), the pinhole matrix
+    - `poses` (V, 4, 4), camera to world
 
-        name = "knot"                  # optional: the folder's name
+    It may have `color` (V, H, W, 3) uint8, `mask` (V, H, W) of bools or labels, the extraction range `box`
+    (2, 3), `radius`, `name`, and the true centrelines `truth_0`, `truth_1`, ...
+
+    A `scene.toml` names the file and the pose of each view:
+
+        name = "knot"                  # optional; default: the folder's name
         radius = "4.2mm"               # optional: number in metres, or text with mm, cm or m
 
         [camera]                       # for depth images
@@ -92,19 +96,19 @@ def load_scene(
         [extract]                      # optional: extraction range in the world frame, metres
         low = [-0.2, -0.2, 0.002]
         high = [0.2, 0.2, 0.1]
-        origin = [0.5, 0.1, 0]         # optional: the range is a box with a frame of its own, whose pose is
-        angles_deg = [0, 0, 30]        # given as a view's is
+        origin = [0.5, 0.1, 0]         # optional: pose of a turned box, in the keys of a view's pose
+        angles_deg = [0, 0, 30]
 
         [turntable]                    # for views with turntable_deg
         angles_deg = [-140, 0, 90]     # camera pose at angle 0, as in a view
         origin = [0.4, 0.0, 0.45]
-        centre = [0, 0, 0]             # optional: a point of the turning axis
+        center = [0, 0, 0]             # optional: a point of the turning axis
         axis = [0, 0, 1]               # optional: its direction
 
         [[view]]
         file = "view0.png"
         color = "view0_color.png"      # optional: a colour image of the depth image's size
-        mask = "view0_mask.png"        # optional: where the ropes are in it; 0 is no rope
+        mask = "view0_mask.png"        # optional: the ropes' pixels; 0 is no rope
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.5], [0, 0, 0, 1]]    # camera to world
 
         [[view]]
@@ -116,35 +120,37 @@ def load_scene(
         file = "view2.npy"
         turntable_deg = 30             # the plate's angle, see `strand.turntable_pose`
 
-    A view's file is a depth image: a single-channel 16-bit PNG, or a TIFF of 16-bit whole numbers or 32-bit
-    floats; or points in the camera frame: PLY, PCD, or text with x, y, z and perhaps red, green, blue
-    (`.xyz`, `.xyzrgb`, `.csv`, `.txt`); or an NPY file with either. Whole numbers of depth are in units of
-    `depth_scale`, floats are metres. Floats of an NPY file three columns wide are points, and six columns
-    wide points with their colours. Pixels and points that are not finite are dropped and counted in
-    `View.dropped`. A mask is a single-channel PNG of 1, 8 or 16 bits or an NPY file: 0 is no rope, every
-    other number a rope or a piece of one.
+    The file of a view is one of:
 
-    One such file alone is a scene of one view. Points need to be told where they were seen from: `viewpoint`
-    or `camera_frame`, unless a PCD file's header has a VIEWPOINT that is not the origin. Depth images need
-    `intrinsics`, and `depth_scale` if they hold whole numbers; the world frame is the camera's then.
+    - a depth image: a single-channel 16-bit PNG, or a TIFF of 16-bit whole numbers or 32-bit floats
+    - points in the camera frame: PLY, PCD, or text (`.xyz`, `.xyzrgb`, `.csv`, `.txt`)
+    - an NPY file: floats in 3 columns are points, in 6 columns points with colours, any others a depth image
+
+    Depths of whole numbers are in units of `depth_scale`, floats in metres. Pixels and points that are not
+    finite are dropped and counted in `View.dropped`. A mask is a single-channel PNG of 1, 8 or 16 bits, or an
+    NPY file; 0 is no rope, and any other number labels a rope or a piece of one.
+
+    A single file is a scene of one view. Points need `viewpoint` or `camera_frame`, unless a PCD file has a
+    VIEWPOINT other than the origin. A depth image needs `intrinsics`, and `depth_scale` for whole numbers;
+    its camera frame becomes the world frame.
 
     Parameters
     ----------
     path : str or path-like
         The `.npz` file, the folder, its `scene.toml`, or the single file.
     masks : sequence of str or path-like, optional
-        Mask files, one for each view, in place of the scene's own. These may be anywhere.
+        One mask file for each view, instead of the scene's masks. They may be in any folder.
     viewpoint : (3,) array_like, optional
-        Of a single file of points in the world frame: where the camera was, metres.
+        For a single file of points in the world frame: the camera's position, metres.
     camera_frame : bool
-        That a single file's points are in the camera frame: x right, y down, z forward.
+        For a single file of points: whether they are in the camera frame (x right, y down, z forward).
     intrinsics : (3, 3) array_like, optional
-        Of a single depth image: the pinhole matrix, pixels.
+        For a single depth image: the pinhole matrix, pixels.
     depth_scale : float, optional
-        Of a single depth image: metres for each unit. Floats without it are metres.
+        For a single depth image: metres per unit. Floats are metres by default.
     max_bytes : int
-        How many bytes the arrays of the files, and the views that are made of them, may take together; 4 GiB
-        if not given. It is asked before anything is decoded.
+        Memory limit for the files' arrays and the views together, bytes; 4 GiB by default. strand checks it
+        before it decodes anything.
     outside : bool
         Whether a `scene.toml` may name files, or links to files, outside of its folder.
 
@@ -155,19 +161,19 @@ def load_scene(
     Raises
     ------
     FileNotFoundError
-        If the file, the folder or a view's file does not exist.
+        If a file or the folder does not exist.
     OSError
-        If one cannot be read: a folder, for example, or a link to itself.
+        If a file cannot be read.
     strand.FileFormatError
-        If a file is empty, truncated or not what it should be; takes more than `max_bytes`; is no regular
-        file, or is outside of the scene's folder. `file`, `place` and `reason` say which, where, and why.
+        If a file is empty, truncated, of the wrong format, above `max_bytes`, not a regular file, or
+        outside of the scene's folder. `file`, `place` and `reason` say which, where and why.
     TypeError
-        If an argument is of the wrong kind.
+        If an argument is of the wrong type.
     ValueError
-        If `masks` does not hold one for each view, `max_bytes` is not positive, what a single file needs is
-        not given, or something is given that the scene says itself.
+        If there is not one mask for each view, `max_bytes` is not positive, a single file needs an argument
+        that is missing, or an argument repeats a fact that the scene gives itself.
     ImportError
-        If reading an image (or, on Python 3.10, TOML) needs a package that is not installed.
+        If a package that reads images (or TOML, on Python 3.10) is not installed.
     """
     path = Path(path)
     given = None if masks is None else [Path(one) for one in check_sequence("masks", masks, "paths")]
@@ -177,7 +183,7 @@ def load_scene(
     if suffix in SUFFIXES and not path.is_dir():
         view = read_single_view(path, camera, given, budget)
         return Scene(path.stem, (view,), None, None, files=(path, *(given or ())))
-    camera.refuse(f"only of a single file of points or depth; {path} says it itself")
+    camera.refuse(f"accepted only for a single file of points or depth; {path} has its own cameras")
     if path.is_dir():
         return _load_description(path / "scene.toml", given, budget, outside)
     if suffix == ".toml":
@@ -198,19 +204,19 @@ def _load_archive(path: Path, masks: Sequence[Path] | None, budget: Budget) -> S
         arrays = {name: archive.read(name) for name in names}
     depth = arrays.get("depth", np.empty(0))
     if depth.ndim == 3:
-        colour = _COLOUR if "color" in arrays else 0
-        budget.take(path, len(depth) * _VIEW + depth.size * (_DEPTH + _MASK + colour), "depth")
+        color = _COLOR if "color" in arrays else 0
+        budget.take(path, len(depth) * _VIEW + depth.size * (_DEPTH + _MASK + color), "depth")
     if masks is not None and depth.ndim == 3:
         require_one_each(masks, len(depth))
         labels = [read_mask(one, image.shape, budget) for one, image in zip(masks, depth, strict=True)]
         arrays["mask"] = np.array(labels, dtype=np.int32).reshape(depth.shape)
     try:
-        return replace(_archived_scene(path.stem, arrays), files=(path, *(masks or ())))
+        return replace(_make_scene(path.stem, arrays), files=(path, *(masks or ())))
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
 
 
-def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
+def _make_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     missing = [key for key in ("depth", "depth_scale", "K", "poses") if key not in arrays]
     if missing:
         raise ValueError(f"missing {', '.join(missing)}")
@@ -221,7 +227,7 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
         raise ValueError("depth: expected at least one image")
     if poses.shape != (len(depth), 4, 4):
         raise ValueError(f"poses: expected {(len(depth), 4, 4)}, got {poses.shape}")
-    scale = _scalar("depth_scale", arrays["depth_scale"])
+    scale = _parse_scalar("depth_scale", arrays["depth_scale"])
     colors = [None] * len(depth)
     if "color" in arrays:
         images = arrays["color"]
@@ -244,23 +250,23 @@ def _archived_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     if "box" in arrays:
         box = extraction_range(tuple(check_finite_array("box", arrays["box"], (2, 3))))
         bounds = box.low, box.high
-    radius = _scalar("radius", arrays["radius"]) if "radius" in arrays else None
+    radius = _parse_scalar("radius", arrays["radius"]) if "radius" in arrays else None
     truths = sorted((key for key in arrays if _TRUTH.fullmatch(key)), key=lambda key: int(key[6:]))
     truth = tuple(check_finite_array(key, arrays[key], ("N", 3)) for key in truths)
     if "name" in arrays:
-        name = _text("name", arrays["name"])
+        name = _parse_text("name", arrays["name"])
     return Scene(name, views, bounds, radius, truth)
 
 
-def _text(name: str, array: NDArray[Any]) -> str:
+def _parse_text(name: str, array: NDArray[Any]) -> str:
     if array.shape != () or array.dtype.kind != "U":
         raise ValueError(f"{name}: expected one text, got {array.shape} {array.dtype}")
     text = str(array)
-    text.encode()  # halves of characters cannot be printed
+    text.encode()  # raises ValueError for lone surrogates, which cannot be printed
     return text
 
 
-def _scalar(name: str, array: NDArray[Any]) -> float:
+def _parse_scalar(name: str, array: NDArray[Any]) -> float:
     if array.shape != () or array.dtype.kind not in "iuf":
         raise ValueError(f"{name}: expected one positive number, got {array.shape} {array.dtype}")
     number = float(array)
@@ -279,11 +285,11 @@ def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, 
     if masks is not None:
         require_one_each(masks, len(recorded))
         recorded = tuple(replace(view, mask=None) for view in recorded)
-    # where a link to a description points to is no matter: files are beside the link
+    # files are beside the description; if it is a link, beside the link
     folder = None if outside else Path(os.path.realpath(path.parent))
     views, files = [], [path]
     for i, view in enumerate(recorded):
-        own = {key: _own_file(path, f"view {i}.{key}", name, folder) for key, name in view.files.items()}
+        own = {key: _find_file(path, f"view {i}.{key}", name, folder) for key, name in view.files.items()}
         if masks is not None:
             own["mask"] = masks[i]
         views.append(_load_view(own, view.pose, description, budget))
@@ -292,14 +298,8 @@ def _load_description(path: Path, masks: Sequence[Path] | None, budget: Budget, 
     return Scene(name, tuple(views), description.bounds, description.radius, files=tuple(files))
 
 
-def _own_file(description: Path, place: str, name: str, folder: Path | None) -> Path:
-    """Return the path of a file that a description names, inside of a folder if there is one.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If the file, or what it links to, is outside.
-    """
+def _find_file(description: Path, place: str, name: str, folder: Path | None) -> Path:
+    """Return the path of a file that a description names; refuse files and links outside of `folder`."""
     file = description.parent / name
     if folder is not None and folder not in Path(os.path.realpath(file)).parents:
         reason = f"{name} is outside of the scene's folder; outside=True (--outside) allows that"
@@ -318,7 +318,7 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
                 if key in files:
                     raise ValueError(f"{key}: only depth images have {what}")
             return seen.make_view(pose)
-        budget.take(path, _VIEW + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOUR))
+        budget.take(path, _VIEW + seen.size * (_DEPTH if colors is None else _DEPTH + _COLOR))
         scale = None
         if seen.dtype == np.uint16:
             if description.depth_scale is None:
@@ -328,7 +328,7 @@ def _load_view(files: Mapping[str, Path], pose: Array, description: Description,
             raise ValueError("a depth image needs a [camera] table with fx, fy, cx, cy")
         mask = read_mask(files["mask"], seen.shape, budget) if "mask" in files else None
         return View.from_depth(seen, description.intrinsics, pose, colors, depth_scale=scale, mask=mask)
-    except FileFormatError:  # the mask's, which names it
+    except FileFormatError:  # names the mask already
         raise
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error

@@ -1,4 +1,4 @@
-"""A single file of one view: a point cloud or a depth image, and what its caller knows of the camera."""
+"""Make a view from one file, a point cloud or a depth image, and the caller's knowledge of the camera."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from strand.support.checks import Array, check_bool, check_intrinsics, check_pos
 from strand.support.files import FileFormatError
 from strand.views.view import View
 
-# bytes of a view beside its arrays, and of each number of them
-_VIEW, _NUMBER = 4096, 8
+_VIEW = 4096  # bytes of a view beside its arrays
+_FLOAT = 8  # bytes of a number in its arrays
 
 
 @dataclass(frozen=True, eq=False)
 class KnownCamera:
-    """What is known of the camera that made a file, as `strand.load_scene` takes it.
+    """The caller's knowledge of the camera that made a file: arguments of `strand.load_scene`.
 
     Attributes
     ----------
     viewpoint : (3,) array_like or None
-        Where it stood, metres; points are in the world frame then.
+        The camera's position, metres. If given, points are in the world frame.
     camera_frame : bool
-        Whether points are in its frame.
+        Whether points are in the camera frame.
     intrinsics : (3, 3) array_like or None
-        Its pinhole matrix, pixels.
+        The pinhole matrix, pixels.
     depth_scale : float or None
-        Metres for each unit of its depth image.
+        Metres per unit of the depth image.
     """
 
     viewpoint: ArrayLike | None = None
@@ -48,7 +48,8 @@ class KnownCamera:
             check_small_array("viewpoint", self.viewpoint, (3,))
             if self.camera_frame:
                 raise ValueError(
-                    "viewpoint: points are in the world frame or in the camera frame, not in both"
+                    "viewpoint: expected either viewpoint (points in the world frame) or camera_frame=True, "
+                    "got both"
                 )
         if self.intrinsics is not None:
             check_intrinsics("intrinsics", self.intrinsics)
@@ -56,7 +57,7 @@ class KnownCamera:
             check_positive("depth_scale", self.depth_scale)
 
     def refuse(self, reason: str, *names: str) -> None:
-        """Raise a ValueError with a reason if one of some fields is given; of any if none is named."""
+        """Raise a ValueError with the reason if one of the named fields is given; of all if none is named."""
         for name in names or [field.name for field in fields(self)]:
             value = getattr(self, name)
             if value is not None and value is not False:
@@ -64,45 +65,37 @@ class KnownCamera:
 
 
 def read_single_view(path: Path, camera: KnownCamera, masks: Sequence[Path] | None, budget: Budget) -> View:
-    """Return the view of a single file.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If the file or the mask is not what it should be, or takes more than the budget.
-    ValueError
-        If something is needed that is not known, or something is known that such a file does not have.
-    """
+    """Return the view of a single file; ValueError names a missing or unsuitable argument."""
     seen = read_view_file(path, budget)
     if isinstance(seen, PointCloud):
-        viewpoint = _viewpoint_of(path, seen, camera, masks)
-        budget.take(path, _VIEW + _NUMBER * seen.numbers)
-        with _named(path):
+        viewpoint = _find_viewpoint(path, seen, camera, masks)
+        budget.take(path, _VIEW + _FLOAT * seen.numbers)
+        with _name_file(path):
             return seen.make_view(np.eye(4)) if viewpoint is None else seen.make_view_from(viewpoint)
-    camera.refuse(f"{path} is a depth image, which is in its camera's frame", "viewpoint", "camera_frame")
+    camera.refuse(f"{path} is a depth image, always in its camera's frame", "viewpoint", "camera_frame")
     if camera.intrinsics is None:
         raise ValueError(
-            f"intrinsics: {path} is a depth image, which needs its camera's pinhole matrix: give intrinsics "
+            f"intrinsics: {path} is a depth image and needs the camera's pinhole matrix: give intrinsics "
             "(--intrinsics fx,fy,cx,cy)"
         )
     if seen.dtype == np.uint16 and camera.depth_scale is None:
         raise ValueError(
-            f"depth_scale: {path} holds whole numbers, which do not say their unit: give depth_scale "
-            "(--depth-scale), 0.001 for millimetres"
+            f"depth_scale: {path} holds whole numbers in an unknown unit: give depth_scale (--depth-scale), "
+            "0.001 for millimetres"
         )
     mask = None
     if masks is not None:
         require_one_each(masks, 1)
         mask = read_mask(masks[0], seen.shape, budget)
-    budget.take(path, _VIEW + _NUMBER * seen.size)
-    with _named(path):
+    budget.take(path, _VIEW + _FLOAT * seen.size)
+    with _name_file(path):
         return View.from_depth(seen, camera.intrinsics, depth_scale=camera.depth_scale, mask=mask)
 
 
-def _viewpoint_of(
+def _find_viewpoint(
     path: Path, seen: PointCloud, camera: KnownCamera, masks: Sequence[Path] | None
 ) -> Array | None:
-    """(3,) Where the points of a file were seen from; None: they are in the camera's frame."""
+    """Return the (3,) viewpoint of a file's points; None if they are in the camera frame."""
     camera.refuse(f"{path} holds points, not a depth image", "intrinsics", "depth_scale")
     if masks is not None:
         raise ValueError(f"masks: {path} holds points, and only depth images have masks")
@@ -112,16 +105,16 @@ def _viewpoint_of(
         return check_small_array("viewpoint", camera.viewpoint, (3,))
     if seen.viewpoint is None:
         raise ValueError(
-            f"viewpoint: {path} does not say from where its points were seen: give viewpoint "
-            "(--viewpoint x,y,z) if they are in the world frame, or camera_frame=True (--camera-frame) if "
-            "they are in the camera's: x right, y down, z forward"
+            f"viewpoint: {path} does not say where the camera was: give viewpoint (--viewpoint x,y,z) if the "
+            "points are in the world frame, or camera_frame=True (--camera-frame) if they are in the camera "
+            "frame: x right, y down, z forward"
         )
     return seen.viewpoint
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Name the file in what is wrong with its numbers."""
+def _name_file(path: Path) -> Iterator[None]:
+    """Convert errors about a file's numbers to FileFormatError, which names the file."""
     try:
         yield
     except (TypeError, ValueError) as error:

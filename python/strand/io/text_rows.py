@@ -1,4 +1,4 @@
-"""Rows of numbers in text, as point cloud files hold them."""
+"""Read rows of numbers from the text of a point cloud file."""
 
 from __future__ import annotations
 
@@ -10,17 +10,11 @@ from numpy.typing import NDArray
 
 from strand.support.files import FileFormatError
 
-_BLOCK = 1 << 16  # bytes taken apart at once
+_BLOCK = 1 << 16  # bytes split at once, and the longest line
 
 
 def split_lines(path: Path, body: memoryview) -> Iterator[bytes]:
-    """Lines that are not blank, taken apart a block at a time.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If one is longer than a block.
-    """
+    """Yield the lines that are not blank, splitting one block at a time."""
     at, rest = 0, b""
     while at < len(body):
         *whole, rest = (rest + bytes(body[at : at + _BLOCK])).split(b"\n")
@@ -33,7 +27,7 @@ def split_lines(path: Path, body: memoryview) -> Iterator[bytes]:
 
 
 def is_long_enough(body: memoryview, numbers: int) -> bool:
-    """Whether text is long enough for so many numbers: each takes a digit, and a space or a line's end."""
+    """Whether the text can hold this many numbers: each takes a digit, and a space or a line break."""
     return 2 * numbers <= len(body) + 1
 
 
@@ -46,34 +40,10 @@ def read_rows(
     row: str,
     separator: bytes | None = None,
 ) -> bool:
-    """Fill a table with some columns of as many lines as it has rows.
+    """Fill an (N, K) table from the next N lines; return False if there are fewer lines.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    each : iterator of bytes
-        The lines.
-    table : (N, K) ndarray of float
-        What is filled.
-    columns : sequence of K ints
-        Which words of a line.
-    width : int
-        How many words a line has.
-    row : str
-        What a message calls a line: "vertex", "point".
-    separator : bytes, optional
-        What stands between words; white space if not given.
-
-    Returns
-    -------
-    bool
-        Whether there were enough lines.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If a line has another number of words, or words that are no numbers.
+    Each line must have `width` words; `columns` are the K words to read. Messages call a line `row`, such as
+    "vertex". Words are separated by white space unless `separator` is given.
     """
     for i in range(len(table)):
         words = next(each, b"").split(separator)

@@ -1,4 +1,4 @@
-"""What one view's file holds: a depth image or a point cloud, by its suffix."""
+"""Read the file of one view, a depth image or a point cloud, by its suffix."""
 
 from __future__ import annotations
 
@@ -19,17 +19,11 @@ from strand.io.xyz import read_xyz
 from strand.support.checks import check_mask
 from strand.support.files import FileFormatError
 
-_MASK = 4  # bytes of each pixel of a view's mask
+_MASK_PIXEL = 4  # bytes of a pixel of a view's mask
 
 
 def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
-    """Return a depth image, (H, W) of uint16 in units or of floats in metres, or a point cloud.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If the file's suffix is of no reader, it is not what it should be, or it takes more than the budget.
-    """
+    """Return a point cloud, or an (H, W) depth image: uint16 in the file's unit or floats in metres."""
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise FileFormatError(path, f"expected a {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]} file")
@@ -37,21 +31,15 @@ def read_view_file(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
 
 
 def require_one_each(masks: Sequence[Path], views: int) -> None:
-    """Refuse masks that are not one for each view.
-
-    Raises
-    ------
-    ValueError
-        If they are more or fewer.
-    """
+    """Raise ValueError unless there is one mask for each view."""
     if len(masks) != views:
         raise ValueError(f"masks: expected one file for each of {views} views, got {len(masks)}")
 
 
 def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.int32]:
-    """Return the mask of an image of a shape."""
+    """Return the (H, W) labels of a mask file, which must have this shape."""
     labels = read_npy(path, budget) if path.suffix.lower() == ".npy" else read_mask_png(path, budget)
-    budget.take(path, _MASK * labels.size)
+    budget.take(path, _MASK_PIXEL * labels.size)
     try:
         return check_mask("mask", labels, shape)
     except (TypeError, ValueError) as error:
@@ -59,7 +47,7 @@ def read_mask(path: Path, shape: tuple[int, int], budget: Budget) -> NDArray[np.
 
 
 def _read_depth_or_points(path: Path, budget: Budget) -> NDArray[Any] | PointCloud:
-    """Return what an NPY file holds: floats three columns wide are points, six with their colours."""
+    """Return the content of an NPY file: floats in 3 or 6 columns are points, in 6 with colours."""
     array = read_npy(path, budget)
     if array.ndim != 2 or not (array.dtype.kind == "f" or array.dtype == np.uint16):
         raise FileFormatError(
@@ -84,5 +72,4 @@ _READERS = {
     ".pcd": read_pcd,
     **dict.fromkeys((".xyz", ".xyzrgb", ".csv", ".txt"), read_xyz),
 }
-SUFFIXES = tuple(_READERS)
-"""Of files that hold one view."""
+SUFFIXES = tuple(_READERS)  # suffixes of files that hold one view

@@ -1,4 +1,4 @@
-"""What a view holds, in numbers: how many pixels or points, how far away, what is missing."""
+"""Summarize a view in numbers: points, distances, missing pixels, mask and colours."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from strand.views.view import View
 
 @dataclass(frozen=True, eq=False)
 class ViewSummary:
-    """What one view holds.
+    """The content of one view.
 
     Attributes
     ----------
     kind : str
         "depth image" or "points".
     size : (int, int) or None
-        Width and height of the image, pixels; None of points.
+        Width and height of the image, pixels; None for points.
     points : int
-        Pixels with a depth, or points.
+        Number of points, or of pixels with a depth.
     no_return : int or None
-        Pixels of depth 0, or points at (0, 0, 0); None if these were left out before they were counted.
+        Pixels of depth 0, or points at (0, 0, 0); None if the reader dropped these without counting.
     not_finite : int
         Pixels or points that are NaN or infinite.
     distance : (float, float) or None
-        The least and the greatest, metres: of an image the depth along the camera's z axis, of points the
-        distance from the origin of their frame; None if there are none.
+        Smallest and largest, metres: depths along z of an image, or distances of points from the origin of
+        their frame. None without points.
     corners : (2, 3) ndarray or None
-        The low and the high corner of the points in their own frame, metres; None of images.
+        Low and high corner of the points in their own frame, metres; None for images.
     intrinsics : (float, float, float, float) or None
-        Focal lengths fx, fy and principal point cx, cy of the image, pixels; None of points, and if they are
-        not known.
+        Focal lengths fx, fy and principal point cx, cy of an image, pixels; None if not known, and for
+        points.
     colors : bool
-        Whether there are colours.
+        Whether the view has colours.
     labels : int or None
-        How many labels the mask has beside 0; None without a mask.
+        Number of labels in the mask, without 0; None without a mask.
     points_in_mask : int or None
         Pixels with a depth inside the mask; None without a mask.
     """
@@ -56,7 +56,7 @@ class ViewSummary:
 
 
 def summarize_view(view: View, no_return: int | None = None) -> ViewSummary:
-    """Return what a view holds; of points the caller may know how many were no returns."""
+    """Summarize a view; `no_return` counts the points without a return that the reader dropped."""
     image = view.image
     if image is None:
         points = view.points

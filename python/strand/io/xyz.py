@@ -1,4 +1,4 @@
-"""Points and colours of text: XYZ and CSV, with or without a line of names."""
+"""Read points and colours from text, XYZ or CSV, with or without a header line."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ COMMENTS = (b"#", b"//")
 
 @dataclass(frozen=True)
 class Columns:
-    """What the columns of a text are.
+    """The columns of a text.
 
     Attributes
     ----------
     width : int
-        How many there are.
+        Number of columns.
     wanted : tuple of int
-        Those of x, y and z, and of red, green and blue if there are colours.
+        Columns of x, y and z, then of red, green and blue if the text has colours.
     separator : bytes or None
-        What stands between them; None: white space.
+        The mark between columns; None for white space.
     heading : int
-        How many rows name them: 0 or 1. A comment is no row.
+        Number of rows that name the columns: 0 or 1. A comment is not a row.
     """
 
     width: int
@@ -40,23 +40,18 @@ class Columns:
 
 
 def read_xyz(path: Path, budget: Budget) -> PointCloud:
-    """Return the points of a text, one a line, with their colours if there are some.
+    """Return the points of a text with one point a line, and their colours if it has them.
 
-    Commas, semicolons or white space stand between the columns. The first line may name them: x, y, z, and
-    red, green, blue or r, g, b, in any order and with others beside them. Without names there are three, or
-    six with colours. Blank lines, and those that start with # or //, are no points.
-
-    Raises
-    ------
-    strand.FileFormatError
-        If a line is something else, columns are missing, or it takes more than the budget.
+    Commas, semicolons or white space separate the columns. The first line may name them in any order: x, y,
+    z and red, green, blue (or r, g, b); other columns are skipped. Without names, a text has three columns,
+    or six with colours. Blank lines and lines that start with # or // are skipped.
     """
     body = memoryview(budget.read(path).removeprefix(b"\xef\xbb\xbf"))
-    columns = _columns(path, body)
-    count = sum(1 for _ in _rows(path, body)) - columns.heading
+    columns = _find_columns(path, body)
+    count = sum(1 for _ in _split_rows(path, body)) - columns.heading
     budget.take(path, 8 * len(columns.wanted) * count)
     numbers = np.empty((count, len(columns.wanted)))
-    rows = _rows(path, body)
+    rows = _split_rows(path, body)
     for _ in range(columns.heading):
         next(rows)
     if not read_rows(path, rows, numbers, columns.wanted, columns.width, "point", columns.separator):
@@ -66,22 +61,22 @@ def read_xyz(path: Path, budget: Budget) -> PointCloud:
     try:
         return PointCloud(numbers[:, :3], scale_colors(numbers[:, 3:], False))
     except ValueError as error:
-        hint = "" if columns.heading else "; a first line such as x,y,z,nx,ny,nz says that there are none"
+        hint = "" if columns.heading else "; if these are no colours, add a first line such as x,y,z,nx,ny,nz"
         raise FileFormatError.from_error(path, ValueError(f"{error}{hint}")) from error
 
 
-def _rows(path: Path, body: memoryview) -> Iterator[bytes]:
-    """Lines that are neither blank nor a comment."""
+def _split_rows(path: Path, body: memoryview) -> Iterator[bytes]:
+    """Yield the lines that are neither blank nor a comment."""
     return (line for line in split_lines(path, body) if not line.lstrip().startswith(COMMENTS))
 
 
-def _columns(path: Path, body: memoryview) -> Columns:
+def _find_columns(path: Path, body: memoryview) -> Columns:
     first = next(split_lines(path, body), b"")
-    row = next(_rows(path, body), b"")
-    named = _named(path, first, 1 if first == row else 0)
+    row = next(_split_rows(path, body), b"")
+    named = _read_names(path, first, 1 if first == row else 0)
     if named is not None:
         return named
-    words = row.split(separator := _separator(row))
+    words = row.split(separator := _find_separator(row))
     if len(words) not in (3, 6):
         shown = row.strip()[:80].decode("latin-1")
         reason = (
@@ -91,10 +86,10 @@ def _columns(path: Path, body: memoryview) -> Columns:
     return Columns(len(words), tuple(range(len(words))), separator, 0)
 
 
-def _named(path: Path, line: bytes, heading: int) -> Columns | None:
-    """Return the columns that a line names, if it does."""
+def _read_names(path: Path, line: bytes, heading: int) -> Columns | None:
+    """Return the columns that a line names, or None."""
     line = line.lstrip(b"#/ \t")
-    separator = _separator(line)
+    separator = _find_separator(line)
     names = [word.decode("latin-1").strip(' \t\r"').lower() for word in line.split(separator)]
     if not {"x", "y", "z"} <= set(names):
         return None
@@ -105,5 +100,5 @@ def _named(path: Path, line: bytes, heading: int) -> Columns | None:
     return Columns(len(names), tuple(names.index(name) for name in wanted), separator, heading)
 
 
-def _separator(line: bytes) -> bytes | None:
+def _find_separator(line: bytes) -> bytes | None:
     return next((mark for mark in (b";", b",") if mark in line), None)

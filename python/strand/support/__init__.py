@@ -1,1 +1,1 @@
-"""Checks of arguments, files, extras, lazy properties and robust deviations."""
+"""Checks of arguments, files read and written safely, optional packages, and lazy properties."""

@@ -1,4 +1,8 @@
-"""Arguments of public functions, checked: errors name the argument, what was wrong and what is accepted."""
+"""Check the arguments of public functions.
+
+Each check returns the value in the form that strand uses. It raises TypeError for a value of the wrong kind
+and ValueError for a value out of range. Messages name the argument, what was wrong and what is accepted.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+_MAX_ROTATION_ERROR = 1e-6  # how far R R^T may be from the identity, in any entry
+_MAX_LAST_ROW_ERROR = 1e-9  # how far the last row of a pose may be from (0, 0, 0, 1)
+_MAX_ROTATION_ENTRY = 2.0  # larger entries could overflow in R R^T
+
 
 def check_number(name: str, value: Any) -> float:
-    """Return `value` as a finite float; arrays without a dimension count as numbers.
-
-    Raises
-    ------
-    TypeError
-        If it is not a real number.
-    ValueError
-        If it is not finite.
-    """
+    """Return `value` as a finite float; arrays without a dimension count as numbers."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
@@ -39,15 +39,7 @@ def check_number(name: str, value: Any) -> float:
 
 
 def check_positive(name: str, value: Any, most: float = math.inf) -> float:
-    """Return `value` as a float above zero, and not above `most`.
-
-    Raises
-    ------
-    TypeError
-        If it is not a real number.
-    ValueError
-        If it is zero, negative, too large or not finite.
-    """
+    """Return `value` as a float above zero and not above `most`."""
     try:
         found = check_number(name, value)
     except ValueError:
@@ -60,15 +52,7 @@ def check_positive(name: str, value: Any, most: float = math.inf) -> float:
 
 
 def check_nonnegative(name: str, value: Any) -> float:
-    """Return `value` as a float of zero or above.
-
-    Raises
-    ------
-    TypeError
-        If it is not a real number.
-    ValueError
-        If it is negative or not finite.
-    """
+    """Return `value` as a float of zero or above."""
     try:
         found = check_number(name, value)
     except ValueError:
@@ -79,15 +63,7 @@ def check_nonnegative(name: str, value: Any) -> float:
 
 
 def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf) -> int:
-    """Return `value` as an int in a range.
-
-    Raises
-    ------
-    TypeError
-        If it is not a whole number.
-    ValueError
-        If it is out of range.
-    """
+    """Return `value` as an int from `least` to `most`."""
     try:
         found = operator.index(value)
     except TypeError:
@@ -100,41 +76,21 @@ def check_integer(name: str, value: Any, least: int = 0, most: float = math.inf)
 
 
 def check_bool(name: str, value: Any) -> bool:
-    """Return `value` as a bool.
-
-    Raises
-    ------
-    TypeError
-        If it is neither True nor False.
-    """
+    """Return `value` as a bool."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name}: expected True or False, got {type(value).__name__}")
     return bool(value)
 
 
 def check_text(name: str, value: Any) -> str:
-    """Return `value` as a str.
-
-    Raises
-    ------
-    TypeError
-        If it is no text.
-    """
+    """Return `value` as a str."""
     if not isinstance(value, str):
         raise TypeError(f"{name}: expected text, got {type(value).__name__}")
     return str(value)
 
 
 def check_path(name: str, value: Any) -> Path:
-    """Return `value` as a path.
-
-    Raises
-    ------
-    TypeError
-        If it is no text and no path of another library.
-    ValueError
-        If it is empty.
-    """
+    """Return a str or path-like `value` as a Path; refuse empty text."""
     words = value.__fspath__() if isinstance(value, os.PathLike) else value
     if not isinstance(words, str):
         raise TypeError(f"{name}: expected a path, got {type(words).__name__}")
@@ -144,15 +100,7 @@ def check_path(name: str, value: Any) -> Path:
 
 
 def check_choice(name: str, value: Any, accepted: tuple[str, ...]) -> str:
-    """Return `value` as one of some words.
-
-    Raises
-    ------
-    TypeError
-        If it is no text.
-    ValueError
-        If it is another word.
-    """
+    """Return `value`, which must be one of the accepted words."""
     if not isinstance(value, str):
         raise TypeError(f"{name}: expected one of {', '.join(accepted)}, got {value!r}")
     if value not in accepted:
@@ -161,7 +109,7 @@ def check_choice(name: str, value: Any, accepted: tuple[str, ...]) -> str:
 
 
 def check_fraction_or_nan(name: str, value: float) -> float:
-    """Return a number from 0 to 1, or NaN where it is not known."""
+    """Return a number from 0 to 1, or NaN for unknown."""
     if isinstance(value, (float, np.floating)) and np.isnan(value):
         return float("nan")
     share = check_number(name, value)
@@ -171,7 +119,7 @@ def check_fraction_or_nan(name: str, value: float) -> float:
 
 
 def check_instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[Any, ...]:
-    """Return values, each of which must be of a type, as a tuple."""
+    """Return a sequence of instances of one type as a tuple."""
     held = check_sequence(name, values, kind.__name__)
     for i, one in enumerate(held):
         if not isinstance(one, kind):
@@ -179,35 +127,44 @@ def check_instances(name: str, values: Sequence[Any], kind: type[Any]) -> tuple[
     return held
 
 
-def check_sequence(name: str, value: Iterable[Any], what: str) -> tuple[Any, ...]:
-    """Return what a sequence holds.
+def check_sequence(name: str, value: Iterable[Any], content: str) -> tuple[Any, ...]:
+    """Return the entries of an iterable as a tuple; refuse text and dictionaries.
 
-    Raises
-    ------
-    TypeError
-        If it is text, or nothing that can be gone through.
+    `content` says in the error message what the entries should be.
     """
     try:
         if isinstance(value, (str, bytes, dict)):
             raise TypeError
         return tuple(value)
     except TypeError:
-        raise TypeError(f"{name}: expected a sequence of {what}, got {type(value).__name__}") from None
+        raise TypeError(f"{name}: expected a sequence of {content}, got {type(value).__name__}") from None
+
+
+def check_radius(radius: float) -> float:
+    """Return a rope's radius, metres, as a positive float."""
+    if isinstance(radius, str):
+        raise TypeError(
+            f"radius: expected a number of metres, got {radius!r}; "
+            "only the command line and scene files take text with a unit"
+        )
+    try:
+        found = check_number("radius", radius)
+    except TypeError:
+        raise TypeError(f"radius: expected a number of metres, got {radius!r}") from None
+    except ValueError:
+        found = 0.0
+    if found <= 0:
+        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
+    return found
 
 
 def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return `value` as an array of any kind.
-
-    Raises
-    ------
-    ValueError
-        If its rows are of different lengths, or elements of a masked array are masked.
-    """
+    """Return `value` as an array of any type; refuse ragged rows and masked elements."""
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         masked = np.count_nonzero(np.ma.getmaskarray(value))
         raise ValueError(
-            f"{name}: expected an array without masked elements, got {masked} of them; "
-            "fill them, as with .filled(0) for depths without a return and for masks, or leave them out"
+            f"{name}: expected an array without masked elements, got {masked} masked; "
+            "drop them, or fill them: .filled(0) suits depths without a return, and masks"
         )
     try:
         return np.asarray(value)
@@ -216,14 +173,10 @@ def to_array(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def freeze_array(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
-    """Return an array as one that nobody can change: read-only, and a copy if someone else may hold it.
+    """Return a read-only array that nobody else can change, copied only if needed.
 
-    Parameters
-    ----------
-    array : ndarray
-        What a check returned.
-    given : object
-        What the check was given; without it, the array is taken to be someone else's.
+    `array` is the result of a check, and `given` is the caller's value. Without `given`, the function assumes
+    that someone else holds the array.
     """
     fresh = isinstance(given, (list, tuple)) or (
         type(given) is np.ndarray and not np.may_share_memory(array, given)
@@ -234,28 +187,15 @@ def freeze_array(array: NDArray[Any], given: Any = None) -> NDArray[Any]:
 
 
 def round_to_millimeters(place: Array) -> list[float]:
-    """Return a place's coordinates, metres, as messages show them."""
+    """Return the coordinates of a place, metres, rounded to millimetres for messages."""
     return [round(x, 3) for x in place.tolist()]
 
 
 def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
-    """Return points, depths or other measured numbers as a C-ordered float64 array of a shape.
+    """Return measured numbers, such as points or depths, as a C-ordered float64 array.
 
-    Parameters
-    ----------
-    name : str
-        The argument's name, for the error message.
-    value : array_like
-        Anything NumPy reads as an array of floats.
-    shape : tuple of int or str
-        The accepted shape; a letter stands for any length, as in ("N", 3).
-
-    Raises
-    ------
-    TypeError
-        If the elements are not floating point numbers: whole numbers do not say their unit.
-    ValueError
-        If the shape differs.
+    A letter in `shape` accepts any length, as in ("N", 3). Whole numbers raise TypeError, as they do not say
+    their unit.
     """
     array = to_array(name, value)
     if array.dtype.kind != "f":
@@ -266,59 +206,35 @@ def check_float_array(name: str, value: ArrayLike, shape: tuple[int | str, ...])
     ):
         wanted = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
         raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
-    # NaN of single precision may warn, and long numbers that become infinite
+    # NumPy may warn when it converts NaN, or long doubles that overflow
     with np.errstate(invalid="ignore", over="ignore"):
         return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def check_finite_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
-    """Return `value` as `float_array` does, and refuse NaN and infinities.
-
-    Raises
-    ------
-    TypeError
-        If the elements are not floating point numbers.
-    ValueError
-        If the shape differs or an element is not finite.
-    """
-    return _finite(name, check_float_array(name, value, shape))
+    """Return `value` as `check_float_array` does; refuse NaN and infinity."""
+    return _check_finite(name, check_float_array(name, value, shape))
 
 
 def check_small_array(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
-    """Return a vector or a matrix that may be written with whole numbers, such as an origin or a pose.
-
-    Raises
-    ------
-    TypeError
-        If the elements are not real numbers.
-    ValueError
-        If the shape differs or an element is not finite.
-    """
-    return _finite(name, check_float_array(name, convert_integers(name, value), shape))
+    """Return a finite vector or matrix, such as an origin or a pose; whole numbers are accepted."""
+    return _check_finite(name, check_float_array(name, convert_integers(name, value), shape))
 
 
 def convert_integers(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return `value` as an array, of floats if it holds whole numbers."""
+    """Return `value` as an array, with whole numbers converted to floats."""
     array = to_array(name, value)
     return array.astype(np.float64) if array.dtype.kind in "iu" else array
 
 
-def _finite(name: str, array: Array) -> Array:
+def _check_finite(name: str, array: Array) -> Array:
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: expected finite numbers, got NaN or infinity")
     return array
 
 
 def check_colors(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
-    """Return colours as a float64 array of a shape, from 0 to 1.
-
-    Raises
-    ------
-    TypeError
-        If the elements are neither floating point numbers nor uint8.
-    ValueError
-        If the shape differs, or a number is not from 0 to 1 (uint8: from 0 to 255).
-    """
+    """Return colours from 0 to 1 as float64; uint8 colours are divided by 255."""
     array = to_array(name, value)
     colors = check_finite_array(name, array / 255.0 if array.dtype == np.uint8 else array, shape)
     if colors.size and not (colors.min() >= 0 and colors.max() <= 1):
@@ -329,15 +245,7 @@ def check_colors(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> A
 
 
 def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Return a mask as an int32 array of an image's shape, its own: labels, 0 for no rope.
-
-    Raises
-    ------
-    TypeError
-        If the elements are neither bools nor whole numbers.
-    ValueError
-        If the shape differs, or a label is negative or beyond int32.
-    """
+    """Return a new int32 array of the mask's labels, in the image's shape; 0 means no rope."""
     array = to_array(name, value)
     if array.dtype.kind not in "biu":
         raise TypeError(
@@ -354,37 +262,20 @@ def check_mask(name: str, value: ArrayLike, shape: tuple[int, int]) -> NDArray[n
 
 
 def check_rigid_motion(name: str, value: ArrayLike) -> Array:
-    """Return `value` as a (4, 4) rigid motion.
-
-    Raises
-    ------
-    TypeError
-        If the elements are not real numbers.
-    ValueError
-        If the matrix is not a rotation and a translation: wrong shape or last row, not finite, a
-        rotation that scales, shears or mirrors by more than 1e-6.
-    """
+    """Return `value` as a (4, 4) rigid motion; refuse rotations that scale, shear or mirror."""
     pose = check_small_array(name, value, (4, 4))
     rotation = pose[:3, :3]
-    if np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-9:
+    if np.abs(pose[3] - (0, 0, 0, 1)).max() > _MAX_LAST_ROW_ERROR:
         raise ValueError(f"{name}: expected the last row (0, 0, 0, 1), got {pose[3]}")
-    # the products of larger numbers may not be finite
-    large = np.abs(rotation).max() > 2.0
-    if large or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+    large = np.abs(rotation).max() > _MAX_ROTATION_ENTRY
+    skewed = large or np.abs(rotation @ rotation.T - np.eye(3)).max() > _MAX_ROTATION_ERROR
+    if skewed or np.linalg.det(rotation) < 0:
         raise ValueError(f"{name}: expected a rigid motion, but its (3, 3) part is not a rotation")
     return pose
 
 
 def check_intrinsics(name: str, value: ArrayLike) -> Array:
-    """Return `value` as a (3, 3) pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
-
-    Raises
-    ------
-    TypeError
-        If the elements are not real numbers.
-    ValueError
-        If the matrix is of another form, or fx or fy is not positive.
-    """
+    """Return `value` as a pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels."""
     camera = check_small_array(name, value, (3, 3))
     fx, fy, cx, cy = camera[0, 0], camera[1, 1], camera[0, 2], camera[1, 2]
     if fx <= 0 or fy <= 0 or not np.array_equal(camera, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]):
@@ -392,29 +283,3 @@ def check_intrinsics(name: str, value: ArrayLike) -> Array:
             f"{name}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, got {camera.tolist()}"
         )
     return camera
-
-
-def check_radius(radius: float) -> float:
-    """Return a rope's radius, metres.
-
-    Raises
-    ------
-    TypeError
-        If it is not a number.
-    ValueError
-        If it is not finite and positive.
-    """
-    if isinstance(radius, str):
-        raise TypeError(
-            f"radius: expected a number of metres, got {radius!r}; "
-            "the command line and scene files take a length with its unit"
-        )
-    try:
-        found = check_number("radius", radius)
-    except TypeError:
-        raise TypeError(f"radius: expected a number of metres, got {radius!r}") from None
-    except ValueError:
-        found = 0.0
-    if found <= 0:
-        raise ValueError(f"radius: expected a positive number of metres, got {radius}")
-    return found

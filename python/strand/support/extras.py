@@ -1,4 +1,4 @@
-"""Packages that only some uses need, asked for by the name under which strand was installed."""
+"""Import optional packages, and say which extra of strand installs a missing one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-_EXTRAS = {
+_EXTRAS = {  # the extra of strand that installs each package; others come with "cli"
     "rosbags": "recordings",
     "lz4": "recordings",
     "apsw": "recordings",
@@ -19,18 +19,7 @@ _EXTRAS = {
 
 
 def import_extra(module: str) -> Any:
-    """Import a package that only some uses need.
-
-    Parameters
-    ----------
-    module : str
-        Its import name, such as "PIL.Image".
-
-    Raises
-    ------
-    ImportError
-        If it is not installed; the message says how to install it.
-    """
+    """Import an optional module, such as "PIL.Image"; an ImportError says how to install it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -41,7 +30,7 @@ def import_extra(module: str) -> Any:
 
 
 def _distribution() -> str:
-    """Return what strand is called where it was installed; "." if it runs as a checkout."""
+    """Return the name of the distribution that strand was installed from; "." in a checkout."""
     here = Path(__file__)
     for name in metadata.packages_distributions().get("strand", ()):
         if Path(str(metadata.distribution(name).locate_file(f"strand/support/{here.name}"))) == here:

@@ -1,4 +1,4 @@
-"""A property that is worked out once, when it is first asked for."""
+"""A property whose value is computed on first access and then kept."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class lazy_property(Generic[T]):
-    """A method as a property that is worked out when it is first asked for; an array is then read-only.
+    """Turn a method into a property that is computed on first access; an array becomes read-only.
 
-    Before Python 3.12 `functools.cached_property` holds a lock of its class meanwhile. A process that another
-    thread forks at that moment waits for it for ever.
+    `functools.cached_property` is not used: before Python 3.12, it holds a lock while it computes. A
+    process that another thread forks at that moment waits for that lock for ever.
     """
 
     def __init__(self, work: Callable[[Any], T]) -> None:
@@ -33,7 +33,7 @@ class lazy_property(Generic[T]):
     def __get__(self, instance: object | None, owner: type) -> lazy_property[T] | T:
         if instance is None:
             return self
-        # two threads may both work it out: both get the same
+        # two threads may both compute the value: it is the same
         value = self._work(instance)
         if isinstance(value, np.ndarray):
             value.setflags(write=False)

@@ -222,7 +222,11 @@ def test_masks_change_what_would_be_done(folder, capsys):
         (["no.npz"], 3, "no.npz: No such file or directory"),
         (["empty.npz"], 1, "empty.npz: the file is empty"),
         (["nothing"], 3, "nothing/scene.toml: No such file; the folder has 1 .jpg"),
-        (["arc.npz", "--topic", "/depth"], 2, "topics: for recordings only, and arc.npz is none"),
+        (
+            ["arc.npz", "--topic", "/depth"],
+            2,
+            "topics: only recordings have topics, and arc.npz is not a recording",
+        ),
         (["arc.npz", "--max-bytes", "100"], 1, "arc.npz: "),
         (["arc.npz", "--max-bytes", "0"], 2, "max_bytes: expected at least 1, got 0"),
         (["rope.bag", "--max-bytes", "0"], 2, "max_bytes: expected at least 1, got 0"),

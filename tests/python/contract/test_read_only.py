@@ -114,7 +114,7 @@ def masked(array):
     ],
 )
 def test_masked_elements_are_refused(call, name):
-    with pytest.raises(ValueError, match=f"^{name}.*without masked elements, got 1 of them"):
+    with pytest.raises(ValueError, match=f"^{name}.*without masked elements, got 1 masked"):
         call()
 
 

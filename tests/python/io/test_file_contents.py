@@ -122,5 +122,5 @@ def test_limits_and_topics_are_kept(tmp_path):
     save_npz(tmp_path / "a.npz")
     with pytest.raises(FileFormatError, match="max_bytes=100"):
         held(tmp_path / "a.npz", max_bytes=100)
-    with pytest.raises(ValueError, match=r"topics: for recordings only, and .*a\.npz is none"):
+    with pytest.raises(ValueError, match=r"topics: only recordings have topics, and .*a\.npz is not"):
         held(tmp_path / "a.npz", "/depth")

@@ -54,7 +54,7 @@ def test_description_in_full(tmp_path):
         + CAMERA
         + "[extract]\nlow = [-1, -2.5, -inf]\nhigh = [1, 2, inf]\n"
         + "[turntable]\nangles_deg = [-140, 0, 90]\norigin = [0.4, 0, 0.45]\n"
-        + "centre = [0, 0.1, 0]\naxis = [0, 0, 2]\n"
+        + "center = [0, 0.1, 0]\naxis = [0, 0, 2]\n"
         + f'[[view]]\nfile = "a.png"\n{IDENTITY}'
         + '[[view]]\nfile = "b.ply"\nangles_deg = [10, 20.5, -30]\norigin = [1, 2, 3]\n'
         + '[[view]]\nfile = "c.npy"\nturntable_deg = 30\n'
@@ -109,12 +109,12 @@ def test_turntable_may_give_its_pose_as_a_matrix(tmp_path):
         ("radius = 0", IDENTITY, "radius: expected a positive length"),
         ("radius = '4 inch'", IDENTITY, "length: expected metres"),
         ("radius = [1]", IDENTITY, "length: expected a number of metres"),
-        ("", "", "view 0: expected a pose.*none of them"),
-        ("", "angles_deg = [1, 2, 3]", "view 0: expected a pose.*angles_deg"),
-        ("", IDENTITY + "origin = [1, 2, 3]", "view 0: expected a pose.*origin, pose"),
+        ("", "", "view 0: expected either pose.*none of them"),
+        ("", "angles_deg = [1, 2, 3]", "view 0: expected either pose.*angles_deg"),
+        ("", IDENTITY + "origin = [1, 2, 3]", "view 0: expected either pose.*origin, pose"),
         ("", IDENTITY + "turntable_deg = 3", "view 0: expected one pose"),
         ("", "turntable_deg = 3", r"view 0: turntable_deg needs a \[turntable\] table"),
-        ("[turntable]\ncentre = [0, 0, 0]", "turntable_deg = 3", "turntable: expected a pose"),
+        ("[turntable]\ncenter = [0, 0, 0]", "turntable_deg = 3", "turntable: expected either pose"),
         ("[turntable]\ncenter = [0, 0, 0]", "turntable_deg = 3", "turntable: unknown key center; .*centre"),
         (f"[turntable]\naxis = [0, 0, 0]\n{IDENTITY}", "turntable_deg = 3", "axis: expected a direction"),
         ("", "angles_deg = [1, 2]\norigin = [1, 2, 3]", r"view 0\.angles_deg: expected three angles"),

@@ -61,7 +61,7 @@ def test_points_in_both_frames(clouds, suffix):
 @pytest.mark.parametrize("suffix", ["xyz", "txt", "csv", "ply", "pcd", "npy"])
 def test_points_of_which_nobody_says_where_they_were_seen_from(clouds, suffix):
     with pytest.raises(
-        ValueError, match=r"viewpoint: .*does not say from where.*--viewpoint x,y,z.*--camera-frame"
+        ValueError, match=r"viewpoint: .*does not say where the camera was.*--viewpoint x,y,z.*--camera-frame"
     ):
         load_scene(clouds / f"a.{suffix}")
 
@@ -176,11 +176,11 @@ def test_what_such_a_file_does_not_have_is_refused(clouds):
         ("a.ply", {"intrinsics": K, "camera_frame": True}, "intrinsics: .* holds points, not a depth image"),
         ("a.ply", {"depth_scale": 1.0, "camera_frame": True}, "depth_scale: .* holds points"),
         ("a.ply", {"masks": ["m.png"], "camera_frame": True}, "masks: .* only depth images have masks"),
-        ("a.ply", {"viewpoint": CAMERA, "camera_frame": True}, "viewpoint: .* not in both"),
+        ("a.ply", {"viewpoint": CAMERA, "camera_frame": True}, "viewpoint: expected either .* got both"),
         ("a.ply", {"viewpoint": [0.0, 1.0]}, "viewpoint: expected shape"),
         ("a.ply", {"viewpoint": [0.0, 1.0, np.nan]}, "viewpoint: expected finite"),
-        ("d.png", {"viewpoint": CAMERA, **camera}, "viewpoint: .* is in its camera's frame"),
-        ("d.png", {"camera_frame": True, **camera}, "camera_frame: .* is in its camera's frame"),
+        ("d.png", {"viewpoint": CAMERA, **camera}, "viewpoint: .* always in its camera's frame"),
+        ("d.png", {"camera_frame": True, **camera}, "camera_frame: .* always in its camera's frame"),
         ("d.png", {"masks": [], **camera}, "masks: expected one file for each of 1 views, got 0"),
         ("d.png", {"intrinsics": np.eye(3) * 2, "depth_scale": 0.001}, "intrinsics: expected"),
         ("d.png", {"intrinsics": K, "depth_scale": 0.0}, "depth_scale: expected a positive number"),
@@ -204,7 +204,7 @@ def test_scenes_say_these_things_themselves(tmp_path):
             {"intrinsics": K},
             {"depth_scale": 0.001},
         ):
-            with pytest.raises(ValueError, match=f"{next(iter(given))}: only of a single file"):
+            with pytest.raises(ValueError, match=f"{next(iter(given))}: accepted only for a single file"):
                 load_scene(path, **given)
 
 

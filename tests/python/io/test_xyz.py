@@ -108,7 +108,7 @@ def test_no_returns_stay_to_be_counted(tmp_path):
         ("1,5;2,5;3,5\n", "point 0", "expected numbers, got '1,5 2,5 3,5'"),
         ("x,y,z\n1,2\n3,4,5\n", "point 0", "expected 3 numbers, got 2"),
         ("x,y,z,x\n1,2,3,4\n", "line 1", "different names"),
-        ("1 2 3 0 0 -1\n", "colours", "got -1.0 to 0.0; a first line such as x,y,z,nx,ny,nz says"),
+        ("1 2 3 0 0 -1\n", "colours", "got -1.0 to 0.0; if these are no colours, add a first line such as"),
         ("1 2 3 0 0 256\n", "colours", "from 0 to 255, got 0.0 to 256.0"),
         ("x y z r g b\n1 2 3 0 0 nan\n", "colours", "got nan to nan"),
         ("", None, "the file is empty"),

@@ -1,4 +1,4 @@
-"""What every public function does with arguments that cannot be: an error that names them."""
+"""Tests that invalid arguments of public functions raise errors that name them."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ SIGNED = (
     ("camera_pose", "elevation"),
     ("Layout", "elevation"),
 )
-# what these mean is not the others' business
+# these mean something only to their own function
 ACCEPTED = {
     ("fit_tubes", "reference", "None"),
     ("fit_tubes", "radius_prior", "None"),
@@ -132,7 +132,7 @@ def test_errors_name_the_argument(name):
         for wrong in refused:
             with pytest.raises((TypeError, ValueError)) as caught:
                 function(**{**usual, argument: wrong})
-            # what pyo3 refuses has the name in a note
+            # pyo3 puts the name of an argument that it refuses in a note
             said = str(caught.value) + " ".join(getattr(caught.value, "__notes__", ()))
             assert argument in said, f"{argument} = {wrong!r}: {said}"
 

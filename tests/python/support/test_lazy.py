@@ -1,4 +1,4 @@
-"""A property that is worked out once."""
+"""Tests of lazy properties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Slow:
 
     @lazy_property
     def value(self):
-        """What is worked out."""
+        """Return how often the value was computed."""
         self.asked.set()
         assert self.wait.wait(timeout=60)
         self.times += 1
