@@ -24,7 +24,7 @@ from strand.config import Config, Reconnection
 from strand.geometry.polyline import path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.outliers import without_outliers
+from strand.reconstruction.outliers import drop_outliers
 from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import Split
 from strand.reconstruction.radius import Radii
@@ -61,9 +61,9 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
     box = strand.Box(*scene.bounds)
     clouds = Clouds(list(model.stages["filtered"]), viewpoints, len(viewpoints) // 2, box)
     closed = [ring for _, ring in kept]
-    seen = without_outliers(cropped(scene.views, box), scene.radius, config.filter, widen=True)
+    seen = drop_outliers(cropped(scene.views, box), scene.radius, config.filter, widen=True)
     cameras = Cameras(seen, scene.views)
-    radii, run = Radii.given(scene.radius), Run(None)
+    radii, run = Radii.from_caller(scene.radius), Run(None)
     fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)
     parts = [part for part in extents(fit, exclusive=True) if part is not None]
     return [part.at(part.spaced(0.25 * scene.radius))[0] for part in parts]

@@ -117,7 +117,7 @@ class Settings:
             checked["viewpoint"] = freeze_array(check_small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-        Prior.given(self.ropes, self.length, None)
+        Prior.from_caller(self.ropes, self.length, None)
 
     @property
     def in_words(self) -> dict[str, Any]:

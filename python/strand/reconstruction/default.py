@@ -20,11 +20,11 @@ from strand.reconstruction.images.comparison import Reading, fit_and_rank
 from strand.reconstruction.images.depth_scatter import measure_depth_scatter
 from strand.reconstruction.images.method import MIN_CORRELATION, Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
-from strand.reconstruction.mistakes.diagnosis import suspected
+from strand.reconstruction.mistakes.diagnosis import find_mistakes
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes import view_bias as of_tubes
 from strand.reconstruction.tubes.method import find_chains as find_tubes
-from strand.reconstruction.wide_surfaces import no_ropes
+from strand.reconstruction.wide_surfaces import describe_surface
 from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
 
@@ -74,7 +74,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     found = _found(used, config, run)
     ropes = [whole if whole.image else own for whole, own in zip(used.whole, used.views, strict=True)]
     against = [
-        *suspected(used.whole, ropes, used.bounds, float(used.radii.values[0]), used.views),
+        *find_mistakes(used.whole, ropes, used.views, used.bounds, used.radius),
         *systematic.doubts(used, found, config),
         *of_tubes.doubts(used, found),
     ]
@@ -126,16 +126,16 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return make_answer(what, observed, config, run)
     pictured = all(view.image for view in observed.whole)
     # no tubes are sought in a table that images tell from the ropes on it
-    wide = no_ropes(observed.views, radius) if scatter < _WIDE else None
+    wide = describe_surface(observed.views, radius) if scatter < _WIDE else None
     if wide and not pictured:
         raise NotEnoughDataError(f"views: {wide}")
     tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
     narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
     if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)) and _settled(tubes, pictured):
         return _accepted(tubes, tubes_run, run)
-    if tubes is not None and run.late("readings of the images"):
+    if tubes is not None and run.skips("readings of the images"):
         return _accepted(tubes, tubes_run, run)
-    images_run = run.apart()
+    images_run = run.fork()
     if scatter > _WIDE:
         ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
         try:
@@ -158,7 +158,7 @@ def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
         return _accepted(tubes, tubes_run, run)
     if tubes is not None:
         misread = what.neighbor_correlation <= MIN_CORRELATION and _misread(what, scatter)
-        if misread or run.late("the comparison with readings of the images"):
+        if misread or run.skips("the comparison with readings of the images"):
             return _accepted(tubes, tubes_run, run)
         return _better(what, tubes, tubes_run, observed, config, run)
     found = make_answer(what, observed, config, images_run)
@@ -179,26 +179,26 @@ def _images_first(observed: Observed, config: Config, run: Run) -> Found:
         what = read_images(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
-    images_run = run.apart()
+    images_run = run.fork()
     found = make_answer(what, observed, config, images_run)
     wide = what.explanations[0].fit.noise > _NARROW
     if (
         what.neighbor_correlation > MIN_CORRELATION
         or (wide and _certain(found))
-        or run.late("tubes in the points")
+        or run.skips("tubes in the points")
     ):
         return _accepted(found, images_run, run)
     tubes, tubes_run = _tubes(observed, config, run)
     if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
         return _accepted(tubes, tubes_run, run)
-    if run.late("the comparison with tubes in the points"):
+    if run.skips("the comparison with tubes in the points"):
         return _accepted(found, images_run, run)
     return _better(what, tubes, tubes_run, observed, config, run)
 
 
 def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
     """Return the answer by tubes, and its warnings apart."""
-    own = run.apart()
+    own = run.fork()
     try:
         return find_tubes(observed, config, own), own
     except NotEnoughDataError:
@@ -207,7 +207,7 @@ def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, 
 
 def _sought_tubes(observed: Observed, config: Config, run: Run) -> Found:
     """Find tubes, unless the points look like no ropes."""
-    wide = no_ropes(observed.views, float(observed.radii.values.max()))
+    wide = describe_surface(observed.views, float(observed.radii.values.max()))
     if wide:
         raise NotEnoughDataError(f"views: {wide}")
     return find_tubes(observed, config, run)

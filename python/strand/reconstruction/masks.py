@@ -1,8 +1,9 @@
-"""Whether masks can be right: ropes stand out from what is around them, and there are so many of them."""
+"""Whether masks can be right: ropes stand out from their surroundings, and masks have few enough labels."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,82 +21,89 @@ from strand.views.view import View
 
 _Indices = NDArray[np.intp]
 
-# so many pixels of a mask are compared with what lies this many radii, and a pixel, to either side of them
-_PIXELS, _REACH = 1000, 3.0
-# steps to one side, in columns and rows; the other side is opposite
-_SIDES = ((1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7))
-# what is inside must stand so many radii before what is around: on a table 0.6 at a depth error of 1.4 radii,
-# 1 to 2 else; masks of other frames have 0.2 at most
-_LEAST_HEIGHT = 0.35
-# fewer comparisons say nothing; a mask with less than this share of them is wide, and one that is wide and
-# covers more than this share of the image holds the background
-_FEWEST, _WIDE, _MOST = 30, 0.03, 0.6
-# a mask in which this share of the pixels stands out by less than so many radii is of the background alone,
-# where heights have a standard deviation of less than so many
-_NOTHING, _FLAT, _TOLD = 0.9, 0.7, 0.5
-# a rope covers at least so many squares of its radius, pixels
-_SPECK = 3.0
-# confidence of an answer from a mask that is likely wrong: a factor of about one in seven
-_DOUBT = 2.0
+_SAMPLE = 1000  # pixels of a mask that are compared with pixels to either side of them
+_REACH = 3.0  # radii, and one pixel: how far to the side these are
+_SIDES = ((1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7))  # columns and rows; the other side is opposite
+_MIN_HEIGHT = 0.35  # radii above the surroundings; masks of other frames have 0.2, ropes 0.6 and more
+_MIN_COMPARISONS = 30  # fewer comparisons say nothing
+_MIN_SHARE_COMPARED = 0.03  # of the possible comparisons; in wider masks fewer pixels have a side outside
+_MAX_SHARE_OF_IMAGE = 0.6  # a wide mask that covers more of the image includes the background
+_LOW = 0.7  # radii: pixels this low do not stand out
+_MIN_SHARE_LOW = 0.9  # of the pixels are low in a mask of the background alone
+_MAX_SCATTER = 0.5  # radii: heights that scatter more do not show that a mask is of the background
+_MIN_AREA = 3.0  # squares of its radius, pixels: a rope covers at least this
+_MISPLACED = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
 
 
-def misplaced_masks(
+@dataclass(frozen=True, eq=False)
+class MisplacedMask:
+    """A mask that seems to belong to another frame, or to show the background.
+
+    Attributes
+    ----------
+    doubt : Doubt
+    view : int
+        The number of the mask's view.
+    shows_background : bool
+        Whether it shows no rope at all.
+    """
+
+    doubt: Doubt
+    view: int
+    shows_background: bool
+
+
+def find_misplaced_masks(
     views: Sequence[View], numbers: Sequence[int], bounds: Box | None, radii: Array
-) -> list[tuple[Doubt, int]]:
-    """Name masks that seem to be of another frame, or of the background.
+) -> list[MisplacedMask]:
+    """Find masks that seem to belong to another frame, or to show the background.
 
     Parameters
     ----------
     views : sequence of View
-        As they were given; those without a mask have none that is wrong.
+        Uncropped. Those without a mask are skipped.
     numbers : sequence of int
         The numbers of the views to look at.
     bounds : Box or None
-        The extraction range, metres; what of a mask lies outside is no rope.
+        The extraction range, metres. Pixels of a mask outside of it are no rope.
     radii : (K,) ndarray
         The ropes' radii, ascending, metres.
-
-    Returns
-    -------
-    list of (Doubt, int)
-        Each with the number of its view.
     """
-    found: list[tuple[Doubt, int]] = []
+    found = []
     for number in numbers:
         image = _masked_image(views[number], bounds)
-        reason = None if image is None else _why_misplaced(image, bounds, radii)[0]
+        reason, shows_background = (None, False) if image is None else _judge_mask(image, bounds, radii)
         if reason is not None:
-            said = f"view {number}: {reason}"
-            found.append((Doubt("mask", _DOUBT, "whether its mask is right", said), number))
+            doubt = Doubt("mask", _MISPLACED, "whether its mask is right", f"view {number}: {reason}")
+            found.append(MisplacedMask(doubt, number, shows_background))
     return found
 
 
-def refuse_background(
-    views: Sequence[View], numbers: Sequence[int], bounds: Box | None, radii: Array
-) -> None:
-    """Refuse masks of which depth says that they all show the background alone; arguments as above.
+def refuse_background(misplaced: Sequence[MisplacedMask], numbers: Sequence[int]) -> None:
+    """Refuse views if each of them, by its number, has a mask of the background alone.
 
     Raises
     ------
     strand.NotEnoughDataError
-        If there is no rope in any of them.
+        If that is so.
     """
-    images = [_masked_image(views[number], bounds) for number in numbers]
-    if all(image is not None and _why_misplaced(image, bounds, radii)[1] for image in images):
+    if sum(mask.shows_background for mask in misplaced) == len(numbers):
         raise NotEnoughDataError(
-            f"views: {_named(numbers)} of the background: nothing inside stands out from what is around it"
+            f"views: {_join_masks(numbers)} of the background: nothing inside stands out from what is "
+            "around it"
         )
 
 
-def why_no_rope(view: View, radius: float) -> str | None:
-    """Say why a view's mask shows no rope with depth; None if it may show one, or there is no mask.
+def explain_empty_mask(view: View) -> str | None:
+    """Say why no point lies in a view's mask; None if one does, or there is no mask."""
+    mask = view.mask
+    if mask is None or len(view.points):
+        return None
+    return "no depth inside its mask" if mask.any() else "an empty mask"
 
-    Parameters
-    ----------
-    view : View
-    radius : float
-        The thinnest rope's, metres.
-    """
+
+def explain_small_mask(view: View, radius: float) -> str | None:
+    """Say why a mask with depth is too small for a rope of a radius, metres; None if it is not."""
     image, mask = view.image, view.mask
     if image is None or mask is None:
         return None
@@ -105,7 +113,7 @@ def why_no_rope(view: View, radius: float) -> str | None:
         return None
     across = radius * max(image.camera.focal) / float(np.median(seen))
     largest = _core.largest_blob(mask)
-    if largest >= _SPECK * across**2:
+    if largest >= _MIN_AREA * across**2:
         return None
     return (
         f"a mask that shows no rope: its largest part has {largest} pixels, and a rope of this radius is "
@@ -113,14 +121,14 @@ def why_no_rope(view: View, radius: float) -> str | None:
     )
 
 
-def _named(numbers: Sequence[int]) -> str:
+def _join_masks(numbers: Sequence[int]) -> str:
     if len(numbers) == 1:
         return f"the mask of view {numbers[0]} is"
     return f"the masks of views {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"
 
 
-def surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
-    """Name views whose mask has labels for more ropes than there are: some may be pieces of one."""
+def warn_of_surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
+    """Yield a warning for each mask with more labels than ropes: some may be pieces of one rope."""
     for number, view in enumerate(views):
         if ropes is None or view.image is None or view.image.labels is None:
             continue
@@ -131,9 +139,9 @@ def surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWa
 
 
 def _masked_image(view: View, bounds: Box | None) -> DepthImage | None:
-    """Return a view's image if it has a mask; None if there is none, or one of everything in bounds."""
+    """Return a view's image if it has a mask that tells something."""
     image = view.image
-    # within an extraction range a mask of everything is as good as none
+    # within an extraction range, a mask of everything tells nothing
     if image is None or image.labels is None or (bounds is not None and image.mask.all()):
         return None
     return image.masked(image.mask)
@@ -151,61 +159,49 @@ def _shows_rope(
     return np.asarray(inside & bounds.holds(world))
 
 
-def _why_misplaced(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, bool]:
-    """Say why a mask is likely not that of its image, None if it may be; and whether it shows no rope."""
+def _judge_mask(image: DepthImage, bounds: Box | None, radii: Array) -> tuple[str | None, bool]:
+    """Say why a mask likely belongs to another image, if it does; tell whether it shows background alone."""
     flat = np.flatnonzero(image.mask)
-    rows, columns = np.divmod(flat[:: max(len(flat) // _PIXELS, 1)], image.mask.shape[1])
+    rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.mask.shape[1])
     inside = _shows_rope(image, bounds, rows, columns)
     if not inside.any():
         return None, False
     share = float(inside.mean()) * len(flat) / image.mask.size
-    heights = _heights(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
-    if len(heights) < _WIDE * len(_SIDES) * inside.sum() and share > _MOST:
+    heights = _heights_above_sides(image, bounds, rows[inside], columns[inside], _REACH * radii[-1])
+    few = len(heights) < _MIN_SHARE_COMPARED * len(_SIDES) * inside.sum()
+    if few and share > _MAX_SHARE_OF_IMAGE:
         return f"its mask holds {share:.0%} of the image, and the background with it", False
-    if len(heights) < _FEWEST:
-        # next to the image's border nothing is seen on the other side
-        heights = _above_table(image, rows[inside], columns[inside], float(radii[0]))
-    if len(heights) < _FEWEST:
+    if len(heights) < _MIN_COMPARISONS:
+        # next to the image's border there is nothing on the other side
+        heights = _heights_above_table(image, rows[inside], columns[inside], float(radii[0]))
+    if len(heights) < _MIN_COMPARISONS:
         return None, False
     height = float(np.median(heights)) / radii[0]
-    if height >= _LEAST_HEIGHT:
+    if height >= _MIN_HEIGHT:
         return None, False
-    spread = robust_deviation(heights / radii[0] - height)
-    low = float(np.mean(heights < _FLAT * radii[0]))
+    scatter = robust_deviation(heights / radii[0] - height)
+    low = float(np.mean(heights < _LOW * radii[0]))
     reason = (
         f"what is inside its mask stands {height:.1f} radii before what is around it, as no rope does; "
         "is it the mask of this frame?"
     )
-    return reason, spread < _TOLD and low > _NOTHING
+    return reason, scatter < _MAX_SCATTER and low > _MIN_SHARE_LOW
 
 
-def _above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
-    """(N,) How high pixels are above the plane around the mask, metres; none if there is no plane."""
+def _heights_above_table(image: DepthImage, rows: _Indices, columns: _Indices, radius: float) -> Array:
+    """(N,) Return the heights of pixels above the table, metres; none if there is no table."""
     table = find_table_beside_ropes(image, radius)
     if table is None:
         return np.empty(0)
     return table.heights(image.lift(rows, columns, image.depth[rows, columns]))
 
 
-def _heights(image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, reach: float) -> Array:
-    """How far pixels lie before the mean of what is to either side of them, if no rope is there.
+def _heights_above_sides(
+    image: DepthImage, bounds: Box | None, rows: _Indices, columns: _Indices, reach: float
+) -> Array:
+    """(M,) Return how far pixels of ropes lie before the mean of both sides, where neither is rope; metres.
 
-    The mean of both sides leaves out how far a table is tilted.
-
-    Parameters
-    ----------
-    image : DepthImage
-    bounds : Box or None
-        The extraction range, metres.
-    rows, columns : (N,) ndarray of int
-        Pixels of the rope.
-    reach : float
-        How far to either side, metres.
-
-    Returns
-    -------
-    (M,) ndarray
-        Metres, for each pixel and each pair of sides that could be compared.
+    The mean of both sides cancels the tilt of a table. `reach` says how far to the side they are, metres.
     """
     depth = image.depth
     height, width = depth.shape

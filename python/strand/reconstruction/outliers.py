@@ -15,7 +15,7 @@ from strand.views.view import View
 _WIDEST = 4.0
 
 
-def without_outliers(views: Sequence[View], radius: float, config: Filter, widen: bool) -> list[View]:
+def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: bool) -> list[View]:
     """Drop the points with too few neighbours in their own view.
 
     Parameters

@@ -17,47 +17,64 @@ from strand.ropes.doubt import Alternative, Doubt, Join, ModelWarning
 from strand.support.checks import Array
 from strand.support.lazy import lazy_property
 from strand.views.box import Box
+from strand.views.depth_image import DepthImage
+from strand.views.rope_images import rope_images
 from strand.views.sensor import Sensor
 from strand.views.view import View
+
+_MARGIN = 2.0  # radii outside the extraction range: noise moves depths of ropes that far
 
 
 @dataclass
 class Run:
-    """What a run gathers beside its result, and when it is to end.
+    """What a run collects beside its result, and when it has to end.
 
     Attributes
     ----------
     progress : callable or None
-        Is called with each stage's name when it starts.
+        Called with the name of each stage when it starts.
     timings : dict of str to float
+        Seconds of each stage.
     warnings : list of ModelWarning
     deadline : float
         By `time.monotonic`; infinite for none.
-    left_out : list of str
-        What was not done for the deadline's sake, in words.
+    skipped : list of str
+        Names of the work that was skipped after the deadline.
     """
 
     progress: Callable[[str], None] | None
     timings: dict[str, float] = field(default_factory=dict)
     warnings: list[ModelWarning] = field(default_factory=list)
     deadline: float = math.inf
-    left_out: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
 
-    def late(self, what: str) -> bool:
-        """Tell whether the deadline has passed, and note that `what` is left out then."""
+    def skips(self, work: str) -> bool:
+        """Tell whether the deadline has passed, and note that the named work is skipped then."""
         if time.monotonic() < self.deadline:
             return False
-        if what not in self.left_out:
-            self.left_out.append(what)
+        if work not in self.skipped:
+            self.skipped.append(work)
         return True
 
-    def apart(self) -> Run:
-        """Return a run with warnings of its own, for an answer that may not be taken."""
+    def warn(
+        self,
+        kind: str,
+        message: str,
+        place: Array | None = None,
+        amount: float | None = None,
+        chains: tuple[int, ...] = (),
+        view: int | None = None,
+    ) -> None:
+        """Add a `ModelWarning`."""
+        self.warnings.append(ModelWarning(kind, message, place, amount, chains, view))
+
+    def fork(self) -> Run:
+        """Return the run with warnings of its own, for an answer that may be dropped."""
         return replace(self, warnings=[])
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Announce a stage and time it; a stage that comes again adds to its time."""
+        """Announce a stage and time it. The times of stages with the same name add up."""
         if self.progress is not None:
             self.progress(name)
         start = time.perf_counter()
@@ -67,16 +84,16 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What a method works on: the views that see something, and what is known beforehand.
+    """What a method works on: the views that show ropes, and what the caller knows of the ropes.
 
     Attributes
     ----------
-    views : tuple of View
+    views : sequence of View
         Cropped and without outliers.
-    whole : tuple of View
-        The same views with all that they saw, beyond the ropes too.
-    numbers : tuple of int
-        What each is called in warnings.
+    whole : sequence of View
+        The same views, uncropped.
+    numbers : sequence of int
+        The number of each in the caller's views.
     bounds : Box or None
         The extraction range that the views were cropped to, metres.
     radii : Radii
@@ -93,10 +110,20 @@ class Observed:
     prior: Prior
     middle: int | None = None
 
+    @property
+    def radius(self) -> float:
+        """The least radius, metres."""
+        return float(self.radii.values[0])
+
     @lazy_property
     def masked(self) -> list[bool]:
-        """Which views have a mask; one of everything is none."""
+        """Whether each view has a mask that tells something: not one of everything."""
         return [view.mask is not None and not view.mask.all() for view in self.whole]
+
+    @lazy_property
+    def images(self) -> list[DepthImage]:
+        """Each view's image with a mask of its ropes."""
+        return rope_images(self.views, self.whole, self.bounds, _MARGIN * self.radius)
 
     @property
     def held(self) -> int:
@@ -109,7 +136,7 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method finds in the views that see something.
+    """What a method finds in the views that show ropes.
 
     Attributes
     ----------
@@ -119,23 +146,23 @@ class Found:
         Registered camera-to-world poses of these views.
     pose_sd : list of (6,) ndarray
         Standard deviations of the corrections: rotation vector, radians, and translation, metres; NaN where
-        the method knows none.
+        they are not known.
     stages : dict of str to object
         The arrays between the stages.
     joins : tuple of Join
         The least certain first.
     doubts : tuple of Doubt or None
-        What speaks against the answer; None if the method does not say.
+        What speaks against the answer; None if the method finds no doubts.
     alternatives : tuple of Alternative
         Other answers, the best first.
-    sensor : Sensor or None
-        The sensor's errors as measured; None if the method does not.
-    ends : tuple of EndObservation
-        Where views saw the curves of the "fit" end, if the method asks each.
     branch : str or None
-        The branch of the default method that found the chains, as in `Model.branch`.
+        As `Model.branch`.
+    sensor : Sensor or None
+        The sensor's errors as measured; None if the method does not measure them.
+    ends : tuple of EndObservation
+        Where views show the ends of the curves of "fit".
     all_rings : bool
-        Whether the method was told that all ropes are rings.
+        Whether the method took all ropes for rings, as the caller said.
     """
 
     chains: list[Chain]
@@ -145,7 +172,7 @@ class Found:
     joins: tuple[Join, ...] = ()
     doubts: tuple[Doubt, ...] | None = None
     alternatives: tuple[Alternative, ...] = ()
+    branch: str | None = None
     sensor: Sensor | None = None
     ends: tuple[EndObservation, ...] = ()
-    branch: str | None = None
     all_rings: bool = False

@@ -27,7 +27,7 @@ _NORMAL, _SMOOTH, _ROUGH = 1.2, 0.9, 0.2
 _NORMALS, _LEAST = 24, 8
 
 
-def no_ropes(views: Sequence[View], radius: float) -> str | None:
+def describe_surface(views: Sequence[View], radius: float) -> str | None:
     """Say what points are that cannot be ropes; None if they may be.
 
     They cannot if they are spread in two directions, farther than ropes are, at nearly all places of each

@@ -27,7 +27,7 @@ from strand.support.checks import Array, check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.pose import moved
-from strand.views.view import View, checked_views
+from strand.views.view import View, check_views
 
 # so that the page stays below 5 MB: bytes of all depth images, and how many; rows of a table; characters of a
 # cell
@@ -82,7 +82,7 @@ def write_report(
     OSError
         If the file cannot be written.
     """
-    views = checked_views(views)
+    views = check_views(views)
     cameras = make_cameras(model, views)
     lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
     figure = make_space_figure(model, place_points(model, views), cameras, lines)

@@ -18,7 +18,7 @@ from strand.ropes.notebook import PALETTE
 from strand.support.checks import check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
-from strand.views.view import View, checked_views
+from strand.views.view import View, check_views
 
 _CROSSING, _DOUBT, _NEXT, _TRUTH = (255, 127, 14), (214, 39, 40), (44, 160, 44), (32, 32, 32)
 # how deep a camera's image stands before it, as a part of its distance from the ropes
@@ -92,7 +92,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
 
 
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
-    views = checked_views(views)
+    views = check_views(views)
     cameras = make_cameras(model, views)
     lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
 

@@ -383,7 +383,7 @@ def pictured(view: View, image: DepthImage) -> View:
     return View._of(None, image, view.pose, view.dropped, None)
 
 
-def checked_views(views: Sequence[View]) -> tuple[View, ...]:
+def check_views(views: Sequence[View]) -> tuple[View, ...]:
     """Return views as a tuple.
 
     Raises

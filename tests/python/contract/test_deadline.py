@@ -87,8 +87,8 @@ def test_a_deadline_is_a_positive_number_of_seconds(deadline, error):
 
 def test_what_is_left_out_is_named_once_and_shared_by_answers_that_compete():
     run = Run(None, deadline=time.monotonic() - 1.0)
-    other = run.apart()
-    assert [run.late("one"), other.late("two"), run.late("one")] == [True, True, True]
-    assert run.left_out == ["one", "two"]
+    other = run.fork()
+    assert [run.skips("one"), other.skips("two"), run.skips("one")] == [True, True, True]
+    assert run.skipped == ["one", "two"]
     assert other.warnings is not run.warnings
-    assert not Run(None).late("one")
+    assert not Run(None).skips("one")

@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from shared.ropes import R, sample_tube
-from strand.reconstruction.outliers import without_outliers
+from strand.reconstruction.outliers import drop_outliers
 
 
 def test_an_arc_follows_the_axis_of_a_bend_without_cutting_the_corner():
@@ -38,7 +38,7 @@ def test_two_strands_in_contact_stay_two():
 
 
 def test_tracing_is_the_same_for_any_number_of_threads(paper, threads):
-    (view,) = without_outliers([paper.views[3].crop(paper.bounds)], R, strand.Config().filter, widen=True)
+    (view,) = drop_outliers([paper.views[3].crop(paper.bounds)], R, strand.Config().filter, widen=True)
     answers = []
     for count in (1, 2, 3):
         threads(count)

@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from shared.ropes import find_rope_pixels, find_warnings
-from strand.reconstruction.masks import misplaced_masks, surplus_labels
+from strand.reconstruction.masks import find_misplaced_masks, warn_of_surplus_labels
 
 SCENES = {
     name: strand.synthetic.scene(
@@ -32,9 +32,9 @@ def masked(name, masks):
 def misplaced(name, masks, bounds=None):
     """The numbers of the views whose masks are named."""
     views = masked(name, masks)
-    found = misplaced_masks(views, range(len(views)), bounds, np.array([SCENES[name].radius]))
-    assert all(doubt.kind == "mask" and f"view {number}: " in doubt.reason for doubt, number in found)
-    return [number for _, number in found]
+    found = find_misplaced_masks(views, range(len(views)), bounds, np.array([SCENES[name].radius]))
+    assert all(mask.doubt.kind == "mask" and f"view {mask.view}: " in mask.doubt.reason for mask in found)
+    return [mask.view for mask in found]
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -67,7 +67,7 @@ def test_a_mask_is_not_judged_where_nothing_around_it_was_seen():
     alone = dataclasses.replace(scene, depth=np.where(mask, scene.depth, 0).astype(np.uint16))
     for masks in (mask, np.ones_like(mask)):
         views = dataclasses.replace(alone, mask=masks).views
-        assert misplaced_masks(views, [0, 1, 2], None, np.array([scene.radius])) == []
+        assert find_misplaced_masks(views, [0, 1, 2], None, np.array([scene.radius])) == []
 
 
 def test_the_answer_from_a_mask_of_another_frame_is_unsure():
@@ -137,10 +137,10 @@ def test_labels_for_more_ropes_than_there_are_are_named():
     labels[1] = MASKS["arc"][1]
     views = masked("arc", labels)
     assert [len(np.unique(view.image.labels)) - 1 for view in views] == [3, 1, 3]
-    found = list(surplus_labels(views, 2))
+    found = list(warn_of_surplus_labels(views, 2))
     assert [(one.kind, one.view, one.amount) for one in found] == [("mask", 0, 3.0), ("mask", 2, 3.0)]
     assert str(found[0]) == "view 0: its mask has 3 labels, more than ropes = 2"
-    assert list(surplus_labels(views, None)) == list(surplus_labels(views, 3)) == []
+    assert list(warn_of_surplus_labels(views, None)) == list(warn_of_surplus_labels(views, 3)) == []
     model = strand.reconstruct(views, scene.radius, ropes=1)
     assert [one.view for one in find_warnings(model, "mask")] == [0, 2]
     # labels may be pieces of one rope

@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from shared.ropes import CAMERA, find_warnings, render_crossing, sample_strip
-from strand.reconstruction.radius import Radii, agreeing
+from strand.reconstruction.radius import Radii, group_radii
 
 
 @pytest.mark.parametrize("depth_noise", [0.0, 1e-3, 3e-3])
@@ -130,10 +130,10 @@ def test_wrong_radii_are_refused(collected, radius, error):
 
 
 def test_radii_agree_within_their_deviations():
-    assert agreeing(np.array([0.006, 0.004, 0.00402]), np.full(3, 1e-5)) == [1, 0, 0]
-    assert agreeing(np.array([0.004, 0.0044]), np.full(2, 1e-5)) == [0, 1]
-    assert agreeing(np.array([0.004, 0.0044]), np.full(2, 1e-4)) == [0, 0]
-    assert Radii.given([0.006, 0.004, 0.006]).values.tolist() == [0.004, 0.006]
+    assert group_radii(np.array([0.006, 0.004, 0.00402]), np.full(3, 1e-5)) == [1, 0, 0]
+    assert group_radii(np.array([0.004, 0.0044]), np.full(2, 1e-5)) == [0, 1]
+    assert group_radii(np.array([0.004, 0.0044]), np.full(2, 1e-4)) == [0, 0]
+    assert Radii.from_caller([0.006, 0.004, 0.006]).values.tolist() == [0.004, 0.006]
 
 
 def side_by_side(gap):

@@ -36,7 +36,12 @@ def model(scene):
 def answered(scene, views):
     """What the doubts are asked about: the truth as answer, at the reported poses."""
     observed = Observed(
-        views, views, range(len(views)), None, Radii.given(scene.radius), Prior.given(1, None, None)
+        views,
+        views,
+        range(len(views)),
+        None,
+        Radii.from_caller(scene.radius),
+        Prior.from_caller(1, None, None),
     )
     chains = [Chain(nodes, scene.radius) for nodes in scene.truth]
     poses = [view.pose for view in views]

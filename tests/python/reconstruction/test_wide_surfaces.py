@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from shared.ropes import R, sample_tube
-from strand.reconstruction.wide_surfaces import no_ropes
+from strand.reconstruction.wide_surfaces import describe_surface
 
 CAMERA = np.array([0.0, 0.0, 0.5])
 
@@ -78,7 +78,7 @@ def test_strands_side_by_side_are_no_table():
 @pytest.mark.parametrize("turns", [4, 8, 14])
 @pytest.mark.parametrize("noise", [0.0, 3e-4, 1e-3])
 def test_strands_side_by_side_may_be_ropes(turns, noise):
-    assert no_ropes([strand.View.from_world(rug(turns, noise), CAMERA)], R) is None
+    assert describe_surface([strand.View.from_world(rug(turns, noise), CAMERA)], R) is None
 
 
 @pytest.mark.parametrize("wide", [0.5, 1.0, 1.5])
@@ -86,15 +86,15 @@ def test_a_rope_in_wide_noise_may_be_a_rope(wide):
     axis = np.stack(
         [np.linspace(-0.2, 0.2, 200), 0.03 * np.sin(np.linspace(0, 6, 200)), np.full(200, R)], axis=1
     )
-    assert no_ropes([strand.View.from_world(sample_tube(axis, CAMERA, wide * R), CAMERA)], R) is None
+    assert describe_surface([strand.View.from_world(sample_tube(axis, CAMERA, wide * R), CAMERA)], R) is None
 
 
 def test_the_collection_holds_ropes(collected):
     for name in ("heap06", "hard00", "coil_1.5mm", "two_ropes", "random_6"):
         scene = collected(name)
-        assert no_ropes([view.crop(scene.bounds) for view in scene.views], scene.radius) is None
+        assert describe_surface([view.crop(scene.bounds) for view in scene.views], scene.radius) is None
 
 
 def test_views_that_see_little_say_nothing():
-    assert no_ropes([strand.View(np.zeros((5, 3)))], R) is None
-    assert no_ropes([], R) is None
+    assert describe_surface([strand.View(np.zeros((5, 3)))], R) is None
+    assert describe_surface([], R) is None

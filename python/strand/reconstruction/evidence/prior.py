@@ -40,7 +40,7 @@ class Prior:
     known: Known = field(default_factory=Known)
 
     @classmethod
-    def given(
+    def from_caller(
         cls,
         ropes: int | None,
         length: float | Sequence[float] | None,

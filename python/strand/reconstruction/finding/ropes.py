@@ -14,10 +14,11 @@ from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
+from strand.support.checks import Array
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.depth_image import DepthImage
 from strand.views.rope_images import rope_images
-from strand.views.view import View, checked_views, masked
+from strand.views.view import View, check_views, masked
 
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
@@ -101,9 +102,13 @@ def find_ropes(
     >>> found = strand.find_ropes(scene.views)
     >>> model = strand.reconstruct(found.views, found.radius)
     """
-    views = checked_views(views)
+    views = check_views(views)
     box = None if bounds is None else extraction_range(bounds)
-    given = None if radius is None else Radii.given(radius).values
+    return segment_views(views, None if radius is None else Radii.from_caller(radius).values, box)
+
+
+def segment_views(views: tuple[View, ...], radii: Array | None, box: Box | None) -> FoundRopes:
+    """Segment ropes as `find_ropes` does, in checked views, by their (K,) radii, metres, and bounds."""
     asked = [k for k, view in enumerate(views) if view.mask is None and len(view.points)]
     images = rope_images([views[k] for k in asked], [views[k] for k in asked], None)
     tops = {
@@ -112,10 +117,10 @@ def find_ropes(
     found = list(views)
     tables: list[Plane | None] = [None] * len(views)
     if not tops:
-        return FoundRopes(tuple(views), None, tuple(tables), ())
+        return FoundRopes(views, None, tuple(tables), ())
     inside = {k: True if box is None else _select_inside(top.image, box) for k, top in tops.items()}
     width = estimate_strip_radius([top.image.masked(top.image.mask & inside[k]) for k, top in tops.items()])
-    thin, thick = (width, width) if given is None else (float(given.min()), float(given.max()))
+    thin, thick = (width, width) if radii is None else (float(radii.min()), float(radii.max()))
     others: list[OtherObject] = []
     shown = []
     for k, top in tops.items():

@@ -15,7 +15,6 @@ from strand.reconstruction.stages import Observed
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
-from strand.views.rope_images import rope_images
 from strand.views.view import View, cropped, masked
 
 MIN_HEIGHT = -2.0  # radii: lower heights of single pixels are cut off
@@ -95,7 +94,7 @@ def _see_beside_masks(observed: Observed) -> tuple[list[bool], float, list[Depth
     if all(given) or not any(given):
         return None
     radius = float(observed.radii.values[0])
-    images = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+    images = observed.images
     with_masks = np.flatnonzero(given)
     middle = images[int(with_masks[len(with_masks) // 2])]
     return given, radius, images, find_table_beside_ropes(middle, radius)

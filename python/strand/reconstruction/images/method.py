@@ -35,7 +35,6 @@ from strand.ropes.doubt import Alternative
 from strand.support.lazy import lazy_property
 from strand.views.depth_image import DepthImage
 from strand.views.pose import moved
-from strand.views.rope_images import rope_images
 from strand.views.sensor import Sensor
 
 MIN_CORRELATION = 0.1  # of neighbouring pixels: errors that are less correlated count as independent
@@ -94,7 +93,7 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
     radius = float(observed.radii.values[0])
     held = observed.held
     with run.stage("images"):
-        taken = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+        taken = observed.images
         table = find_table_beside_ropes(taken[held], radius)
         if not any(observed.masked):
             taken = mask_above_table(taken, table, observed.bounds, radius)
@@ -103,13 +102,13 @@ def read_images(observed: Observed, config: Config, run: Run) -> Interpretation:
         except ValueError as error:
             raise NotEnoughDataError(_NO_ROPE) from error
     with run.stage("readings"):
-        views = [held] if run.late("readings of all views but one") else range(len(taken))
+        views = [held] if run.skips("readings of all views but one") else range(len(taken))
         readings = find_likely_readings(images, observed.prior.ropes, views)
     errors = Errors()
     if isinstance(config.sensor, Sensor):
         errors = convert_sensor(config.sensor, taken, images, radius)
     with run.stage("explain"):
-        if run.late("the comparison of readings"):
+        if run.skips("the comparison of readings"):
             readings = readings[:1]
         found = fit_and_rank(images, readings, table, held, errors, config, observed)
     if not found:
@@ -130,7 +129,7 @@ def make_answer(read: Interpretation, observed: Observed, config: Config, run: R
         if (
             read.scatter is not None
             and read.table is not None
-            and not run.late("the ropes' ends by the depths of all pixels")
+            and not run.skips("the ropes' ends by the depths of all pixels")
         ):
             # masks locate ends badly where depths scatter
             noise = estimate_mean_noise(read.scatter, read.side, radius)

@@ -36,7 +36,6 @@ from strand.reconstruction.images.table_plane import Plane, find_table_beside_ro
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
-from strand.views.rope_images import rope_images
 from strand.views.view import View
 
 _OUTLINE_WEIGHTS = (0.5, 0.9, 1.4)  # cost of a pixel's length of outline, one mask for each
@@ -137,7 +136,7 @@ def read_noisy_depth(
     radius = float(observed.radii.values[0])
     held = observed.held
     with run.stage("images"):
-        whole = rope_images(observed.views, observed.whole, observed.bounds, 2.0 * radius)
+        whole = observed.images
         table = find_table_beside_ropes(whole[held], radius)
         if table is None:
             raise NotEnoughDataError(
@@ -147,7 +146,7 @@ def read_noisy_depth(
         side = float(np.median([side for _, side in coarse]))
         noise = estimate_mean_noise(scatter, round(side), radius)
         first = mask_above_table([image for image, _ in coarse], table, observed.bounds, radius)
-        weights = () if run.late("masks with short outlines") else _OUTLINE_WEIGHTS
+        weights = () if run.skips("masks with short outlines") else _OUTLINE_WEIGHTS
         outlines = [outline_ropes(image, table, observed.bounds, radius, noise, weights) for image in first]
         ways = [first, *(list(taken) for taken in zip(*outlines, strict=True))]
         masks = [made for taken in ways if (made := _prepare_masks(taken, radius)) is not None]
@@ -155,7 +154,7 @@ def read_noisy_depth(
         raise NotEnoughDataError(_NO_ROPE)
     views = sorted({0, held, len(first) - 1}) if len(first) > _MAX_VIEWS else range(len(first))
     with run.stage("readings"):
-        if run.late("readings of all views but one"):
+        if run.skips("readings of all views but one"):
             views = [held]
         readings = [
             find_likely_readings(each.images, observed.prior.ropes, views, _MAX_READINGS, _MAX_MORE)
@@ -163,7 +162,7 @@ def read_noisy_depth(
         ]
     with run.stage("arcs"):
         tubes: list[Array] = []
-        if len(ways) > _MASK_OF_TUBES and not run.late("tubes in averaged depths"):
+        if len(ways) > _MASK_OF_TUBES and not run.skips("tubes in averaged depths"):
             tubes = _find_ropes_as_tubes(observed, ways[_MASK_OF_TUBES], table, config, run, find_tubes)
     read = [reading for those in readings for reading in those]
     for ropes in (others, tubes):
@@ -231,7 +230,7 @@ def _find_best(
     """Fit readings of all masks; return those that depth agrees with most, fitted again, the best first."""
     found: list[_Candidate] = []
     for own, read in zip(masks, readings, strict=True):
-        if run.late("the comparison of readings"):
+        if run.skips("the comparison of readings"):
             if found:
                 break
             read = read[:1]
@@ -242,7 +241,7 @@ def _find_best(
     found.sort(key=lambda each: -each.gain)
     again = []
     for each in found[:_MAX_REFITS]:
-        if run.late("second fits of the best readings"):
+        if run.skips("second fits of the best readings"):
             again.append(each)
             continue
         images = each.masks.images
@@ -252,7 +251,7 @@ def _find_best(
     for place in range(min(_MAX_MOVED, len(again))):
         images = again[place].masks.images
         for _ in range(_ROUNDS):
-            if run.late("the ropes' ends by the depths of all pixels"):
+            if run.skips("the ropes' ends by the depths of all pixels"):
                 break
             one = scene.move_ends(images, again[place].one)
             several = [one, *_refit_in_own_view(scene, again[place].masks, one)]

@@ -1,1 +1,1 @@
-"""Mistakes in the caller's input: units, poses, intrinsics, masks."""
+"""Mistakes in the caller's input: wrong units, poses, intrinsics, bounds. `diagnosis` is the door."""

@@ -1,4 +1,4 @@
-"""How far apart views show the same ropes: with poses, images and units that are right, hardly at all."""
+"""Whether views agree: with right poses, images and units, they show the same ropes in the same place."""
 
 from __future__ import annotations
 
@@ -12,98 +12,101 @@ from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.view import View, cropped
 
-# points of a view that are asked, and fewest that say anything; views with more than so many show more than
-# ropes
-_ASKED, _FEWEST, _MOST = 200, 30, 40_000
-# cosine between directions of sight beyond which views show opposite sides of a rope
-_OPPOSITE = -0.8
+_SAMPLE = 200  # points of a view that are compared with another view
+_MIN_POINTS = 30  # points that a view must show
+_MAX_ROPE_POINTS = 40_000  # points of a view: with more, most of them are no ropes
+_OPPOSITE = -0.8  # cosine between viewing directions: below it, two views show opposite sides of a rope
+_TINY = float(np.finfo(float).tiny)
 
 
-def apart(
+def distance_between_views(
     views: Sequence[View],
     bounds: Box | None,
-    most: float,
+    farthest: float,
     shown: Sequence[View] | None = None,
     opposite: float | None = None,
 ) -> float:
-    """Return how far apart views show ropes, in the mean of each and the one before it.
+    """Return the mean distance between the ropes in each view and those in the view before it.
 
-    That is the median distance from points of one view to the nearest of the other. Points that the other has
-    out of sight do not count.
+    The distance of two views is the median distance from points of one to the nearest point of the other.
+    Only points in the field of view of the other view count.
 
     Parameters
     ----------
     views : sequence of View
-        Whose points are ropes in bounds.
+        Their points in bounds are ropes.
     bounds : Box or None
         The extraction range, metres.
-    most : float
-        Farther is as far as this, metres; a view that shows nothing in bounds is as far from the others.
+    farthest : float
+        Larger distances count as this, metres. So does the distance to a view that shows nothing in bounds.
     shown : sequence of View, optional
         The same views with the points of ropes alone, if they are known.
     opposite : float, optional
-        How far apart views of opposite sides count as, metres: they show nothing in common. If it is not
-        given they are left out, and are not apart if there are no others.
+        Distance that views of opposite sides of a rope count as, metres, as they show no common points.
+        Without it, these views are skipped; the result is 0 if there are no others.
 
     Returns
     -------
     float
-        Metres; infinite if none has another's ropes in sight; NaN if fewer than two show any, or if they show
-        more than ropes.
+        Metres. Infinite if no view shows points in the field of view of another. NaN if fewer than two views
+        show points, or if a view shows more than ropes.
     """
     if shown is None:
         shown = views if bounds is None else cropped(views, bounds)
-    if more_than_ropes(shown) or sum(len(view.points) >= _FEWEST for view in shown) < 2:
+    if shows_more_than_ropes(shown) or sum(len(view.points) >= _MIN_POINTS for view in shown) < 2:
         return float("nan")
     clouds = [view.world_points for view in shown]
-    count = len(views)
-    across = [_facing(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
-    found, against = [], 0
-    for i in range(count):
-        # of one rope opposite sides are as near each other as it is thick
-        if across[i] @ across[i - 1] < _OPPOSITE and _between(clouds[i], clouds[i - 1]) < most:
-            against += 1
+    directions = [_viewing_direction(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
+    found, skipped = [], 0
+    for i in range(len(views)):
+        # opposite sides of a rope are as close to each other as the rope is thick
+        if (
+            directions[i] @ directions[i - 1] < _OPPOSITE
+            and _median_distance(clouds[i], clouds[i - 1]) < farthest
+        ):
+            skipped += 1
             found += [] if opposite is None else [opposite]
         else:
-            found += _from_one_to_another(clouds[i], clouds[i - 1], views[i - 1], most)
-    if against and not found:
+            found += _distance_in_view(clouds[i], clouds[i - 1], views[i - 1], farthest)
+    if skipped and not found:
         return 0.0
     return float(np.mean(found)) if found else float("inf")
 
 
-def more_than_ropes(shown: Sequence[View]) -> bool:
-    """Tell whether a view shows so much that most of it is no rope."""
-    return max(len(view.points) for view in shown) > _MOST
+def shows_more_than_ropes(shown: Sequence[View]) -> bool:
+    """Tell whether a view has so many points that most of them are no ropes."""
+    return max(len(view.points) for view in shown) > _MAX_ROPE_POINTS
 
 
-def _from_one_to_another(own: Array, other: Array, view: View, most: float) -> Iterator[float]:
-    asked = _some(own)
-    asked = asked[_in_sight(asked, view)]
-    if len(asked) < _FEWEST:
+def _distance_in_view(own: Array, other: Array, view: View, farthest: float) -> Iterator[float]:
+    """Yield the distance from a cloud to that of another view, unless that view does not show the cloud."""
+    sample = _sample(own)
+    sample = sample[_in_field_of_view(sample, view)]
+    if len(sample) < _MIN_POINTS:
         return
-    if len(other) < _FEWEST:
-        yield most
+    if len(other) < _MIN_POINTS:
+        yield farthest
         return
-    yield min(_between(asked, other), most)
+    yield min(_median_distance(sample, other), farthest)
 
 
-def _some(points: Array) -> Array:
-    return points[:: max(len(points) // _ASKED, 1)]
+def _sample(points: Array) -> Array:
+    return points[:: max(len(points) // _SAMPLE, 1)]
 
 
-def _between(own: Array, other: Array) -> float:
-    """Median distance from points to the nearest of others, metres; infinite if there are none of either."""
+def _median_distance(own: Array, other: Array) -> float:
+    """Return the median distance from points to the nearest of others, metres; infinite without points."""
     if not len(own) or not len(other):
         return float("inf")
-    return float(np.sqrt(np.median(_core.squared_distances(_some(own), other))))
+    return float(np.sqrt(np.median(_core.squared_distances(_sample(own), other))))
 
 
-def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
-    """Which points of the world lie before a view's image; of a view of points, no farther out than these."""
+def _in_field_of_view(points: Array, view: View) -> NDArray[np.bool_]:
+    """Tell which points of the world lie in a view's image, or among the directions of its points."""
     image = view.image
     seen = (points - view.pose[:3, 3]) @ view.pose[:3, :3]
     if image is None:
-        own, asked = _directions(view.points), _directions(seen)
+        own, asked = _unit_vectors(view.points), _unit_vectors(seen)
         middle = own.sum(axis=0)
         return np.asarray(asked @ middle >= (own @ middle).min(initial=np.inf))
     height, width = image.depth.shape
@@ -112,14 +115,14 @@ def _in_sight(points: Array, view: View) -> NDArray[np.bool_]:
     return np.asarray((seen[:, 2] > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5))
 
 
-def _directions(points: Array) -> Array:
-    """(N, 3) Unit vectors from a camera to points of its frame."""
-    return np.asarray(points / np.maximum(np.linalg.norm(points, axis=1), np.finfo(float).tiny)[:, None])
+def _unit_vectors(points: Array) -> Array:
+    """(N, 3) Return the directions from a camera to points of its frame."""
+    return np.asarray(points / np.maximum(np.linalg.norm(points, axis=1), _TINY)[:, None])
 
 
-def _facing(cloud: Array, view: View) -> Array:
-    """(3,) The direction in which a view sees its ropes, world frame."""
+def _viewing_direction(cloud: Array, view: View) -> Array:
+    """(3,) Return the direction from a camera to the middle of its ropes, world frame."""
     if not len(cloud):
         return np.zeros(3)
     towards = cloud.mean(axis=0) - view.viewpoint
-    return np.asarray(towards / max(float(np.linalg.norm(towards)), np.finfo(float).tiny))
+    return np.asarray(towards / max(float(np.linalg.norm(towards)), _TINY))

@@ -1,4 +1,4 @@
-"""Points that the camera that is said to have seen them cannot have seen, for where they lie."""
+"""Points and images that no camera sees: too far away, all around it, or off its principal point."""
 
 from __future__ import annotations
 
@@ -8,66 +8,78 @@ from collections.abc import Sequence
 import numpy as np
 
 from strand.ropes.doubt import Doubt
+from strand.views.depth_image import DepthImage
 from strand.views.view import View
 
-# points of a view that are looked at, and fewest
-_POINTS, _FEWEST = 1000, 100
-# no depth camera sees farther than this from the middle of what it sees, radians, however many points lie on
-# one side; the share of points that may be off
-_WIDEST, _OFF = np.radians(100.0), 0.05
-# how much doubt that is
-_AROUND = 5.0
-# cells of directions are so many to a unit vector's length; those that a view sees have so many of its
-# points, of so many; views that see fewer than this show ropes alone
-_CELLS, _SEEN, _LOOKED, _WHOLE = 16.0, 3, 20_000, 100
-# a camera that stays sees this share of all that two views see in both; how much doubt it is if it does not
-_SAME, _ELSEWHERE = 0.8, 1.5
+_EVERY = 97  # every 97th depth is looked at
+_MAX_DISTANCE = 10_000.0  # radii: farther ropes are a fraction of a pixel wide in any camera
+_TOO_FAR = 5.0  # doubt
+
+_SAMPLE = 1000  # points of a view whose directions are looked at
+_MIN_POINTS = 100  # points that a view must show
+_MAX_ANGLE = np.radians(100.0)  # radians from the middle of the points: no depth camera sees farther aside
+_MAX_ASIDE = 0.05  # share of the points that may lie farther aside
+_ALL_AROUND = 5.0  # doubt
+
+_CELLS = 16.0  # cells of directions to a unit vector's length
+_MIN_IN_CELL = 3  # points of a view in a cell that it sees
+_SAMPLE_OF_CELLS = 20_000  # points of a view that are put into cells
+_MIN_CELLS = 100  # cells that a view sees: with fewer it shows ropes alone
+_MIN_COMMON = 0.8  # share of the cells of two views that both see, if their camera did not move
+_MOVED = 1.5  # doubt
+
+_MAX_OFFSET_OF_OTHER = 0.04  # share of an image: this near its middle, a principal point is its own
+_MIN_OFFSET = 0.15  # share of an image: this far from its middle, a principal point is another image's
+_OFF_CENTER = 1.2  # doubt: images that were cropped look the same
 
 
-def seen_all_around(views: Sequence[View]) -> Doubt | None:
-    """Doubt viewpoints around which points lie farther than a camera sees.
+def doubt_far_depths(views: Sequence[View], radius: float) -> Doubt | None:
+    """Doubt depths at which no camera would see a rope of a radius, metres: they may be millimetres."""
+    # points of the world frame have no depth, only a distance
+    depths = [
+        np.linalg.norm(view.points[::_EVERY], axis=1)
+        if view.image is None
+        else view.image.depth.ravel()[::_EVERY]
+        for view in views
+    ]
+    some = np.concatenate(depths)
+    some = some[some > 0]
+    if not len(some) or not np.median(some) > _MAX_DISTANCE * radius:
+        return None
+    cameras = [float(np.linalg.norm(view.viewpoint)) for view in views if view.image is None]
+    # with points of the world frame the cameras are far away too
+    looks = "depths look like millimetres: give depth_scale=0.001, or points * 0.001"
+    if len(cameras) == len(views) and min(cameras) > _MAX_DISTANCE * radius:
+        looks = "points and poses look like millimetres: give both in metres"
+    reason = f"{looks}; half of them are more than {np.median(some):.0f} m away"
+    return Doubt("depth", _TOO_FAR, "where the ropes are", reason)
 
-    Parameters
-    ----------
-    views : sequence of View
-        Those of depth images have their pinhole, and are not looked at.
 
-    Returns
-    -------
-    Doubt or None
-    """
+def doubt_points_all_around(views: Sequence[View]) -> Doubt | None:
+    """Doubt viewpoints of points that lie farther aside than a camera sees."""
     for number, view in enumerate(views):
-        if view.image is not None or len(view.points) < _FEWEST:
+        if view.image is not None or len(view.points) < _MIN_POINTS:
             continue
-        points = view.points[:: max(len(view.points) // _POINTS, 1)]
+        points = view.points[:: max(len(view.points) // _SAMPLE, 1)]
         towards = points / np.linalg.norm(points, axis=1)[:, None]
         middle = towards.mean(axis=0)
         middle /= max(float(np.linalg.norm(middle)), np.finfo(float).tiny)
         angles = np.arccos(np.clip(towards @ middle, -1.0, 1.0))
-        if np.mean(angles > _WIDEST) > _OFF:
+        if np.mean(angles > _MAX_ANGLE) > _MAX_ASIDE:
             reason = (
                 "points look like world-frame ones: use View.from_world, with the camera's place; those of "
                 f"view {number} lie all around their camera, up to "
-                f"{np.degrees(np.quantile(angles, 1.0 - _OFF)):.0f} degrees from where most are"
+                f"{np.degrees(np.quantile(angles, 1.0 - _MAX_ASIDE)):.0f} degrees from where most are"
             )
-            return Doubt("viewpoint", _AROUND, "where the ropes are", reason)
+            return Doubt("viewpoint", _ALL_AROUND, "where the ropes are", reason)
     return None
 
 
-def seen_from_one_place(views: Sequence[View]) -> Doubt | None:
-    """Doubt views of points of a whole scene that share their pose, and look elsewhere.
+def doubt_shared_viewpoint(views: Sequence[View]) -> Doubt | None:
+    """Doubt the common pose of views of points that show different directions of a scene.
 
-    A camera that stays where it is sees the same directions in all views. World points without a viewpoint
-    look as if one had turned.
-
-    Parameters
-    ----------
-    views : sequence of View
-        Those of depth images are not looked at.
-
-    Returns
-    -------
-    Doubt or None
+    A camera that does not move sees the same directions in all views. World points that were given without
+    viewpoints look as if it had turned.
     """
     groups: dict[bytes, list[int]] = {}
     for number, view in enumerate(views):
@@ -76,28 +88,60 @@ def seen_from_one_place(views: Sequence[View]) -> Doubt | None:
     for group in groups.values():
         if len(group) < 2:
             continue
-        seen = [cells for number in group if len(cells := _directions_seen(views[number])) >= _WHOLE]
+        seen = [cells for number in group if len(cells := _cells_seen(views[number])) >= _MIN_CELLS]
         for one, other in itertools.pairwise(seen):
-            both = len(one & other) / len(one | other)
-            if both < _SAME:
+            common = len(one & other) / len(one | other)
+            if common < _MIN_COMMON:
                 reason = (
                     "points look like world-frame ones: use View.from_world, with the camera's place; views "
-                    f"{_listed(group)} are said to be from one place, and only {both:.0%} of the directions "
-                    "in which two of them show something are common to both"
+                    f"{_join_numbers(group)} have one pose, but two of them have only {common:.0%} of the "
+                    "directions in which they show something in common"
                 )
-                return Doubt("viewpoint", _ELSEWHERE, "where the ropes are", reason)
+                return Doubt("viewpoint", _MOVED, "where the ropes are", reason)
     return None
 
 
-def _directions_seen(view: View) -> set[int]:
-    """Cells of directions in which a view of points shows something."""
-    points = view.points[:: max(len(view.points) // _LOOKED, 1)]
+def doubt_principal_point(views: Sequence[View]) -> Doubt | None:
+    """Doubt intrinsics, the same for all views, that belong to a transposed image or one of another size."""
+    images = {
+        (view.image.camera.center, view.image.depth.shape): view.image
+        for view in views
+        if view.image is not None and view.image.depth.size
+    }
+    if len(images) != 1:
+        return None
+    reason = _explain_offset(*images.values())
+    return None if reason is None else Doubt("intrinsics", _OFF_CENTER, "where the ropes are", reason)
+
+
+def _explain_offset(image: DepthImage) -> str | None:
+    """Say of which image a principal point is the middle; None if it is near that of its own."""
+    height, width = image.depth.shape
+    cx, cy = image.camera.center
+    across, down = (2.0 * cx + 1.0) / width, (2.0 * cy + 1.0) / height
+    if min(across, down) <= 0.0 or max(abs(across - 1.0), abs(down - 1.0)) < _MIN_OFFSET:
+        return None
+    where = (
+        f"the principal point ({cx:.0f}, {cy:.0f}) is the middle of an image of "
+        f"{across * width:.0f} x {down * height:.0f} pixels, depth has {width} x {height}"
+    )
+    shape = width / height
+    if abs(across * shape - 1.0) < _MAX_OFFSET_OF_OTHER and abs(down / shape - 1.0) < _MAX_OFFSET_OF_OTHER:
+        return f"depth looks transposed, rows for columns: {where}"
+    if abs(across / down - 1.0) < _MAX_OFFSET_OF_OTHER:
+        return f"intrinsics look like those of an image {across:.2g} times as large: {where}"
+    return None
+
+
+def _cells_seen(view: View) -> set[int]:
+    """Return the cells of directions in which a view of points shows something."""
+    points = view.points[:: max(len(view.points) // _SAMPLE_OF_CELLS, 1)]
     away = np.linalg.norm(points, axis=1)
     towards = points[away > 0.0] / away[away > 0.0, None]
     cells = np.floor(_CELLS * (towards + 1.0)).astype(np.int64) @ (1, 1000, 1_000_000)
     found, counts = np.unique(cells, return_counts=True)
-    return set(found[counts >= _SEEN].tolist())
+    return set(found[counts >= _MIN_IN_CELL].tolist())
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _join_numbers(numbers: Sequence[int]) -> str:
     return f"{', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"

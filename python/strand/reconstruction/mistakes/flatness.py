@@ -12,47 +12,46 @@ from strand.support.checks import Array
 from strand.support.robust import robust_deviation
 from strand.views.view import View
 
-# views that are looked at, points of each, and fewest
-_VIEWS, _POINTS, _FEWEST = 3, 1000, 300
-# points of a table lie in this share of the cells of a plan of so many a side; points of ropes alone do not
-_CELLS, _FILLED = 12, 0.5
-# half of the points lie as near as this to a table, of their distance; rounds of the robust fit, and the
-# deviations at which a point counts half
-_NEAR, _ROUNDS, _ODD = 0.0125, 10, 2.0
-# change of the scatter from round to round, as a part of it, below which a fit has settled
-_SETTLED = 0.01
-# depth is doubted where the table is so many times flatter with it over the rays' lengths; lenses and sensors
-# that bend it are nowhere near. It is certain then, and told first
-_FLATTER, _BENT = 1.5, 20.0
+_MAX_VIEWS = 3  # views that are looked at
+_SAMPLE = 1000  # points of each
+_MIN_POINTS = 300  # points of each
+_CELLS = 12  # cells along each side of a plan of the points
+_MIN_FILLED = 0.5  # share of the cells that the points of a table fill; those of ropes alone do not
+_MAX_SCATTER = 0.0125  # share of the distance: a standard deviation about a table
+_ROUNDS = 10  # rounds of the robust fit
+_HALF_WEIGHT = 2.0  # standard deviations at which a point counts half
+_SETTLED = 0.01  # relative change of the scatter between rounds at which the fit ends
+_MIN_RATIO = 1.5  # of the scatters with and without the rays' lengths; lenses and sensors bend a table less
+_BENT = 20.0  # doubt: it is certain, and stands first
 
 
-def bent_tables(views: Sequence[View]) -> Doubt | None:
-    """Doubt depth with which a table is bent, and with which over the lengths of the rays it is flat.
+def doubt_bent_tables(views: Sequence[View]) -> Doubt | None:
+    """Doubt depth that bends a table which is flat once depth is divided by the rays' lengths.
 
-    On a plane the inverse of z is linear in x / z and y / z. Depths r along the rays are z times the rays'
-    lengths q = |(x, y, z)| / z, so that q / r is linear instead. Each view tells by itself which of the two.
+    On a plane, the inverse of z is linear in x / z and y / z. Depths r along the rays are z times the rays'
+    lengths q = |(x, y, z)| / z, so that q / r is linear instead. Each view shows which of the two holds.
 
     Parameters
     ----------
     views : sequence of View
-        With all that they saw.
+        Uncropped.
 
     Returns
     -------
     Doubt or None
-        None if the first view with a table does not say so, or fewer than half of them.
+        None if the first view with a table shows it flat, or more than half of them do.
     """
-    some = views if len(views) <= _VIEWS else (views[0], views[len(views) // 2], views[-1])
+    some = views if len(views) <= _MAX_VIEWS else (views[0], views[len(views) // 2], views[-1])
     found, bent = 0, []
     for view in some:
-        scatters = table_scatters(view)
+        scatters = measure_table(view)
         if scatters is None:
             continue
         found += 1
-        if scatters[0] > _FLATTER * scatters[1]:
+        if scatters[0] > _MIN_RATIO * scatters[1]:
             bent.append(scatters)
         elif not bent:
-            # what is wrong with all depths shows in the first table
+            # a mistake of all depths shows in the first table
             return None
     if not bent or 2 * len(bent) < found:
         return None
@@ -65,49 +64,44 @@ def bent_tables(views: Sequence[View]) -> Doubt | None:
     return Doubt("depth", _BENT, "where the ropes are", reason)
 
 
-def table_scatters(view: View) -> tuple[float, float] | None:
-    """Return how far depths scatter about a table as they are, and over the lengths of the rays.
-
-    Parameters
-    ----------
-    view : View
+def measure_table(view: View) -> tuple[float, float] | None:
+    """Return how far a view's depths scatter about a table: as they are, and divided by the rays' lengths.
 
     Returns
     -------
     (float, float) or None
-        Standard deviations, robust, of the distance; None if there is no table.
+        Robust standard deviations, as a share of the distance; None if the view shows no table.
     """
-    x, y, z = _some_points(view).T
-    if len(z) < _FEWEST or not (z > 0).all():
+    x, y, z = _sample_points(view).T
+    if len(z) < _MIN_POINTS or not (z > 0).all():
         return None
     slopes = np.column_stack([np.ones(len(z)), x / z, y / z])
-    if not _side_by_side(slopes[:, 1:]):
+    if not _fills_plan(slopes[:, 1:]):
         return None
     rays = np.linalg.norm(slopes, axis=1)
-    scatters = _scatter(slopes, 1.0 / z, z), _scatter(slopes, rays / z, z / rays)
-    return scatters if min(scatters) < _NEAR else None
+    scatters = _measure_scatter(slopes, 1.0 / z, z), _measure_scatter(slopes, rays / z, z / rays)
+    return scatters if min(scatters) < _MAX_SCATTER else None
 
 
-def _side_by_side(plan: Array) -> bool:
-    """Whether (N, 2) places fill most of a plan."""
+def _fills_plan(plan: Array) -> bool:
+    """Tell whether (N, 2) places fill most of their bounding rectangle."""
     low, high = plan.min(axis=0), plan.max(axis=0)
     cells = np.minimum((_CELLS * (plan - low) / np.maximum(high - low, 1e-12)).astype(np.int64), _CELLS - 1)
-    return len(np.unique(cells @ [_CELLS, 1])) >= _FILLED * _CELLS**2
+    return len(np.unique(cells @ [_CELLS, 1])) >= _MIN_FILLED * _CELLS**2
 
 
-def _some_points(view: View) -> Array:
-    """(N, 3) Some of a view's points, of the whole image too, camera frame, metres."""
+def _sample_points(view: View) -> Array:
+    """(N, 3) Return some of all that a view saw, camera frame, metres."""
     image = view.image
     if image is None:
-        return view.points[:: max(len(view.points) // _POINTS, 1)]
+        return view.points[:: max(len(view.points) // _SAMPLE, 1)]
     flat: NDArray[np.intp] = np.flatnonzero(image.depth)
-    rows, columns = np.divmod(flat[:: max(len(flat) // _POINTS, 1)], image.depth.shape[1])
-    z = image.depth[rows, columns]
-    return image.camera.unproject(rows, columns, z)
+    rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.depth.shape[1])
+    return image.camera.unproject(rows, columns, image.depth[rows, columns])
 
 
-def _scatter(slopes: Array, inverse: Array, depth: Array) -> float:
-    """How far inverse depths scatter about a linear function, over themselves; things on it count little."""
+def _measure_scatter(slopes: Array, inverse: Array, depth: Array) -> float:
+    """Return the relative scatter of inverse depths about a linear function; outliers count little."""
     weights, scatter = np.ones(len(depth)), np.inf
     for _ in range(_ROUNDS):
         before = scatter
@@ -117,5 +111,5 @@ def _scatter(slopes: Array, inverse: Array, depth: Array) -> float:
         scatter = robust_deviation(off)
         if abs(scatter - before) < _SETTLED * scatter:
             break
-        weights = 1.0 / (1.0 + (off / max(_ODD * scatter, np.finfo(float).tiny)) ** 2)
+        weights = 1.0 / (1.0 + (off / max(_HALF_WEIGHT * scatter, np.finfo(float).tiny)) ** 2)
     return scatter

@@ -18,7 +18,7 @@ from strand.reconstruction.published.assembly import assemble
 from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import split
 from strand.reconstruction.stages import Found, Observed, Run
-from strand.reconstruction.wide_surfaces import no_ropes
+from strand.reconstruction.wide_surfaces import describe_surface
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
@@ -52,7 +52,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     Raises NotEnoughDataError if the points make no chain, or do not look like ropes.
     """
     radius = float(observed.radii.values[0])
-    wide = no_ropes(observed.views, radius)
+    wide = describe_surface(observed.views, radius)
     if wide:
         raise NotEnoughDataError(f"views: {wide}")
     with run.stage("normals"):

@@ -10,7 +10,7 @@ import numpy as np
 import strand._core as _core
 from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
-from strand.reconstruction.radius import Radii, agreeing
+from strand.reconstruction.radius import Radii, group_radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.reconstruction.tubes.fitting import ROUGHLY, fitted, splines
@@ -121,18 +121,18 @@ def fit_arcs(
         )
         shift = _shift(few, motions, fit.motions)
         motions = fit.motions
-        if shift < _SETTLED * float(radii.values.min()) or run.late("arcs traced again at better poses"):
+        if shift < _SETTLED * float(radii.values.min()) or run.skips("arcs traced again at better poses"):
             break
     if told_apart:
         return _classes_from_points(clouds, arcs, fit, radii, config, uncertainty)
-    if not radii.free or run.late("radii fitted to the points"):
+    if not radii.free or run.skips("radii fitted to the points"):
         return fit, radii
     fit = _with_radii(clouds, fit, arcs.classes, fit.radii, radii.prior, config)
-    classes = agreeing(fit.radii, np.zeros(len(fit.radii)))
+    classes = group_radii(fit.radii, np.zeros(len(fit.radii)))
     if len(set(classes)) < len(classes):
         # strands side by side looked like a thicker rope
         first = [classes.index(number) for number in range(max(classes) + 1)]
-        radii = radii.only(first)
+        radii = radii.select(first)
         few = clouds.thinned(float(radii.values.min()))
         return fit_arcs(clouds, few, fit.motions, radii, config, run, uncertainty=uncertainty)
     return fit, radii
@@ -170,16 +170,16 @@ def _with_radii(
 def _with_arcs(radii: Radii, arcs: Arcs) -> tuple[Radii, Arcs]:
     """Leave out the radii that no arc has."""
     present = sorted(set(arcs.classes))
-    return radii.only(present), Arcs(arcs.nodes, [present.index(number) for number in arcs.classes])
+    return radii.select(present), Arcs(arcs.nodes, [present.index(number) for number in arcs.classes])
 
 
 def _classes_from_points(
     clouds: Clouds, arcs: Arcs, fit: TubeFit, radii: Radii, config: Config, uncertainty: bool
 ) -> tuple[TubeFit, Radii]:
     """Fit each arc a radius of its own, then again with that of the known radii which is nearest to it."""
-    own = radii.unsure().only(arcs.classes)
+    own = radii.widen().select(arcs.classes)
     alone = _with_radii(clouds, fit, list(range(len(arcs.nodes))), own.values, own.prior, config)
-    radii, arcs = _with_arcs(radii, Arcs(arcs.nodes, radii.nearest(alone.radii)))
+    radii, arcs = _with_arcs(radii, Arcs(arcs.nodes, radii.find_nearest(alone.radii)))
     fit = fitted(
         clouds,
         alone.curves,

@@ -191,7 +191,7 @@ def compared(
     def affordable(count: int) -> bool:
         """Tell whether there is time for one more hypothesis about so many arcs."""
         nonlocal effort
-        if scored and (effort > _EFFORT or run.late("other ways to join the arcs")):
+        if scored and (effort > _EFFORT or run.skips("other ways to join the arcs")):
             return False
         effort += count**2
         return True

@@ -12,7 +12,7 @@ from strand.reconstruction.evidence.answer_warnings import warn_about_answer
 from strand.reconstruction.evidence.color import ArcColors, colors_of
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import visibility_from
-from strand.reconstruction.radius import fitted_deviation
+from strand.reconstruction.radius import deviate_with_noise
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.arcs import fit_arcs, seen_arcs, with_unexplained
 from strand.reconstruction.tubes.clouds import Clouds
@@ -62,7 +62,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
         if not observed.radii.free:
             raise
         # strands that lie side by side all along look like thicker ones
-        return _find(replace(observed, radii=observed.radii.with_parts()), config, run)
+        return _find(replace(observed, radii=observed.radii.add_parts()), config, run)
 
 
 def _find(observed: Observed, config: Config, run: Run) -> Found:
@@ -76,12 +76,12 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     with run.stage("register"):
         few = clouds.thinned(float(radii.values.min()))
         motions = registered_roughly(few, radii.values, config)
-    if run.late("most of the points"):
+    if run.skips("most of the points"):
         observed = _thinned(observed, clouds.step(float(radii.values.min())))
         clouds, cameras = few, Cameras(observed.views, observed.whole)
     with run.stage("arcs"):
         fit, radii = fit_arcs(clouds, few, motions, radii, config, run)
-        before = fit if run.late(SECOND_LOOK) else with_unexplained(clouds, fit, config)
+        before = fit if run.skips(SECOND_LOOK) else with_unexplained(clouds, fit, config)
         arcs = seen_arcs(before, config)
     with run.stage("link"):
         poses = [motion @ view.pose for motion, view in zip(before.motions, observed.whole, strict=True)]
@@ -98,7 +98,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
             parts = rope_parts(fit, ropes, closed, before, prior, config)
             # no decision is reopened that no fit would follow
             other_arcs = None
-            if reopenings < _REOPENED and not run.late(SECOND_LOOK):
+            if reopenings < _REOPENED and not run.skips(SECOND_LOOK):
                 as_before = fit.replace(
                     radius_classes=np.array(ropes.classes),
                     radii=before.radii,
@@ -116,7 +116,7 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
     if radii.held:
         radii_sd = radii.sd[ropes.classes]
     else:
-        radii_sd = radii.capped(fitted_deviation(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
+        radii_sd = radii.cap(deviate_with_noise(fit.radii, fit.radii_sd, fit.sigma))[fit.radius_classes]
     whole = with_hidden_ends(fit, parts, closed, visibility)
     # joins name chains by their numbers, longest first
     chains = sorted(as_chains(fit, whole, closed, radii_sd, config), key=lambda chain: -chain.length)

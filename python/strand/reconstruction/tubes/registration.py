@@ -15,7 +15,7 @@ from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROUGHLY, fitted, splines
 from strand.support.checks import Array, check_radius, check_rigid_motion
 from strand.views.box import Bounds, extraction_range
-from strand.views.view import View, checked_views
+from strand.views.view import View, check_views
 
 # arcs of the reference view with fewer nodes are too short to register other views to, if there are others
 _REFERENCE_NODES = 8
@@ -98,13 +98,13 @@ def register_views(
         If there is nothing like a tube of this radius in the points.
     """
     config = Config() if config is None else config
-    views, radius = checked_views(views), check_radius(radius)
+    views, radius = check_views(views), check_radius(radius)
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
     clouds = Clouds.of(views, None if bounds is None else extraction_range(bounds))
-    radii = Radii.given(radius, config.known)
+    radii = Radii.from_caller(radius, config.known)
     few = clouds.thinned(radius)
     motions = registered_roughly(few, radii.values, config)
     fit, _ = fit_arcs(clouds, few, motions, radii, config, Run(None), uncertainty=True)

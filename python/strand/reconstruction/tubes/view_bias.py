@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import EndObservation, TubeFit
-from strand.reconstruction.radius import Radii, apparent_radius
+from strand.reconstruction.radius import Radii, guess_radius
 from strand.reconstruction.stages import Found, Observed
 from strand.reconstruction.systematic import deviate
 from strand.ropes.doubt import Doubt
@@ -68,7 +68,7 @@ def _of_radii(fit: TubeFit, radii: Radii, views: Sequence[View]) -> Iterator[Dou
         limit = math.hypot(_RADIUS_OFF, _RADIUS_SD * alone_sd) + _PULL_SD * wide
         amount = min(_THICK * max(abs(off) - limit, 0.0), _THICKEST)
         if abs(off) > _FAR_OFF:
-            looks = apparent_radius(views)
+            looks = guess_radius(views)
             if looks is not None and abs(looks / given - 1.0) > _FAR_OFF:
                 off, amount = looks / given - 1.0, _OTHER
         reason = (

@@ -11,7 +11,7 @@ from strand._core import EndObservation, TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.radius import Radii, agreeing
+from strand.reconstruction.radius import Radii, group_radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.reconstruction.tubes.end_observations import observed_ends
@@ -64,7 +64,7 @@ def fit_ropes(
     """
     classes, start = ropes.classes, before.radii
     if radii.free:
-        classes, start, radii = list(range(len(classes))), start[classes], radii.only(classes)
+        classes, start, radii = list(range(len(classes))), start[classes], radii.select(classes)
     curves, motions = splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
     ends: list[EndObservation] = []
     fit: TubeFit | None = None
@@ -92,7 +92,7 @@ def fit_ropes(
             **known,
         )
 
-    once = run.late("the last fit of the ropes")
+    once = run.skips("the last fit of the ropes")
     fit = fit_again(uncertainty=radii.free or once, noise=given if once else None)
     measured = measured_noise(fit, cameras, config.tubes.spacing)
     if once:
@@ -107,9 +107,9 @@ def fit_ropes(
     )
     curves, motions, start = fit.curves, fit.motions, fit.radii
     if radii.free:
-        classes = agreeing(fit.radii, fit.radii_sd)
+        classes = group_radii(fit.radii, fit.radii_sd)
         first = [classes.index(number) for number in range(max(classes) + 1)]
-        start, radii = start[first], radii.only(first)
+        start, radii = start[first], radii.select(first)
     return fit_again(uncertainty=True, noise=given or measured), measured, ends
 
 

@@ -9,7 +9,7 @@ from shared.ropes import R
 from strand import View
 from strand.reconstruction.evidence.color import ArcColors, colors_of
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.outliers import without_outliers
+from strand.reconstruction.outliers import drop_outliers
 from strand.reconstruction.tubes.join_costs import join_costs
 
 RED, BLUE, ORANGE = (0.8, 0.15, 0.1), (0.1, 0.2, 0.7), (0.8, 0.45, 0.1)
@@ -99,7 +99,7 @@ def test_the_contrast_counts_in_spreads_of_colour_within_segments():
     config = strand.Config()
     views = coloured(scene, (RED, BLUE))
     model = strand.reconstruct(views, R, config=config, keep_stages=True)
-    views = without_outliers(views, R, config.filter, widen=True)
+    views = drop_outliers(views, R, config.filter, widen=True)
     fit, arcs = model.stages["fit"], [chain.points for chain in model.chains]
     colors = ArcColors.of(fit, colors_of(views))
     contrast = colors.join_costs(arcs, R)

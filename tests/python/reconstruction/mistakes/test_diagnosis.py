@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 import strand
-from strand.reconstruction.mistakes.agreement import apart
-from strand.reconstruction.mistakes.diagnosis import explained, suspected
-from strand.reconstruction.mistakes.distance import too_far
-from strand.reconstruction.mistakes.field_of_view import seen_all_around, seen_from_one_place
-from strand.reconstruction.mistakes.flatness import bent_tables, table_scatters
-from strand.reconstruction.mistakes.principal_point import off_centre
-from strand.reconstruction.mistakes.undo import MISTAKES, ray_lengths
+from strand.reconstruction.mistakes.agreement import distance_between_views
+from strand.reconstruction.mistakes.diagnosis import explaining_errors, find_mistakes
+from strand.reconstruction.mistakes.field_of_view import (
+    doubt_far_depths,
+    doubt_points_all_around,
+    doubt_principal_point,
+    doubt_shared_viewpoint,
+)
+from strand.reconstruction.mistakes.flatness import doubt_bent_tables, measure_table
+from strand.reconstruction.mistakes.undo import MISTAKES, measure_ray_lengths
 from strand.reconstruction.radius import Radii
 
 SCENE = strand.synthetic.scene("paper", seed=2, views=3, noise=strand.synthetic.Noise(depth=0.5e-3))
@@ -37,7 +40,7 @@ def on_axes(turn):
 
 
 LARGER = K * [[2.0], [2.0], [1.0]]
-RAYS = np.stack([ray_lengths(view.image) for view in images()])
+RAYS = np.stack([measure_ray_lengths(view.image) for view in images()])
 MADE = {
     "poses look like world-to-camera ones": images(poses=np.linalg.inv(POSES)),
     "each view seems to have that of the view before it": images(poses=np.roll(POSES, 1, axis=0)),
@@ -55,29 +58,35 @@ MADE = {
 }
 
 
+def crop(views):
+    return [view.crop(BOUNDS) for view in views]
+
+
+def name_mistakes(views, ropes, bounds):
+    return find_mistakes(views, ropes, ropes if bounds is None else crop(ropes), bounds, R)
+
+
 def test_views_that_are_right_are_not_suspected():
-    assert suspected(images(), images(), BOUNDS, R) == []
-    assert suspected(images()[:1], images()[:1], BOUNDS, R) == []
+    assert name_mistakes(images(), images(), BOUNDS) == []
+    assert name_mistakes(images()[:1], images()[:1], BOUNDS) == []
 
 
 @pytest.mark.parametrize("name", MADE)
 def test_a_mistake_is_named_first_of_all(name):
     views = MADE[name]
-    first, *_ = suspected(views, views, BOUNDS, R)
+    first, *_ = name_mistakes(views, views, BOUNDS)
     assert name in first.reason
     assert first.amount > 4.0
 
 
 def test_a_mistake_undone_gives_views_that_agree_and_what_was_given_back():
-    before = apart(images(), BOUNDS, 10.0 * R)
+    before = distance_between_views(images(), BOUNDS, 10.0 * R)
     assert before < 0.6 * R
-    by_words = {mistake.suspected.split(":")[0]: mistake for mistake in MISTAKES}
-    views = by_words["poses look like world-to-camera ones"].undone(images(poses=np.linalg.inv(POSES)))
-    assert apart(views, BOUNDS, 10.0 * R) == pytest.approx(before, rel=1e-6)
+    by_words = {mistake.advice.split(":")[0]: mistake for mistake in MISTAKES}
+    views = by_words["poses look like world-to-camera ones"].undo(images(poses=np.linalg.inv(POSES)))
+    assert distance_between_views(views, BOUNDS, 10.0 * R) == pytest.approx(before, rel=1e-6)
     np.testing.assert_allclose([view.pose for view in views], POSES, atol=1e-12)
-    (back,) = by_words["depth looks transposed, rows for columns"].undone(
-        images(DEPTH.transpose(0, 2, 1))[:1]
-    )
+    (back,) = by_words["depth looks transposed, rows for columns"].undo(images(DEPTH.transpose(0, 2, 1))[:1])
     np.testing.assert_array_equal(back.image.depth, DEPTH[0])
 
 
@@ -94,13 +103,13 @@ def test_views_that_disagree_for_no_usual_reason_are_doubted():
     poses[0, :3, 3] += [0.1, 0.0, 0.0]
     poses[2, :3, 3] -= [0.0, 0.09, 0.0]
     views = images(poses=poses)
-    (doubt,) = suspected(views, views, BOUNDS, R)
+    (doubt,) = name_mistakes(views, views, BOUNDS)
     assert doubt.kind == "pose"
     assert "of angles in radians" in doubt.reason
     # a little is left to the registration
     poses = POSES.copy()
     poses[0, :3, 3] += [0.004, 0.0, 0.0]
-    assert suspected(images(poses=poses), images(poses=poses), BOUNDS, R) == []
+    assert name_mistakes(images(poses=poses), images(poses=poses), BOUNDS) == []
 
 
 def test_views_of_different_places_do_not_disagree_but_are_doubted():
@@ -109,80 +118,80 @@ def test_views_of_different_places_do_not_disagree_but_are_doubted():
     pose[:3, 3] += [5.0, 0.0, 0.0]
     views = [images()[1], strand.View.from_depth(far.depth[0] * far.depth_scale, far.intrinsics, pose)]
     ropes = strand.find_ropes(views, R).views
-    assert np.isinf(apart(ropes, None, 10.0 * R))
+    assert np.isinf(distance_between_views(ropes, None, 10.0 * R))
     # that is unusual
-    (doubt,) = suspected(views, ropes, None, R)
+    (doubt,) = name_mistakes(views, ropes, None)
     assert doubt.reason.startswith("no view has the ropes of another in sight; are poses camera-to-world")
     assert 0.5 < doubt.amount < 1.0
-    assert np.isnan(apart(ropes[:1], None, 10.0 * R))
-    assert suspected(views[:1], ropes[:1], None, R) == []
+    assert np.isnan(distance_between_views(ropes[:1], None, 10.0 * R))
+    assert name_mistakes(views[:1], ropes[:1], None) == []
 
 
 def test_a_table_is_flat_in_the_depth_that_it_was_seen_in():
     for views in (images(), [strand.View(view.points, view.pose) for view in images()]):
-        as_given, divided = table_scatters(views[0])
+        as_given, divided = measure_table(views[0])
         assert as_given < 0.1 * divided
-        assert bent_tables(views) is None
+        assert doubt_bent_tables(views) is None
     bent = images(DEPTH * RAYS)
-    as_given, divided = table_scatters(bent[0])
+    as_given, divided = measure_table(bent[0])
     assert divided < 0.1 * as_given
-    doubt = bent_tables(bent)
+    doubt = doubt_bent_tables(bent)
     assert f"{1e3 * as_given:.1f}"[:2] in doubt.reason
     # where no plane is seen, or ropes alone, nothing is said
-    assert table_scatters(bent[0].crop(SCENE.bounds)) is None
+    assert measure_table(bent[0].crop(SCENE.bounds)) is None
     wavy = 0.4 + 0.1 * np.sin(np.arange(320) / 9.0) * np.ones((240, 1))
-    assert table_scatters(strand.View.from_depth(wavy, K)) is None
+    assert measure_table(strand.View.from_depth(wavy, K)) is None
 
 
 @pytest.mark.parametrize("camera", ["tof", "zed", "d405"])
 def test_errors_of_cameras_bend_no_table(camera):
     made = strand.synthetic.scene("s", seed=4, views=1, camera=strand.synthetic.Camera(camera))
-    assert bent_tables(made.views) is None
+    assert doubt_bent_tables(made.views) is None
 
 
 def test_points_all_around_their_camera_are_doubted():
     (view, *_) = images()
-    assert seen_all_around([strand.View(view.points, view.pose)]) is None
-    assert seen_all_around([view]) is None
+    assert doubt_points_all_around([strand.View(view.points, view.pose)]) is None
+    assert doubt_points_all_around([view]) is None
     inside = strand.View.from_world(view.world_points, view.world_points.mean(axis=0))
-    doubt = seen_all_around([strand.View(view.points), inside])
+    doubt = doubt_points_all_around([strand.View(view.points), inside])
     assert doubt.kind == "viewpoint"
     assert "view 1 lie all around" in doubt.reason
 
 
 def test_views_from_one_place_that_look_elsewhere_are_doubted():
     made = strand.synthetic.scene("arc", views=3)
-    doubt = seen_from_one_place([strand.View(view.world_points + 0.3) for view in made.views])
+    doubt = doubt_shared_viewpoint([strand.View(view.world_points + 0.3) for view in made.views])
     assert doubt.kind == "viewpoint"
-    assert "views 0, 1 and 2 are said to be from one place" in doubt.reason
+    assert "views 0, 1 and 2 have one pose" in doubt.reason
     # one camera that stays, another one, and two ropes apart, are right
     points, noise = made.views[0].points, np.random.default_rng(0).normal(scale=1e-3, size=(2, 320 * 240, 3))
     still = [strand.View(points + more[: len(points)]) for more in noise]
     ropes = [strand.View(part) for part in np.array_split(made.views[0].crop(made.bounds).points, 2)]
-    assert seen_from_one_place([*still, strand.View(made.views[1].points, made.poses[1]), *ropes]) is None
+    assert doubt_shared_viewpoint([*still, strand.View(made.views[1].points, made.poses[1]), *ropes]) is None
 
 
 def test_a_principal_point_of_another_image_is_doubted():
-    assert off_centre(images()) is None
-    assert "transposed" in off_centre(MADE["depth looks transposed"]).reason
-    larger = off_centre(images(intrinsics=LARGER)).reason
+    assert doubt_principal_point(images()) is None
+    assert "transposed" in doubt_principal_point(MADE["depth looks transposed"]).reason
+    larger = doubt_principal_point(images(intrinsics=LARGER)).reason
     assert "an image 2 times as large: the principal point (319, 239) is the middle of" in larger
     # an image that was cut out of another
     cut = K - [[0.0, 0.0, 60.0], [0.0, 0.0, 10.0], [0.0, 0.0, 0.0]]
-    assert off_centre(images(DEPTH[:, 10:200, 60:300], cut)) is None
+    assert doubt_principal_point(images(DEPTH[:, 10:200, 60:300], cut)) is None
 
 
 def test_a_rope_cannot_be_seen_from_too_far():
-    assert too_far(images(), R) is None
-    assert too_far(images(1e3 * DEPTH), 1e3 * R) is None
-    assert "depth_scale=0.001" in too_far(images(1e3 * DEPTH), R).reason
+    assert doubt_far_depths(images(), R) is None
+    assert doubt_far_depths(images(1e3 * DEPTH), 1e3 * R) is None
+    assert "depth_scale=0.001" in doubt_far_depths(images(1e3 * DEPTH), R).reason
 
 
 def test_points_of_a_world_in_millimetres_are_too_far_too():
     view = strand.View.from_world(1e3 * images()[0].world_points, 1e3 * POSES[0, :3, 3])
     # a camera above the table looks down: z is negative
     assert np.median(view.points[:, 2]) < 0
-    assert "millimetres" in too_far([view], R).reason
+    assert "millimetres" in doubt_far_depths([view], R).reason
 
 
 def test_views_of_different_places_from_opposite_sides_do_not_show_one_rope():
@@ -191,8 +200,8 @@ def test_views_of_different_places_from_opposite_sides_do_not_show_one_rope():
     middle, up = points.mean(axis=0), np.array([0.0, 0.0, 0.5])
     one = strand.View.from_world(points, middle + up)
     same, elsewhere = (strand.View.from_world(points + d, middle + d - up) for d in (0.0, [3.0, 0.0, 0.0]))
-    assert apart([one, same], None, 10.0 * R) == 0.0
-    assert not apart([one, elsewhere], None, 10.0 * R) < R
+    assert distance_between_views([one, same], None, 10.0 * R) == 0.0
+    assert not distance_between_views([one, elsewhere], None, 10.0 * R) < R
 
 
 @pytest.mark.parametrize("height", [0.05, 0.1])
@@ -210,7 +219,10 @@ def test_an_empty_table_in_bounds_is_no_mistake(height):
 
 
 def test_an_error_says_the_radius_that_ropes_look_like():
-    with pytest.raises(strand.NoRopeError) as caught, explained(images(), BOUNDS, Radii.given(2.0 * R)):
+    with (
+        pytest.raises(strand.NoRopeError) as caught,
+        explaining_errors(images(), crop(images()), BOUNDS, Radii.from_caller(2.0 * R)),
+    ):
         raise strand.NoRopeError("views: nothing")
     said = str(caught.value)
     assert said.startswith("views: nothing; the ropes look ")
@@ -219,7 +231,7 @@ def test_an_error_says_the_radius_that_ropes_look_like():
     assert looks == pytest.approx(1e3 * R, rel=0.1)
     with (
         pytest.raises(strand.NotEnoughDataError) as caught,
-        explained(images(), BOUNDS, Radii.given(R)),
+        explaining_errors(images(), crop(images()), BOUNDS, Radii.from_caller(R)),
     ):
         raise strand.NotEnoughDataError("views: nothing")
     assert str(caught.value) == "views: nothing"
@@ -228,5 +240,5 @@ def test_an_error_says_the_radius_that_ropes_look_like():
 def test_an_error_names_the_mistake():
     views = MADE["depth looks mirrored, left to right"]
     named = pytest.raises(strand.NotEnoughDataError, match="nothing; depth looks mirrored")
-    with named, explained(views, BOUNDS, None):
+    with named, explaining_errors(views, crop(views), BOUNDS, None):
         raise strand.NotEnoughDataError("views: nothing")

@@ -12,7 +12,7 @@ from lib.measure import Crossings
 from shared.ropes import find_warnings
 from strand import config
 from strand.config import Filter
-from strand.reconstruction.outliers import without_outliers
+from strand.reconstruction.outliers import drop_outliers
 
 PUBLISHED = strand.Config.published()
 
@@ -97,7 +97,7 @@ def test_the_published_method_never_widens_its_filter(coarse):
         assert reconstruct_bits(coarse, other) == (chains, filtered)
     cropped = [view.crop(coarse.bounds) for view in coarse.views]
     kept = [
-        [view.world_points.tobytes() for view in without_outliers(cropped, coarse.radius, Filter(), widen)]
+        [view.world_points.tobytes() for view in drop_outliers(cropped, coarse.radius, Filter(), widen)]
         for widen in (False, True)
     ]
     assert filtered == kept[0]

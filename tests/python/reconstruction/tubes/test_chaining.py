@@ -35,11 +35,11 @@ def test_an_arc_whose_ends_are_joined_becomes_a_ring():
 def test_a_long_bridge_makes_up_for_what_a_known_length_lacks():
     arcs = [draw_line([-0.15, 0, 0], [-0.04, 0, 0]), draw_line([0.04, 0, 0], [0.15, 0, 0])]
     for length in (0.305, 0.31):
-        evidence = JoinEvidence(R, Linking(), prior=Prior.given(1, length))
+        evidence = JoinEvidence(R, Linking(), prior=Prior.from_caller(1, length))
         ((nodes, _),) = chained_to_length(arcs, [(1, 2)], evidence)
         assert measure_length(nodes) == pytest.approx(length, rel=1e-4)
     # what was seen is not made shorter, and no bow bends more tightly than a rope
     for length in (0.2, 0.33):
-        evidence = JoinEvidence(R, Linking(), prior=Prior.given(1, length))
+        evidence = JoinEvidence(R, Linking(), prior=Prior.from_caller(1, length))
         ((nodes, _),) = chained_to_length(arcs, [(1, 2)], evidence)
         assert measure_length(nodes) == pytest.approx(0.3, rel=1e-3)

@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from shared.ropes import R, sample_tube
-from strand.reconstruction.outliers import without_outliers
+from strand.reconstruction.outliers import drop_outliers
 
 
 def test_half_shells_do_not_pull_into_each_other():
@@ -32,7 +32,7 @@ def test_half_shells_do_not_pull_into_each_other():
 
 def test_registration_finds_the_poses_and_says_how_well(paper):
     cropped = [view.crop(paper.bounds) for view in paper.views]
-    views = without_outliers(cropped, R, strand.Config().filter, widen=True)
+    views = drop_outliers(cropped, R, strand.Config().filter, widen=True)
     poses, sd = strand.register_views(views, R)
     nodes = paper.truth[0]
     for number, (given, found, true) in enumerate(zip(paper.poses, poses, paper.poses_true, strict=True)):

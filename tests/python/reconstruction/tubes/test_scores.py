@@ -18,15 +18,15 @@ CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0
     ("prior", "rings", "cost"),
     [
         (Prior(), "maybe", 0.0),
-        (Prior.given(2, None), "maybe", 0.0),
-        (Prior.given(4, None), "maybe", 60.0),
-        (Prior.given(1, None), "maybe", 30.0),
+        (Prior.from_caller(2, None), "maybe", 0.0),
+        (Prior.from_caller(4, None), "maybe", 60.0),
+        (Prior.from_caller(1, None), "maybe", 30.0),
         (Prior(), "always", 60.0),
-        (Prior.given(None, [0.2, 0.3]), "never", 0.0),
+        (Prior.from_caller(None, [0.2, 0.3]), "never", 0.0),
         # 2 for each radius beyond 2 % and one radius
-        (Prior.given(None, [0.2, 0.33]), "maybe", 2.0 * ((0.03 - 0.02 * 0.33) / R - 1.0)),
+        (Prior.from_caller(None, [0.2, 0.33]), "maybe", 2.0 * ((0.03 - 0.02 * 0.33) / R - 1.0)),
         # at most as much as a rope
-        (Prior.given(None, [0.2, 0.6]), "maybe", 30.0),
+        (Prior.from_caller(None, [0.2, 0.6]), "maybe", 30.0),
     ],
 )
 def test_what_contradicts_what_is_known_costs(prior, rings, cost):

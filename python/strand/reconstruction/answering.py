@@ -1,0 +1,108 @@
+"""Answer: orient the chains, add the doubts that the input raises, and build the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from strand.reconstruction.evidence.confidence import confidence, contradictions, of_chains
+from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
+from strand.reconstruction.observing import Given, Scene
+from strand.reconstruction.orientation import oriented
+from strand.reconstruction.stages import Found, Run
+from strand.ropes.chain import Chain
+from strand.ropes.doubt import Doubt
+from strand.ropes.model import Model
+
+_HURRIED = 0.3  # doubt of an answer for which the deadline made strand skip something
+
+
+def build_model(given: Given, scene: Scene, found: Found, run: Run, keep_stages: bool) -> Model:
+    """Build the model of the chains that a method found.
+
+    Parameters
+    ----------
+    given : Given
+    scene : Scene
+    found : Found
+        The method's answer for the observed views.
+    run : Run
+    keep_stages : bool
+        Whether the model keeps the arrays between the stages.
+    """
+    chains = oriented(found.chains[: given.prior.ropes], given.previous)
+    against = contradictions(chains, found.chains[len(chains) :], given.prior, found.all_rings)
+    if scene.tables:
+        against += doubt_ends_at_edge(chains, given.views, scene.tables)
+    for doubt, about in against:
+        run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
+    doubts = sorted(
+        [
+            *(found.doubts or ()),
+            *(doubt for doubt, _ in against),
+            *scene.mask_doubts,
+            *_doubt_haste(run),
+        ],
+        key=lambda doubt: -doubt.amount,
+    )
+    poses, pose_sd = _collect_poses(scene, found)
+    return Model(
+        tuple(chains) if found.doubts is None else _add_confidence(chains, doubts, against),
+        poses,
+        run.timings,
+        tuple(run.warnings),
+        _collect_stages(scene, found) if keep_stages else {},
+        pose_sd,
+        confidence=float("nan") if found.doubts is None else confidence(doubts),
+        joins=tuple(join for join in found.joins if max(join.chains) < len(chains)),
+        doubts=tuple(doubts),
+        alternatives=found.alternatives,
+        method=given.config.method,
+        branch=found.branch,
+        sensor=found.sensor,
+    )
+
+
+def _doubt_haste(run: Run) -> list[Doubt]:
+    """Return the doubt that skipped work raises, and warn of it, if the deadline passed."""
+    if not run.skipped:
+        return []
+    doubt = Doubt("deadline", _HURRIED, "whether that is right", f"left out: {', '.join(run.skipped)}")
+    run.warn(doubt.kind, doubt.reason, amount=doubt.amount)
+    return [doubt]
+
+
+def _add_confidence(
+    chains: Sequence[Chain], doubts: Sequence[Doubt], against: Sequence[tuple[Doubt, tuple[int, ...]]]
+) -> tuple[Chain, ...]:
+    """Return chains with the confidence and the doubts of each."""
+    return tuple(
+        replace(chain, confidence=sure, doubts=own)
+        for chain, (sure, own) in zip(chains, of_chains(chains, doubts, against), strict=True)
+    )
+
+
+def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses of all views and their deviations: registered where a view was used, else as given."""
+    poses = np.array([view.pose for view in scene.views])
+    pose_sd = np.full((len(poses), 6), np.nan)
+    numbers = scene.observed.numbers
+    poses[numbers], pose_sd[numbers] = found.poses, found.pose_sd
+    return poses, pose_sd
+
+
+def _collect_stages(scene: Scene, found: Found) -> dict[str, Any]:
+    """Return the arrays between the stages, read-only."""
+    stages = {
+        "raw": tuple(scene.inside[number].world_points for number in scene.observed.numbers),
+        "filtered": tuple(view.world_points for view in scene.observed.views),
+        **found.stages,
+    }
+    for kept in stages.values():
+        for array in kept if isinstance(kept, tuple) else (kept,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+    return stages
