@@ -1,11 +1,12 @@
-"""The command line: `strand reconstruct` and the other commands. Arguments and lines of text only."""
+"""The command line: `strand reconstruct` and the other commands. It handles arguments and text only."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from strand.cli.outcome import code_of, flushed, open_closed_streams
-from strand.cli.parser import parser
+from strand.cli.exit_codes import flush_output, report_error
+from strand.cli.parser import make_parser
+from strand.cli.terminal import open_closed_streams
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -14,25 +15,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        The words after the program's name; those of this process if not given.
+        The words after the program's name; by default those of this process.
 
     Returns
     -------
     int
-        The exit code, see `strand.cli.outcome.EXIT_CODES`.
+        The exit code, one of `strand.cli.exit_codes.EXIT_CODES`.
 
     Raises
     ------
     SystemExit
-        From argparse: with 2 for wrong usage, with 0 after `--help` and `--version`.
+        By argparse: with 2 for wrong usage, with 0 after `--help` and `--version`.
     """
     open_closed_streams()
     try:
-        options = parser().parse_args(arguments)
+        options = make_parser().parse_args(arguments)
         code = options.run(options) or 0
-    except SystemExit as error:  # help is printed, which may fail as all that is printed
-        code = flushed(error.code if isinstance(error.code, int) else 2)
+    except SystemExit as error:  # argparse has printed the help, but maybe not flushed it
+        code = flush_output(error.code if isinstance(error.code, int) else 2)
         raise SystemExit(code) from None
     except BaseException as error:
-        code = code_of(error)
-    return flushed(code)
+        code = report_error(error)
+    return flush_output(code)

@@ -1,4 +1,4 @@
-"""What `strand reconstruct` would do with a file: which options it needs, and what it works out itself."""
+"""The advice of `strand info`: the options that `strand reconstruct` needs, and what it would do."""
 
 from __future__ import annotations
 
@@ -14,131 +14,126 @@ from strand.ropes.model import Model
 
 @dataclass(frozen=True)
 class Advice:
-    """What `strand reconstruct` would do.
+    """The command that reconstructs a file, and what it would do.
 
     Attributes
     ----------
     command : str or None
-        The command line; words in capitals stand for what the file does not say. None if it cannot read it.
+        The command line; words in capitals stand for values that the file does not hold. None if strand
+        cannot reconstruct the file.
     missing : tuple of str
-        What the file does not say.
-    would : dict of str to str
-        What would be done, in words, about the "topics", "frames", "world" frame, "view", "ropes", "method",
-        "radius" and "poses", where there is something to say; or why it is "refused".
+        The values that the file does not hold.
+    plan : dict of str to str
+        Sentences about the "topics", "frames", "world" frame, "view", "ropes", "method", "radius" and
+        "poses", where there is something to say; or the reason why the file is "refused".
     """
 
     command: str | None
     missing: tuple[str, ...]
-    would: dict[str, str]
+    plan: dict[str, str]
 
 
-_NOTHING = Advice(None, ("points",), {"refused": "it holds no point"})
+_EMPTY = Advice(None, ("points",), {"refused": "it holds no points"})
 
 
-def advice(path: Path, held: Contents, asked: bool = False) -> Advice:
-    """Return what `strand reconstruct` would do with a file that holds this.
+def advise(path: Path, contents: Contents, topics_given: bool = False) -> Advice:
+    """Return the command for a file with these contents, and what it would do.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    held : Contents
-    asked : bool
-        Whether a recording's topics are those that were asked for.
+    `topics_given` says whether the user chose the topics of a recording.
     """
-    match held:
+    match contents:
         case Model():
             return Advice(None, (), {"refused": "it is a model, which strand.load_model() reads"})
         case SceneContents(views=views) if not any(view.points for view in views):
-            return _NOTHING
+            return _EMPTY
         case SingleContents(view=view) if not view.points:
-            return _NOTHING
+            return _EMPTY
         case SceneContents():
-            return _of_scene(path, held)
+            return _advise_scene(path, contents)
         case SingleContents():
-            return _of_single(path, held)
+            return _advise_single(path, contents)
         case RecordingContents():
-            return _of_recording(path, held, asked)
+            return _advise_recording(path, contents, topics_given)
 
 
-def _of_scene(path: Path, held: SceneContents) -> Advice:
-    masked = any(view.labels is not None for view in held.views)
-    bounded, images = held.bounds is not None, any(view.kind == "depth image" for view in held.views)
+def _advise_scene(path: Path, scene: SceneContents) -> Advice:
+    masked = any(view.labels is not None for view in scene.views)
+    bounded, images = scene.bounds is not None, any(view.kind == "depth image" for view in scene.views)
     missing = []
-    if held.radius is None:
+    if scene.radius is None:
         missing.append("radius")
     if not (bounded or masked):
-        missing.append("bounds and masks")
-    would = _method(masked, bounded, images) | _radius(held.radius, len(held.views))
-    if len(held.views) > 1:
-        would["poses"] = "start from those of the scene; views are fitted to each other"
-    return Advice(_command(path), tuple(missing), would)
+        missing.append("bounds or masks")
+    plan = _plan_method(masked, bounded, images) | _plan_radius(scene.radius, len(scene.views))
+    if len(scene.views) > 1:
+        plan["poses"] = "those of the scene, then refined by aligning the views"
+    return Advice(_make_command(path), tuple(missing), plan)
 
 
-def _of_single(path: Path, held: SingleContents) -> Advice:
-    image = held.view.kind == "depth image"
-    options, missing, would = [], [], {}
+def _advise_single(path: Path, file: SingleContents) -> Advice:
+    image = file.view.kind == "depth image"
+    options, missing, plan = [], [], {}
     if image:
         missing.append("intrinsics")
         options = ["--intrinsics FX,FY,CX,CY"]
-        if held.whole:
+        if file.whole:
             missing.append("unit of depth")
             options.append("--depth-scale METRES")
-    elif held.viewpoint is None:
+    elif file.viewpoint is None:
         missing.append("viewpoint")
         options = ["--viewpoint X,Y,Z"]
-        would["view"] = "--viewpoint for points in the world frame, --camera-frame for points in the camera's"
-    missing += ["radius", "bounds and masks" if image else "bounds"]
-    would |= _method(False, False, image) | _radius(None, 1)
-    return Advice(_command(path, options), tuple(missing), would)
+        plan["view"] = "--viewpoint for points in the world frame, --camera-frame for points in the camera's"
+    missing += ["radius", "bounds or masks" if image else "bounds"]
+    plan |= _plan_method(False, False, image) | _plan_radius(None, 1)
+    return Advice(_make_command(path, options), tuple(missing), plan)
 
 
-def _of_recording(path: Path, held: RecordingContents, asked: bool) -> Advice:
-    usable = [camera for camera in held.cameras if camera.view is not None]
-    if not usable:
-        return Advice(None, ("depth that can be read",), {"refused": "no topic shows depth that can be read"})
-    first, options, would = usable[0], [], {}
-    if len(held.cameras) > 1 or asked:
+def _advise_recording(path: Path, recording: RecordingContents, topics_given: bool) -> Advice:
+    readable = [camera for camera in recording.cameras if camera.view is not None]
+    if not readable:
+        return Advice(None, ("readable depth",), {"refused": "no topic has readable depth"})
+    first, options, plan = readable[0], [], {}
+    if len(recording.cameras) > 1 or topics_given:
         options.append(f"--topic {shlex.quote(first.topic)}")
-    if len(held.cameras) > 1:
-        would["topics"] = f"the first of {len(held.cameras)}; several --topic together need --world FRAME"
-    would["frames"] = "the only one"
+    if len(recording.cameras) > 1:
+        plan["topics"] = f"the first of {len(recording.cameras)}; several --topic also need --world FRAME"
+    plan["frames"] = "the only one"
     if first.messages > 1:
-        would["frames"] = f"the first of {first.messages}; --frame N for another one, --every N for many"
-    would["world"] = "the camera's frame"
-    if held.tf_frames:
-        would["world"] += "; --world FRAME for another one of TF"
+        plan["frames"] = f"the first of {first.messages}; --frame N for another one, --every N for many"
+    plan["world"] = "the camera's frame"
+    if recording.tf_frames:
+        plan["world"] += "; --world FRAME for another TF frame"
     image = first.view is not None and first.view.kind == "depth image"
-    would |= _method(False, False, image) | _radius(None, 1)
-    return Advice(_command(path, options), ("radius", "bounds"), would)
+    plan |= _plan_method(False, False, image) | _plan_radius(None, 1)
+    return Advice(_make_command(path, options), ("radius", "bounds"), plan)
 
 
-def _method(masked: bool, bounded: bool, images: bool) -> dict[str, str]:
-    """Say what counts as rope, and how it is worked on."""
+def _plan_method(masked: bool, bounded: bool, images: bool) -> dict[str, str]:
+    """Say which points count as rope, and whether tubes or images answer first."""
     inside = [*(["the bounds"] if bounded else []), *(["the masks"] if masked else [])]
-    ropes = f"what is inside {' and '.join(inside)}"
+    ropes = f"points inside {' and '.join(inside)}"
     if bounded and not masked:
-        ropes += "; if that is a table, ropes on it"
+        ropes += "; if they show a table, the ropes on it"
     if not inside:
         ropes = (
-            "no bounds and no masks: a table is looked for, and ropes on it; without a table everything is "
+            "no bounds, no masks: strand looks for ropes on a table; without a table, all points count as "
             "rope; --bounds says where ropes are"
         )
     if masked:
-        method = "readings of the masks first, tubes where these are unsure"
+        method = "images first, tubes if their answer is doubtful"
     elif bounded or not images:
-        method = "tubes first" + (", readings of images where these are unsure" if images else "")
+        method = "tubes first" + (", images if their answer is doubtful" if images else "")
     else:
-        method = "readings of images first if a table is found, else tubes"
+        method = "images first if there is a table, else tubes"
     return {"ropes": ropes, "method": method}
 
 
-def _radius(radius: float | None, views: int) -> dict[str, str]:
+def _plan_radius(radius: float | None, views: int) -> dict[str, str]:
     if radius is not None:
-        return {"radius": f"{radius * 1e3:.3g} mm, as the scene says"}
-    known = "" if views > 1 else ", to about 10 % from one view"
-    return {"radius": f"estimated from how wide ropes look{known}; --radius says it"}
+        return {"radius": f"{radius * 1e3:.3g} mm, from the scene"}
+    accuracy = "" if views > 1 else ", to about 10 % from one view"
+    return {"radius": f"estimated from the ropes' apparent width{accuracy}; --radius sets it"}
 
 
-def _command(path: Path, options: Sequence[str] = ()) -> str:
+def _make_command(path: Path, options: Sequence[str] = ()) -> str:
     return " ".join(["strand reconstruct", shlex.quote(str(path)), *options])

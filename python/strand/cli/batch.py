@@ -15,77 +15,80 @@ from strand.batch import Settings, write_summary
 from strand.batch.running import ENGINES, Done
 from strand.batch.running import run as run_batch
 from strand.cli import values
-from strand.cli.inputs import matrix_of
+from strand.cli.arguments import collect_arguments
+from strand.cli.inputs import load_intrinsics
 from strand.cli.options import add_camera, add_recording, add_ropes
-from strand.cli.outcome import say
-from strand.cli.solving import known
+from strand.cli.terminal import print_message
 from strand.io.recordings.recording import TOLERANCE
 from strand.support.files import require_writable
 
-HINT = "a table of the ropes of many recordings"
+HINT = "write a table of the ropes of many recordings"
 DESCRIPTION = """\
 Reconstruct the ropes of many recordings, and write a folder of Parquet files
-with a row for each rope. What is there already is not made again, and a
-recording that is broken is a row with its error."""
+with one row per rope. Finished work is skipped. A recording that is broken
+becomes a row with its error."""
 
-# seconds from one line about what was done to the next
-_EVERY = 10.0
+_PERIOD = 10.0  # seconds between two lines about the progress
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the command's words."""
+    """Add the command's arguments."""
     command.add_argument(
         "recordings",
-        type=values.path,
+        type=values.parse_path,
         nargs="+",
         metavar="PATH",
-        help="a scene's folder, an .npz, .bag, .mcap or .db3 file, the folder of a ROS 2 bag, a folder of "
-        "depth images, a single file of one view; or a folder in which these are sought",
+        help="a scene's folder; an .npz, .bag, .mcap or .db3 file; a ROS 2 bag's folder; a folder of depth "
+        "images; a single file of one view; or a folder to search for these",
     )
     command.add_argument(
-        "-o", "--out", type=values.path, required=True, metavar="OUT", help="the folder of Parquet files"
+        "-o",
+        "--out",
+        type=values.parse_path,
+        required=True,
+        metavar="OUT",
+        help="the folder of Parquet files",
     )
     command.add_argument(
         "--engine",
         choices=ENGINES,
         default="local",
-        help="who works: processes of this machine, or a Ray cluster (default: local)",
+        help="work with processes of this machine, or on a Ray cluster (default: local)",
     )
     command.add_argument(
-        "--address", metavar="HOST:PORT", help="of a Ray cluster; Ray is started on this machine if not given"
+        "--address", metavar="HOST:PORT", help="the Ray cluster (default: start Ray on this machine)"
     )
     command.add_argument(
         "--workers",
         type=int,
         metavar="N",
-        help="how many recordings are worked on at once (default: one for each core); nothing to a cluster, "
-        "which has its own number",
+        help="number of recordings to work on at once (default: one per core); a cluster uses its own number",
     )
     command.add_argument(
-        "--threads", type=int, default=1, metavar="N", help="how many threads each has (default: 1)"
+        "--threads", type=int, default=1, metavar="N", help="number of threads per worker (default: 1)"
     )
     command.add_argument(
         "--stretch",
         type=int,
         metavar="N",
-        help="work on long recordings in stretches of so many frames (default: whole recordings); a tenth of "
-        "a recording or more with --world or several topics, as each stretch looks through all of it then",
+        help="split long recordings into stretches of N frames (default: whole recordings); with --world or "
+        "several topics each stretch reads the whole recording, so choose a tenth of it or more",
     )
     command.add_argument(
         "--every", type=int, default=1, metavar="N", help="take every Nth frame of a recording (default: 1)"
     )
     command.add_argument(
         "--root",
-        type=values.path,
+        type=values.parse_path,
         metavar="DIR",
-        help="the folder below which recordings are named (default: that of the last time with this OUT; the "
-        "first time, the current one)",
+        help="the folder that the recordings' names are relative to (default: that of the last run with this "
+        "OUT, else the current folder)",
     )
     command.add_argument(
-        "--retry-errors", action="store_true", help="make again what holds errors (default: keep it)"
+        "--retry-errors", action="store_true", help="repeat work that ended in an error (default: keep it)"
     )
     command.add_argument(
-        "--summary", type=values.path, metavar="PAGE", help="also write an HTML page about the whole table"
+        "--summary", type=values.parse_path, metavar="PAGE", help="also write an HTML page about the table"
     )
     add_camera(command)
     add_recording(command.add_argument_group("recordings"))
@@ -93,16 +96,16 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Reconstruct recordings, and say what was done."""
+    """Reconstruct recordings, and print what was done."""
     if options.summary is not None:
-        _require_apart(options.summary, options.out)
+        _check_summary(options.summary, options.out)
         require_writable(options.summary)
-    # Ray prints what became of its tasks
-    with _shown() as show, redirect_stdout(sys.stderr):
+    # Ray prints messages of its tasks to stdout
+    with _print_progress() as show, redirect_stdout(sys.stderr):
         done = run_batch(
             options.recordings,
             options.out,
-            _settings(options),
+            _make_settings(options),
             engine=options.engine,
             workers=options.workers,
             threads=options.threads,
@@ -112,36 +115,34 @@ def run(options: argparse.Namespace) -> None:
             progress=show,
         )
     print(f"made     {done.made} units, {done.rows} rows, {done.errors} of them errors")
-    print(f"skipped  {done.skipped} units that were there")
+    print(f"skipped  {done.skipped} finished units")
     if done.replaced:
         print(f"replaced {done.replaced} units of other files, settings or versions")
     if done.kept:
-        print(f"kept     {done.kept} recordings as they were: they cannot be read now")
+        print(f"kept     {done.kept} recordings that cannot be read now")
     print(options.out)
     if options.summary is not None:
         write_summary(options.out, options.summary)
         print(options.summary)
 
 
-def _require_apart(page: Path, out: Path) -> None:
-    """Refuse a page in the place of a folder that the table needs."""
+def _check_summary(page: Path, out: Path) -> None:
+    """Refuse a page in the place of the table's folder or of a parent folder."""
     folder = Path(os.path.realpath(out))
     if Path(os.path.realpath(page)) in (folder, *folder.parents):
-        raise ValueError(
-            f"--summary: expected a file apart from the folder of -o, got --summary {page} and -o {out}"
-        )
+        raise ValueError(f"--summary: expected a file outside of the folder {out} (-o), got {page}")
 
 
-def _settings(options: argparse.Namespace) -> Settings:
+def _make_settings(options: argparse.Namespace) -> Settings:
     return Settings(
-        **known(options),
+        **collect_arguments(options),
         every=options.every,
         stretch=options.stretch,
         topics=options.topic,
         world=options.world,
         tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
         ignore_distortion=options.ignore_distortion,
-        intrinsics=matrix_of(options.intrinsics),
+        intrinsics=load_intrinsics(options.intrinsics),
         depth_scale=options.depth_scale,
         viewpoint=options.viewpoint,
         camera_frame=options.camera_frame,
@@ -151,22 +152,21 @@ def _settings(options: argparse.Namespace) -> Settings:
 
 
 @contextmanager
-def _shown() -> Iterator[Callable[[Done], None]]:
-    """Say every few seconds on stderr what was done so far, also while no unit ends."""
-    begun, done, ended = time.monotonic(), Done(), threading.Event()
+def _print_progress() -> Iterator[Callable[[Done], None]]:
+    """Print the progress to stderr every few seconds; the yielded function takes the latest counts."""
+    begun, latest, ended = time.monotonic(), Done(), threading.Event()
 
-    def show(now: Done) -> None:
-        nonlocal done
-        done = now
+    def show(done: Done) -> None:
+        nonlocal latest
+        latest = done
 
-    def say_all() -> None:
-        while not ended.wait(_EVERY):
-            rate = done.made / (time.monotonic() - begun)
-            say(
-                f"strand: {done.made} made, {done.skipped} skipped, {done.errors} errors, {rate:.1f} a second"
-            )
+    def print_lines() -> None:
+        while not ended.wait(_PERIOD):
+            rate = latest.made / (time.monotonic() - begun)
+            counts = f"{latest.made} made, {latest.skipped} skipped, {latest.errors} errors"
+            print_message(f"strand: {counts}, {rate:.1f} per second")
 
-    lines = threading.Thread(target=say_all, daemon=True)
+    lines = threading.Thread(target=print_lines, daemon=True)
     lines.start()
     try:
         yield show

@@ -1,4 +1,4 @@
-"""`strand demo`: a simulated rope by both methods."""
+"""`strand demo`: a simulated rope, reconstructed with both methods."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from pathlib import Path
 
 import strand
 from strand.cli import values
-from strand.cli.answers import warn
+from strand.cli.model_output import print_remarks
 from strand.cli.outputs import require_folder
-from strand.cli.progress import progress
+from strand.cli.progress import show_progress
 from strand.report import figures, tables
 
-HINT = "a simulated rope by both methods, compared with the truth"
+HINT = "reconstruct a simulated rope with both methods"
 DESCRIPTION = """\
-Simulate the published experiment (one string, seven views), reconstruct it by
-the default and by the published method, and compare both with the truth."""
+Simulate the published experiment (one string, seven views), reconstruct it
+with the default and the published method, and compare both with the truth."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the command's words."""
+    """Add the command's arguments."""
     command.add_argument(
         "--out",
-        type=values.path,
+        type=values.parse_path,
         default=Path("strand-demo"),
         metavar="DIR",
-        help="where model.json and the figures go (default: %(default)s)",
+        help="the folder for model.json and the figures (default: %(default)s)",
     )
     command.add_argument(
         "--seed", type=int, default=0, help="seed of the simulated noise (default: %(default)s)"
@@ -33,35 +33,35 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Simulate the published experiment, reconstruct it by both methods, and compare them with the truth."""
+    """Simulate the published experiment, reconstruct it with both methods, and compare with the truth."""
     require_folder(options.out)
-    with progress("simulate"):
-        made = strand.synthetic.scene("paper", seed=options.seed)
+    with show_progress("simulate"):
+        scene = strand.synthetic.scene("paper", seed=options.seed)
     methods = {
         "default": (strand.Config(), options.out),
         "published": (strand.Config.published(), options.out / "published"),
     }
     written = []
     for name, (settings, folder) in methods.items():
-        with progress() as show:
+        with show_progress() as show:
             model = strand.reconstruct(
-                made.views,
-                radius=made.radius,
-                bounds=made.bounds,
+                scene.views,
+                radius=scene.radius,
+                bounds=scene.bounds,
                 ropes=1,
                 config=settings,
                 keep_stages=True,
                 progress=show,
             )
-        warn(model)
+        print_remarks(model)
         print(f"The {name} method", end="\n\n")
-        print(tables.describe_stages(made.views, model), end="\n\n")
+        print(tables.describe_stages(scene.views, model), end="\n\n")
         print(tables.describe_counts(model), end="\n\n")
-        print(tables.describe_accuracy(model, made.truth), end="\n\n")
+        print(tables.describe_accuracy(model, scene.truth), end="\n\n")
         folder.mkdir(parents=True, exist_ok=True)
         model.save(folder / "model.json")
-        with progress("figures"):
-            drawn = figures.write_figures(model, folder, made.truth)
+        with show_progress("figures"):
+            drawn = figures.write_figures(model, folder, scene.truth)
         written += [folder / "model.json", *drawn]
     for path in written:
         print(path)

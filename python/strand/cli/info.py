@@ -1,98 +1,97 @@
-"""`strand info`: what files hold, and what `strand reconstruct` would do with them."""
+"""`strand info`: the contents of files, and what `strand reconstruct` would do with them."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
-import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from strand.cli import values
-from strand.cli.advice import Advice, advice
-from strand.cli.described import described, format_of, kind_of
+from strand.cli.advice import Advice, advise
+from strand.cli.contents_text import describe_contents, name_format, name_kind
+from strand.cli.exit_codes import report_error
 from strand.cli.options import add_limits
-from strand.cli.outcome import code_of
-from strand.cli.progress import progress
+from strand.cli.progress import show_progress
+from strand.cli.terminal import flush_before_message
 from strand.io.file_contents import Contents, read_contents
 from strand.ropes.model import Model
 from strand.support.files import convert_to_json
 
-HINT = "what a file holds, and what would be done with it"
+HINT = "show what files hold, and how to reconstruct them"
 DESCRIPTION = """\
-Say what scenes, recordings, point clouds, depth images and models hold, what
+Show what scenes, recordings, point clouds, depth images and models hold, what
 is missing, and what `strand reconstruct` would do with them. A file that
-cannot be read is said on stderr, and the others are described all the same."""
+cannot be read is an error on stderr; strand still describes the others."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the command's words."""
+    """Add the command's arguments."""
     command.add_argument(
         "files",
-        type=values.path,
+        type=values.parse_path,
         nargs="+",
         metavar="FILE",
-        help="what `strand reconstruct` takes, or a model's .json file",
+        help="a SCENE of `strand reconstruct`, or a model's .json file",
     )
     command.add_argument(
         "--topic",
         nargs="+",
         metavar="TOPIC",
-        help="of a recording: topics with depth to look at; * stands for any text (default: all)",
+        help="topics of a recording to look at; * stands for any text (default: all with depth)",
     )
     command.add_argument("--json", action="store_true", help="print one line of JSON for each file")
     add_limits(command)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Describe each file, and return the exit code of the first one that cannot be read; 0 if all can."""
-    codes, blank = [], ""
+    """Describe each file; return the exit code of the first that cannot be read, or 0."""
+    codes, separator = [], ""
     for path in options.files:
         try:
-            with progress("read"):
-                held = read_contents(
+            with show_progress("read"):
+                contents = read_contents(
                     path, options.topic, max_bytes=options.max_bytes, outside=options.outside
                 )
         except Exception as error:
-            # what was printed before stands before it
-            with suppress(OSError):
-                sys.stdout.flush()
-            codes.append(code_of(error))
+            flush_before_message()
+            codes.append(report_error(error))
             continue
-        would = advice(path, held, asked=options.topic is not None)
+        advice = advise(path, contents, topics_given=options.topic is not None)
         if options.json:
-            print(json.dumps(_as_json(path, held, would), allow_nan=False))
+            print(json.dumps(_convert_contents(path, contents, advice), allow_nan=False))
         else:
-            print(blank + described(path, held, would))
-            blank = "\n"
+            print(separator + describe_contents(path, contents, advice))
+            separator = "\n"
     return next(iter(codes), 0)
 
 
-def _as_json(path: Path, held: Contents, would: Advice) -> dict[str, object]:
-    """Return what a file holds in JSON's types."""
+def _convert_contents(path: Path, contents: Contents, advice: Advice) -> dict[str, object]:
+    """Return a file's contents and the advice in JSON's types."""
     return {
         "file": str(path),
-        "kind": kind_of(held),
-        "format": format_of(path, held),
-        "holds": _model(held) if isinstance(held, Model) else _finite(convert_to_json(held)),
-        "missing": list(would.missing),
-        "reconstruct": {"command": would.command, "would": would.would},
+        "kind": name_kind(contents),
+        "format": name_format(path, contents),
+        "holds": _convert_model(contents)
+        if isinstance(contents, Model)
+        else _replace_infinite(convert_to_json(contents)),
+        "missing": list(advice.missing),
+        "reconstruct": {"command": advice.command, "plan": advice.plan},
     }
 
 
-def _finite(value: Any) -> Any:
-    """Return a value in JSON's types with null for what is infinite, as sides of bounds may be."""
+def _replace_infinite(value: Any) -> Any:
+    """Return a value in JSON's types with null for infinite numbers, which the sides of bounds may be."""
     if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: _replace_infinite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_finite(entry) for entry in value]
+        return [_replace_infinite(entry) for entry in value]
     return None if isinstance(value, float) and math.isinf(value) else value
 
 
-def _model(held: Model) -> dict[str, object]:
-    """Return what a model holds, without nodes and matrices: its file has these."""
+def _convert_model(model: Model) -> dict[str, object]:
+    """Return a summary of a model in JSON's types, without nodes and matrices."""
     chains = [
         {
             "length": chain.length,
@@ -102,13 +101,13 @@ def _model(held: Model) -> dict[str, object]:
             "confidence": convert_to_json(chain.confidence),
             "doubts": [doubt.kind for doubt in chain.doubts],
         }
-        for chain in held.chains
+        for chain in model.chains
     ]
     return {
-        "method": held.method,
-        "views": len(held.poses),
-        "confidence": convert_to_json(held.confidence),
-        "doubts": [doubt.kind for doubt in held.doubts],
-        "warnings": [warning.kind for warning in held.warnings],
+        "method": model.method,
+        "views": len(model.poses),
+        "confidence": convert_to_json(model.confidence),
+        "doubts": [doubt.kind for doubt in model.doubts],
+        "warnings": [warning.kind for warning in model.warnings],
         "chains": chains,
     }

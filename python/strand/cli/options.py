@@ -1,4 +1,4 @@
-"""Options that several commands have: what names a scene, and what may be known of it."""
+"""Options that several commands share: the scene, and what the user knows about its ropes."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from strand.io.recordings.recording import TOLERANCE
 
 
 def add_scene(command: argparse.ArgumentParser) -> None:
-    """Add what names a scene, and what single files do not say of themselves."""
+    """Add the scene, and the options of single files and of recordings."""
     command.add_argument(
         "scene",
-        type=values.path,
+        type=values.parse_path,
         nargs="+",
         metavar="SCENE",
-        help="a folder with a scene.toml, an .npz file, a single file of one view: points "
-        "(.ply, .pcd, .npy, .xyz, .csv, ...) or a depth image (.png, .tiff, .npy); or a recording: a .bag, "
-        ".mcap or .db3 file, or the folder of a ROS 2 bag",
+        help="a folder with a scene.toml; an .npz file; a single view as points (.ply, .pcd, .npy, .xyz, "
+        ".csv, ...) or as a depth image (.png, .tiff, .npy); or a recording as a .bag, .mcap or .db3 file or "
+        "a ROS 2 bag's folder",
     )
     add_camera(command)
     group = command.add_argument_group("recordings")
     add_recording(group)
     group.add_argument(
-        "--frame", type=int, metavar="N", help="which frame, or the first of several, from 0 (default: 0)"
+        "--frame", type=int, metavar="N", help="number of the first or only frame, from 0 (default: 0)"
     )
 
 
 def add_camera(command: argparse.ArgumentParser) -> None:
-    """Add what single files do not say of themselves."""
+    """Add the camera's properties that a single file may lack."""
     command.add_argument(
         "--viewpoint",
-        type=values.place,
+        type=values.parse_position,
         metavar="X,Y,Z",
-        help="where the camera was: a single file's points are in the world frame, metres",
+        help="the camera's position, metres, if a single file's points are in the world frame",
     )
     command.add_argument(
         "--camera-frame",
@@ -44,107 +44,108 @@ def add_camera(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--intrinsics",
-        type=values.intrinsics,
+        type=values.parse_intrinsics,
         metavar="FX,FY,CX,CY",
-        help="the camera of a single depth image, or of a recording without CameraInfo, pixels; or a file "
-        "with its 3 x 3 matrix",
+        help="intrinsics of a single depth image, or of a recording without CameraInfo, pixels; or a file "
+        "with the 3 x 3 matrix",
     )
     command.add_argument(
         "--depth-scale",
         type=float,
         metavar="METRES",
-        help="what a unit of a single depth image or a recording's is, such as 0.001 (default: floats are "
-        "metres, and a recording's whole numbers what it says, else 0.001)",
+        help="metres per unit of a single depth image or a recording, such as 0.001 (default: 1 for floats; "
+        "for a recording's whole numbers its own scale, else 0.001)",
     )
 
 
 def add_recording(group: argparse._ArgumentGroup) -> None:
-    """Add which of a recording's topics are read, and how."""
+    """Add the choice of a recording's topics, and how to read them."""
     group.add_argument(
         "--topic",
         nargs="+",
         metavar="TOPIC",
-        help="topics with depth, one a camera; * stands for any text (default: the only one with depth)",
+        help="depth topics, one per camera; * stands for any text (default: the only depth topic)",
     )
     group.add_argument(
         "--world",
         metavar="FRAME",
-        help="the TF frame that is the world frame (default: the frame of the only camera)",
+        help="the TF frame to use as world frame (default: the frame of the only camera)",
     )
     group.add_argument(
         "--tolerance",
         type=float,
         metavar="SECONDS",
-        help=f"how far apart in time the cameras' images may be (default: {TOLERANCE})",
+        help=f"largest time between the cameras' images of one frame (default: {TOLERANCE})",
     )
     group.add_argument(
-        "--ignore-distortion", action="store_true", help="take images of lenses that distort as they are"
+        "--ignore-distortion", action="store_true", help="use the images of lenses that distort as they are"
     )
 
 
-def add_known(command: argparse.ArgumentParser) -> None:
-    """Add what may be known of a scene, and how it is worked on."""
+def add_priors(command: argparse.ArgumentParser) -> None:
+    """Add what the user knows about the ropes, with masks of the views."""
     add_ropes(command)
     command.add_argument(
         "--mask",
-        type=values.path,
+        type=values.parse_path,
         nargs="+",
         metavar="PATH",
-        help="where the ropes are in each depth image: a PNG or NPY file for each view; 0 is no rope, other "
-        "numbers are ropes or pieces of them (default: the scene's)",
+        help="masks of the ropes, a PNG or NPY file for each depth image: 0 is background, other numbers are "
+        "labels of ropes or of pieces of them (default: the scene's)",
     )
 
 
 def add_ropes(command: argparse.ArgumentParser) -> None:
-    """Add what may be known of ropes in any scene, and how it is worked on."""
+    """Add what the user knows about the ropes of any scene, the configuration and the limits."""
     command.add_argument(
         "--radius",
-        type=values.length,
+        type=values.parse_length,
         metavar="LENGTH",
-        help="the ropes' radius, such as 4.2mm (default: the scene's; estimated if it has none)",
+        help="the ropes' radius, such as 4.2mm (default: the scene's, else estimated)",
     )
     command.add_argument(
-        "--ropes", type=int, metavar="N", help="how many there are (default: as many as the data show)"
+        "--ropes", type=int, metavar="N", help="number of ropes (default: as many as the data show)"
     )
     command.add_argument(
         "--length",
-        type=values.length,
+        type=values.parse_length,
         nargs="+",
         metavar="LENGTH",
-        help="how long they are, such as 0.4m: one length for all, or one for each (default: not known)",
+        help="the ropes' length, such as 0.4m: one for all, or one for each (default: not known)",
     )
     command.add_argument(
         "--bounds",
-        type=values.length,
+        type=values.parse_length,
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="extraction range in the world frame, low and high corner, metres (default: the scene's)",
+        help="low and high corner of the space with the ropes, in the world frame, metres (default: the "
+        "scene's)",
     )
     command.add_argument(
-        "--config", type=values.path, metavar="FILE", help="a TOML file with the method's numbers"
+        "--config", type=values.parse_path, metavar="FILE", help="a TOML file with parameters of the method"
     )
     add_limits(command)
     command.add_argument(
         "--deadline",
         type=float,
         metavar="SECONDS",
-        help="leave out what an answer can do without after this time (default: never)",
+        help="skip optional work after this time (default: none)",
     )
-    # lengths such as -4mm are values, not options
+    # argparse takes "-4mm" for an option unless this pattern says that it is a negative number
     command._negative_number_matcher = re.compile(r"^-\.?\d")
 
 
 def add_limits(command: argparse.ArgumentParser) -> None:
-    """Add what may be read of files."""
+    """Add the limits on the files to read."""
     command.add_argument(
         "--max-bytes",
         type=int,
         default=MAX_BYTES,
         metavar="N",
-        help=f"how much memory the scene's files may take (default: {MAX_BYTES})",
+        help=f"largest memory for the scene's files, bytes (default: {MAX_BYTES})",
     )
     command.add_argument(
         "--outside",
         action="store_true",
-        help="let the scene.toml name files outside of its folder, which may be any of yours",
+        help="let the scene.toml name files outside its folder, which may be any of yours",
     )

@@ -1,4 +1,4 @@
-"""What is written: refused before there is anything to write, if it cannot be."""
+"""The outputs of a command, checked before the work starts."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from strand.export.files import check_suffix
 from strand.support.files import require_writable
 
 
-def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
-    """Refuse what `strand reconstruct` cannot write.
+def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
+    """Refuse outputs that `strand reconstruct` cannot write.
 
     Raises
     ------
     ValueError
-        If a name is of no format, two outputs are one file, or one is a file that was read.
+        If an output has an unknown suffix, is another output too, or is one of the inputs.
     OSError
         If a file cannot be written.
     """
     outputs = {"--out": options.out, "--tube": options.tube}
-    keep_input(read, outputs, options.figures)
+    protect_inputs(inputs, outputs, options.figures)
     given = [path for path in outputs.values() if path is not None]
     if len({os.path.realpath(path) for path in given}) < len(given):
-        raise ValueError(f"--tube: {options.tube} is what --out writes")
+        raise ValueError(f"--tube: expected another file than --out, got {options.tube}")
     for path in given:
         require_writable(path)
     if options.figures is not None:
@@ -38,37 +38,39 @@ def check_outputs(options: argparse.Namespace, read: Sequence[Path]) -> None:
     if options.every is not None:
         for option in ("tube", "figures"):
             if vars(options)[option] is not None:
-                raise ValueError(f"--{option}: of one frame only, and --every asks for several")
+                raise ValueError(f"--{option}: for one frame only; --every asks for several")
 
 
 def require_folder(path: Path) -> None:
-    """Refuse a folder that cannot be made, or not be written to.
+    """Refuse a folder that cannot be made or written to.
 
     Raises
     ------
     OSError
-        If it is something else, or it or what it is to be made in cannot be written.
+        If the path is not a folder, or it or its first existing parent cannot be written to.
     """
-    there = next(place for place in (path, *path.absolute().parents) if place.exists())
-    if not there.is_dir():
+    existing = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not existing.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
-    if not os.access(there, os.W_OK):
+    if not os.access(existing, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
-def keep_input(read: Sequence[Path], outputs: Mapping[str, Path | None], drawn: Path | None = None) -> None:
-    """Refuse to write what options name, or a figure, over a file that was read.
+def protect_inputs(
+    inputs: Sequence[Path], outputs: Mapping[str, Path | None], figures: Path | None = None
+) -> None:
+    """Refuse to write an output, or a figure in the folder `figures`, over an input.
 
     Raises
     ------
     ValueError
-        If it would.
+        If an output is an input.
     """
-    kept = {os.path.realpath(path) for path in read}
+    kept = {os.path.realpath(path) for path in inputs}
     written = {option: [path] for option, path in outputs.items() if path is not None}
-    if drawn is not None and drawn.is_dir():
-        written["--figures"] = list(drawn.glob("[0-9]*-*.png"))
-    for named, paths in written.items():
+    if figures is not None and figures.is_dir():
+        written["--figures"] = list(figures.glob("[0-9]*-*.png"))
+    for option, paths in written.items():
         for path in paths:
             if os.path.realpath(path) in kept:
-                raise ValueError(f"{named}: {path} is part of the scene or the configuration")
+                raise ValueError(f"{option}: {path} is part of the scene or the configuration")

@@ -1,4 +1,4 @@
-"""The commands that there are."""
+"""The argument parser, with one subcommand per module."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 import strand
 from strand.cli import batch, demo, info, reconstruct, report, view
-from strand.cli.outcome import EXIT_CODES
+from strand.cli.exit_codes import EXIT_CODES
 
 _COMMANDS = {
     "batch": batch,
@@ -18,16 +18,16 @@ _COMMANDS = {
 }
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser; the options that it gives have the command to `run`."""
-    whole = argparse.ArgumentParser(
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser; the options that it returns have the command's function as `run`."""
+    parser = argparse.ArgumentParser(
         prog="strand",
-        description="Ordered 3D centrelines of strings, ropes, cables and hoses from depth\ncameras' data.",
+        description="Ordered 3D centrelines of strings, ropes, cables and hoses from depth cameras.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    whole.add_argument("--version", action="version", version=f"strand {strand.__version__}")
-    commands = whole.add_subparsers(required=True, metavar="COMMAND")
+    parser.add_argument("--version", action="version", version=f"strand {strand.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, module in _COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -38,4 +38,4 @@ def parser() -> argparse.ArgumentParser:
         )
         module.add_arguments(command)
         command.set_defaults(run=module.run)
-    return whole
+    return parser

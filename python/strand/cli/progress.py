@@ -1,4 +1,4 @@
-"""What is at work, on stderr: stages with their times on a terminal, if that lasts; lines elsewhere."""
+"""The progress of a command, on stderr: a display of stages on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -9,37 +9,37 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 
-from strand.cli.outcome import say
+from strand.cli.terminal import print_message
 from strand.support.extras import import_extra
 
-# seconds before anything is shown, so that nothing flashes, and from one picture to the next
-_PATIENCE, _EVERY = 1.0, 0.1
+_DELAY = 1.0  # seconds before the display appears, so that short work shows none
+_PERIOD = 0.1  # seconds between two updates of the display
 
 
 @contextmanager
-def progress(first: str | None = None) -> Iterator[Callable[[str], None]]:
+def show_progress(first: str | None = None) -> Iterator[Callable[[str], None]]:
     """Show stages as they start, until the context ends.
 
-    On a terminal, and if rich is installed, what lasts more than a second is shown with the time that each
-    stage took, and taken away at the end. Elsewhere each stage is a line.
+    On a terminal with rich installed, work of more than a second shows its stages and their times; the
+    display vanishes at the end. Elsewhere each stage is a line.
 
     Parameters
     ----------
     first : str, optional
-        What is at work before a stage starts; on terminals only.
+        The work before the first stage, for the display only.
 
     Yields
     ------
     callable
-        Is called with each stage's name when it starts.
+        Call it with the name of each stage that starts.
     """
     if not sys.stderr.isatty() or find_spec("rich") is None:
-        yield lambda stage: say(f"strand: {stage}")
+        yield lambda stage: print_message(f"strand: {stage}")
         return
     begun = [] if first is None else [(first, time.monotonic())]
     ended = threading.Event()
-    # kernels release the GIL: a thread can show what is at work meanwhile
-    display = threading.Thread(target=_show, args=(begun, ended), daemon=True)
+    # the kernels release the GIL, so a thread can update the display while they work
+    display = threading.Thread(target=_run_display, args=(begun, ended), daemon=True)
     display.start()
     try:
         yield lambda stage: begun.append((stage, time.monotonic()))
@@ -48,21 +48,21 @@ def progress(first: str | None = None) -> Iterator[Callable[[str], None]]:
         display.join()
 
 
-def _show(begun: Sequence[tuple[str, float]], ended: threading.Event) -> None:
-    """Show stages and when they began until they end."""
-    if ended.wait(_PATIENCE):
+def _run_display(begun: Sequence[tuple[str, float]], ended: threading.Event) -> None:
+    """Show the names and start times of stages until `ended` is set."""
+    if ended.wait(_DELAY):
         return
     console = import_extra("rich.console").Console(stderr=True)
     with (
-        suppress(OSError),  # a terminal that is gone is no reason to stop
+        suppress(OSError),  # the work goes on without a terminal
         import_extra("rich.live").Live(console=console, transient=True, auto_refresh=False) as live,
     ):
-        while not ended.wait(_EVERY):
-            live.update(_lines(list(begun), time.monotonic()), refresh=True)
+        while not ended.wait(_PERIOD):
+            live.update(_format_stages(list(begun), time.monotonic()), refresh=True)
 
 
-def _lines(begun: Sequence[tuple[str, float]], now: float) -> str:
-    """Return a line for each stage, and how long it took or has lasted."""
+def _format_stages(begun: Sequence[tuple[str, float]], now: float) -> str:
+    """Return one line per stage with its duration so far, seconds."""
     ends = [start for _, start in begun[1:]] + [now]
     return "\n".join(
         f"{name:<12}{end - start:7.1f} s" for (name, start), end in zip(begun, ends, strict=True)

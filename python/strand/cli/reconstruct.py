@@ -10,91 +10,92 @@ from pathlib import Path
 
 import strand
 from strand.cli import values
-from strand.cli.answers import print_json, warn
-from strand.cli.inputs import files_read, load, open_recording
-from strand.cli.options import add_known, add_scene
+from strand.cli.arguments import choose_radius, collect_arguments, reconstruct_scene
+from strand.cli.inputs import list_input_files, load_input, open_recording
+from strand.cli.model_output import print_json, print_remarks
+from strand.cli.options import add_priors, add_scene
 from strand.cli.outputs import check_outputs
-from strand.cli.progress import progress
-from strand.cli.solving import known, radius_of, solve
+from strand.cli.progress import show_progress
 from strand.io.recordings import Frame
 from strand.io.scenes import Scene
 from strand.report import figures, tables
 from strand.ropes.model import describe_model
 from strand.support.files import replace_file
 
-HINT = "ropes of a recorded scene"
+HINT = "reconstruct the ropes of a recorded scene"
 DESCRIPTION = """\
-Reconstruct the ropes of a scene, and print them with what speaks against them.
-`strand info SCENE` says which options it needs."""
+Reconstruct the ropes of a scene, and print them with warnings and doubts.
+`strand info SCENE` shows which options it needs."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the command's words."""
+    """Add the command's arguments."""
     add_scene(command)
     command.add_argument(
         "-o",
         "--out",
-        type=values.path,
+        type=values.parse_path,
         metavar="MODEL",
-        help="the file to write: .json, .csv (a row for each node) or .ply (a polyline for each rope); with "
-        "--every, one line of JSON for each frame (default: none)",
+        help="write the model: .json, .csv (one row per node) or .ply (one polyline per rope); with --every, "
+        "one line of JSON per frame",
     )
     command.add_argument(
-        "--tube", type=values.path, metavar="MESH", help="also write the ropes' surface to this .ply file"
+        "--tube",
+        type=values.parse_path,
+        metavar="MESH",
+        help="also write the ropes' surface to this .ply file",
     )
-    add_known(command)
+    add_priors(command)
     command.add_argument(
         "--every",
         type=int,
         metavar="N",
-        help="of a recording --frame and every Nth after it (default: one frame)",
+        help="reconstruct a recording's --frame and every Nth after it (default: one frame)",
     )
     command.add_argument(
         "--json",
         action="store_true",
-        help="print the model as its .json file has it, and nothing else; with --every a line for each frame",
+        help="print only the model, as its .json file holds it; with --every, one line per frame",
     )
     command.add_argument(
-        "--figures", type=values.path, metavar="DIR", help="draw every stage into this folder"
+        "--figures", type=values.parse_path, metavar="DIR", help="draw every stage into this folder"
     )
 
 
 def run(options: argparse.Namespace) -> None:
-    """Reconstruct a scene's ropes, print them, and write what is asked for."""
+    """Reconstruct a scene's ropes, print them, and write the requested files."""
     if options.every is not None:
         with open_recording(options) as recording:
             check_outputs(options, recording.files)
-            _each_frame(options, recording.read(options.frame or 0, None, options.every))
+            _reconstruct_frames(options, recording.read(options.frame or 0, None, options.every))
         return
-    recorded = load(options)
-    check_outputs(options, files_read(options, recorded))
-    model = solve(options, recorded, keep_stages=options.figures is not None)
+    scene = load_input(options)
+    check_outputs(options, list_input_files(options, scene))
+    model = reconstruct_scene(options, scene, keep_stages=options.figures is not None)
     if options.json:
         print_json(model)
-        warn(model, doubts=True)
+        print_remarks(model, doubts=True)
     else:
-        _print_tables(model, estimated=radius_of(options, recorded) is None)
-    for path in _written(options, model, recorded):
+        _print_tables(model, estimated=choose_radius(options, scene) is None)
+    for path in _write_outputs(options, model, scene):
         if not options.json:
             print(path)
 
 
 def _print_tables(model: strand.Model, estimated: bool) -> None:
-    """Print the chains, what speaks against them, and the stages' times."""
+    """Print the chains, crossings, confidence, remarks and times."""
     if estimated and model.chains:
-        print(
-            f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from what the views show", end="\n\n"
-        )
+        print(f"radius: {model.chains[0].radius * 1e3:.2f} mm, estimated from the views", end="\n\n")
     print(tables.describe_chains(model), end="\n\n")
     if crossings := tables.describe_crossings(model):
         print(crossings, end="\n\n")
     print(tables.describe_confidence(model))
-    warn(model, doubts=True)
+    print_remarks(model, doubts=True)
     print(f"\n{tables.describe_timings(model)}", end="\n\n")
 
 
-def _written(options: argparse.Namespace, model: strand.Model, recorded: Scene) -> Iterator[Path]:
-    """Write what is asked for, and give each path when it is written."""
+def _write_outputs(options: argparse.Namespace, model: strand.Model, scene: Scene) -> Iterator[Path]:
+    """Write the requested files, and yield the path of each."""
     if options.out is not None:
         model.save(options.out)
         yield options.out
@@ -102,34 +103,34 @@ def _written(options: argparse.Namespace, model: strand.Model, recorded: Scene) 
         model.save_tube(options.tube)
         yield options.tube
     if options.figures is not None:
-        with progress("figures"):
-            drawn = figures.write_figures(model, options.figures, recorded.truth)
+        with show_progress("figures"):
+            drawn = figures.write_figures(model, options.figures, scene.truth)
         yield from drawn
 
 
-def _each_frame(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
-    """Print a line for each frame, and write one with its model, or with why there is none."""
-    given = known(options)
+def _reconstruct_frames(options: argparse.Namespace, frames: Iterator[Frame]) -> None:
+    """Print a line for each frame, and write its model or the reason why it has none."""
+    arguments = collect_arguments(options)
     previous, count = None, 0
     with nullcontext() if options.out is None else replace_file(options.out) as file:
         for frame in frames:
             count += 1
-            said: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
+            record: dict[str, object] = {"frame": frame.number, "stamp": frame.stamp}
             model = None
             try:
-                with progress(f"frame {frame.number}"):
-                    model = strand.reconstruct(frame.views, **given, previous=previous)
+                with show_progress(f"frame {frame.number}"):
+                    model = strand.reconstruct(frame.views, **arguments, previous=previous)
             except strand.NotEnoughDataError as error:
-                said["error"] = shown = str(error)
+                record["error"] = summary = str(error)
             else:
-                said["model"] = describe_model(model)
-                shown = tables.describe_frame(model)
-            line = json.dumps(said, allow_nan=False)
-            words = f"frame {frame.number} at {frame.time:.3f} s: {shown}"
+                record["model"] = describe_model(model)
+                summary = tables.describe_frame(model)
+            line = json.dumps(record, allow_nan=False)
+            words = f"frame {frame.number} at {frame.time:.3f} s: {summary}"
             print(line if options.json else words, flush=True)
             if model is not None:
                 previous = model
-                warn(model, f"frame {frame.number}: ")
+                print_remarks(model, f"frame {frame.number}: ")
             if file is not None:
                 file.write(line.encode() + b"\n")
         if previous is None:

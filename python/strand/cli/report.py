@@ -5,43 +5,41 @@ from __future__ import annotations
 import argparse
 
 from strand.cli import values
-from strand.cli.answers import warn
-from strand.cli.inputs import files_read, load
-from strand.cli.options import add_known, add_scene
-from strand.cli.outputs import keep_input
-from strand.cli.progress import progress
-from strand.cli.solving import in_words, solve
+from strand.cli.arguments import describe_arguments, reconstruct_scene
+from strand.cli.inputs import list_input_files, load_input
+from strand.cli.model_output import print_remarks
+from strand.cli.options import add_priors, add_scene
+from strand.cli.outputs import protect_inputs
+from strand.cli.progress import show_progress
 from strand.report import page
 from strand.support.extras import import_extra
 from strand.support.files import require_writable
 
-HINT = "a page about a recorded scene, to look at in a browser"
+HINT = "write an HTML page about a recorded scene"
 DESCRIPTION = """\
-Reconstruct the ropes of a scene, and write one HTML page about them, which
-needs no network: points and chains in space, chains over each depth image,
-doubts, times."""
+Reconstruct the ropes of a scene, and write one HTML page about them: points
+and chains in 3D, chains over each depth image, doubts, times. The page needs
+no network."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the command's words."""
+    """Add the command's arguments."""
     add_scene(command)
     command.add_argument(
-        "-o", "--out", type=values.path, required=True, metavar="PAGE", help="the HTML file to write"
+        "-o", "--out", type=values.parse_path, required=True, metavar="PAGE", help="the HTML file to write"
     )
-    add_known(command)
+    add_priors(command)
 
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a scene's ropes, and write a page about them."""
-    import_extra("plotly.offline")  # that it is missing is said before the work
-    recorded = load(options)
-    keep_input(files_read(options, recorded), {"--out": options.out})
+    import_extra("plotly.offline")  # report a missing package before the work
+    scene = load_input(options)
+    protect_inputs(list_input_files(options, scene), {"--out": options.out})
     require_writable(options.out)
-    model = solve(options, recorded, keep_stages=True)
-    warn(model)
-    given = in_words(options, recorded)
-    with progress("page"):
-        page.write_report(
-            model, recorded.views, options.out, title=recorded.name, given=given, truth=recorded.truth
-        )
+    model = reconstruct_scene(options, scene, keep_stages=True)
+    print_remarks(model)
+    given = describe_arguments(options, scene)
+    with show_progress("page"):
+        page.write_report(model, scene.views, options.out, title=scene.name, given=given, truth=scene.truth)
     print(options.out)

@@ -27,7 +27,7 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
     out, err = capsys.readouterr()
     assert out.splitlines() == [
         "made     4 units, 4 rows, 1 of them errors",
-        "skipped  0 units that were there",
+        "skipped  0 finished units",
         "out",
         "page.html",
     ]
@@ -38,7 +38,9 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
     ]
     assert "4 recordings" in (folder / "page.html").read_text()
     assert main(["batch", "in", "-o", "out", "--ropes", "1"]) == 0
-    assert capsys.readouterr().out.startswith("made     0 units, 0 rows, 0 of them errors\nskipped  4 units")
+    assert capsys.readouterr().out.startswith(
+        "made     0 units, 0 rows, 0 of them errors\nskipped  4 finished units"
+    )
 
 
 def test_rows_of_recordings_that_cannot_be_read_now_are_kept(folder, capsys, monkeypatch):
@@ -52,8 +54,8 @@ def test_rows_of_recordings_that_cannot_be_read_now_are_kept(folder, capsys, mon
     assert main(["batch", ".", "-o", "../out", "--ropes", "1"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "made     0 units, 0 rows, 0 of them errors",
-        "skipped  3 units that were there",
-        "kept     1 recordings as they were: they cannot be read now",
+        "skipped  3 finished units",
+        "kept     1 recordings that cannot be read now",
         "../out",
     ]
 
@@ -86,13 +88,13 @@ def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypat
         time.sleep(0.3)
         return Done()
 
-    monkeypatch.setattr(batch, "_EVERY", 0.02)
+    monkeypatch.setattr(batch, "_PERIOD", 0.02)
     monkeypatch.setattr(batch, "run_batch", slow)
     assert main(["batch", "in", "-o", "out"]) == 0
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "strand: 0 made, 0 skipped, 0 errors, 0.0 a second"
+    assert lines[0] == "strand: 0 made, 0 skipped, 0 errors, 0.0 per second"
     assert lines[-1].startswith("strand: 2 made, 5 skipped, 1 errors, ")
-    assert not [one for one in threading.enumerate() if "say_all" in one.name]
+    assert not [one for one in threading.enumerate() if "print_lines" in one.name]
 
 
 def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch):
@@ -110,7 +112,7 @@ def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch
 @pytest.mark.parametrize("out", ["out", "in/../out", "out/table"])
 def test_a_page_in_place_of_the_table_is_refused_before_the_work(folder, capsys, out):
     assert main(["batch", "in", "-o", out, "--summary", "out"]) == 2
-    assert f"a file apart from the folder of -o, got --summary out and -o {out}" in capsys.readouterr().err
+    assert f"--summary: expected a file outside of the folder {out} (-o), got out" in capsys.readouterr().err
     assert not (folder / "out").exists()
 
 

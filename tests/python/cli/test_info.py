@@ -59,10 +59,10 @@ def test_a_scene(folder, capsys):
     assert "  truth       1 centreline" in lines
     assert lines[-5:] == [
         "  strand reconstruct arc.npz",
-        "  ropes       what is inside the bounds; if that is a table, ropes on it",
-        "  method      tubes first, readings of images where these are unsure",
-        "  radius      4.2 mm, as the scene says",
-        "  poses       start from those of the scene; views are fitted to each other",
+        "  ropes       points inside the bounds; if they show a table, the ropes on it",
+        "  method      tubes first, images if their answer is doubtful",
+        "  radius      4.2 mm, from the scene",
+        "  poses       those of the scene, then refined by aligning the views",
     ]
 
 
@@ -73,7 +73,7 @@ def test_single_files_say_which_options_they_need(folder, capsys):
     assert "  strand reconstruct cloud.ply --viewpoint X,Y,Z" in points
     depth = lines_of(capsys, "depth.png")
     assert depth[:2] == ["depth.png: depth image, PNG file", "  image       40 x 30 pixels"]
-    assert "  missing     intrinsics, unit of depth, radius, bounds and masks" in depth
+    assert "  missing     intrinsics, unit of depth, radius, bounds or masks" in depth
     assert "  strand reconstruct depth.png --intrinsics FX,FY,CX,CY --depth-scale METRES" in depth
 
 
@@ -90,7 +90,7 @@ def test_a_recording(folder, capsys):
 def test_several_cameras(folder, capsys):
     lines = lines_of(capsys, "cameras")
     assert "  strand reconstruct cameras --topic /camera_0/depth/image_raw" in lines
-    assert "  topics      the first of 2; several --topic together need --world FRAME" in lines
+    assert "  topics      the first of 2; several --topic also need --world FRAME" in lines
     lines = lines_of(capsys, "cameras", "--topic", "/camera_1/*")
     assert [line.split()[1] for line in lines if line.startswith("  depth ")] == [
         "/camera_1/depth/image_raw:"
@@ -110,7 +110,7 @@ def test_points_of_which_none_is_finite(tmp_path, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert "  points      0; 5 not finite" in lines
     assert "  missing     points" in lines
-    assert lines[-1] == "  refused     it holds no point"
+    assert lines[-1] == "  refused     it holds no points"
 
 
 def test_a_model(folder, capsys):
@@ -133,7 +133,7 @@ def test_a_recording_without_depth_is_refused(folder, capsys):
     entries = [("/color", 1, made.image(np.ones((2, 6), np.uint8), 1, encoding="rgb8", step=6, width=2))]
     write(Path("colours"), "mcap", entries)
     lines = lines_of(capsys, "colours")
-    assert lines[-1] == "  refused     no topic shows depth that can be read"
+    assert lines[-1] == "  refused     no topic has readable depth"
     assert main(["reconstruct", "colours"]) == 1
     assert "no topic shows depth" in capsys.readouterr().err
 
@@ -212,8 +212,8 @@ def test_masks_change_what_would_be_done(folder, capsys):
         np.savez("masked.npz", **arrays, mask=np.ones(SCENE.depth.shape, dtype=bool))
     lines = lines_of(capsys, "masked.npz")
     assert any(line.startswith("  masks       3 of 3 views; up to 1 label; ") for line in lines)
-    assert "  ropes       what is inside the bounds and the masks" in lines
-    assert "  method      readings of the masks first, tubes where these are unsure" in lines
+    assert "  ropes       points inside the bounds and the masks" in lines
+    assert "  method      images first, tubes if their answer is doubtful" in lines
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_a_frame_by_its_number(tmp_path, capsys):
     capsys.readouterr()
     assert main(["reconstruct", str(path), *KNOWN, "--frame", "3"]) == 2
     assert capsys.readouterr().err == (
-        "strand: error: --frame: expected less than the recording's 3, got 3\n"
+        "strand: error: --frame: expected a number below 3, the number of frames, got 3\n"
     )
 
 
@@ -139,7 +139,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
         (["rope.bag", "--frame", "-1"], 2, "start: expected at least 0"),
         (["rope.bag", "--tolerance", "-1"], 2, "tolerance: expected a number >= 0"),
         (["rope.bag", "--mask", "a.png"], 2, "--mask: for scenes only"),
-        (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: of one frame only"),
+        (["rope.bag", "--every", "1", "--figures", "f"], 2, "--figures: for one frame only"),
         (["rope.bag", "-o", "rope.bag"], 2, "--out: rope.bag is part of"),
         (["rope.bag", "-o", "no/a.json"], 3, "no/a.json: No such file or directory"),
         (["rope.bag", "--depth-scale", "0"], 2, "depth_scale: expected a positive number"),

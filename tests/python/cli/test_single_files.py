@@ -100,7 +100,7 @@ def test_places_may_be_negative_and_have_units(folder, given):
         (
             ["cloud.pcd", "cloud.ply", "-o", "a.json"],
             2,
-            "SCENE: expected one, got 2; files of several views need",
+            "SCENE: expected one, got 2; for files of several views",
         ),
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.obj"],
@@ -115,7 +115,7 @@ def test_places_may_be_negative_and_have_units(folder, given):
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "./a.ply"],
             2,
-            "is what --out writes",
+            "--tube: expected another file than --out",
         ),
         (
             ["cloud.pcd", "--viewpoint", "0,0,1", "-o", "a.ply", "--tube", "a.stl"],

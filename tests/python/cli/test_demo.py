@@ -1,0 +1,77 @@
+"""`strand demo`: what it prints and writes."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shutil
+from itertools import pairwise
+
+import pytest
+
+import strand
+from strand import cli
+from strand.cli import main
+
+STAGES = ["extract", "filter", "register", "arcs", "link", "fit", "ends"]
+PUBLISHED_STAGES = ["extract", "filter", "normals", "register", "centerline", "trace", "split", "reconnect"]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["demo", "--out", str(folder), "--seed", "1"])
+    return code, out.getvalue(), err.getvalue(), folder
+
+
+def test_demo_shows_both_methods_the_default_one_first(demo):
+    code, out, err, _ = demo
+    assert code == 0
+    default, published = out.split("The published method\n")
+    assert default.startswith("The default method\n")
+    for said, names in ((default, STAGES), (published, PUBLISHED_STAGES)):
+        rows = re.findall(r"^(\w+) +(\d+)? +(\d+)? +\d+\.\d$", said, re.MULTILINE)
+        assert [name for name, *_ in rows if name != "total"] == names
+        points = [(int(before), int(after)) for _, before, after in rows if before]
+        assert points[0][0] > points[0][1] > 1000
+        assert len(points) > 4
+        assert all(before[1] == after[0] for before, after in pairwise(points))
+        assert re.search(
+            r"^rope 0: length \d+\.\d mm, truth 400\.\d mm \([+-]\d+\.\d+%\), RMS", said, re.MULTILINE
+        )
+        assert "rope 1" not in said
+    assert re.search(r"^whole ropes +1$", default, re.MULTILINE)
+    counts = re.findall(r"^([a-z ]+?) +(\d+) +(\d+)$", published, re.MULTILINE)
+    assert [(name, paper) for name, _, paper in counts] == [
+        ("chains traced", "3"),
+        ("segments after the split", "7"),
+        ("whole strings", "1"),
+    ]
+    assert [here for _, here, _ in counts[1:]] == ["7", "1"]
+    assert [line for line in err.splitlines() if "warning" not in line] == [
+        f"strand: {name}" for name in (*STAGES, *PUBLISHED_STAGES)
+    ]
+
+
+def test_demo_writes_models_and_figures_of_both_methods(demo):
+    _, out, _, folder = demo
+    written = sorted(str(path) for path in folder.rglob("*") if path.is_file())
+    assert sorted(line for line in out.splitlines() if line.startswith(str(folder))) == written
+    for place, method, figures in ((folder, "default", 8), (folder / "published", "published", 10)):
+        assert len(list(place.glob("*.png"))) == figures
+        model = strand.load_model(place / "model.json")
+        assert (model.method, len(model.chains)) == (method, 1)
+    assert len(written) == 8 + 10 + 2
+
+
+def test_demo_leaves_other_files_alone(demo, tmp_path, monkeypatch, capsys):
+    _, _, _, folder = demo
+    shutil.copytree(folder, tmp_path / "out")
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    monkeypatch.setattr(cli.demo.figures, "write_figures", lambda *_: [])
+    assert main(["demo", "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert "model.json" in capsys.readouterr().out

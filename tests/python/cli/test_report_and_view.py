@@ -1,0 +1,64 @@
+"""`strand report` and `strand view`."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from strand import cli
+from strand.cli import main
+
+
+def test_report_writes_a_page(scene_npz, tmp_path, capsys):
+    out = tmp_path / "report.html"
+    assert main(["report", str(scene_npz), "-o", str(out), "--ropes", "1"]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    text = out.read_text("utf-8")
+    assert "<h1>arc</h1>" in text
+    assert "<td>ropes</td><td>1</td>" in text
+    assert "1 chain (" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["report", "arc.npz", "-o", "arc.npz"], 2, "--out: arc.npz is part of the scene"),
+        (["report", "arc.npz", "-o", "no/a.html"], 3, "no/a.html: No such file or directory"),
+        (["report", "no.npz", "-o", "a.html"], 3, "no.npz: No such file or directory"),
+        (["report", "arc.npz", "-o", "a.html", "--radius", "0"], 2, "radius: "),
+        (["view", "arc.npz", "--save", "arc.npz"], 2, "--save: arc.npz is part of the scene"),
+        (["view", "arc.npz", "--save", "no/a.rrd"], 3, "no/a.rrd: No such file or directory"),
+    ],
+)
+def test_report_and_view_refuse_what_cannot_be(words, code, message, scene_npz, monkeypatch, capsys):
+    monkeypatch.chdir(scene_npz.parent)
+    monkeypatch.setitem(sys.modules, "rerun", sys)  # that it is there is enough
+    before = scene_npz.read_bytes()
+    assert main(words) == code
+    assert message in capsys.readouterr().err
+    assert scene_npz.read_bytes() == before
+    assert [path.name for path in scene_npz.parent.iterdir()] == ["arc.npz"]
+
+
+@pytest.mark.parametrize(
+    ("words", "package"), [(["report", "-o", "a.html"], "plotly"), (["view", "--save", "a.rrd"], "rerun")]
+)
+def test_missing_packages_are_named_before_the_work(words, package, monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    assert main([words[0], "no.npz", *words[1:]]) == 3
+    assert "is needed here: pip install" in capsys.readouterr().err
+
+
+def test_view_saves_a_recording(scene_npz, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    monkeypatch.setattr(
+        cli.view.rerun_view,
+        "write_recording",
+        lambda model, views, path, truth: path.write_text(f"{len(views)}"),
+    )
+    assert main(["view", str(scene_npz), "--save", str(tmp_path / "a.rrd")]) == 0
+    assert (tmp_path / "a.rrd").read_text() == "3"
+    assert capsys.readouterr().out == f"{tmp_path / 'a.rrd'}\n"
