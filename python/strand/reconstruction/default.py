@@ -15,10 +15,11 @@ from strand.config import Config
 from strand.reconstruction import systematic
 from strand.reconstruction.courses import have_same_courses
 from strand.reconstruction.evidence.confidence import confidence
+from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank
 from strand.reconstruction.images.depth_scatter import measure_depth_scatter
-from strand.reconstruction.images.method import MIN_CORRELATION, Interpretation, make_answer, read_images
+from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
 from strand.reconstruction.stages import Found, Observed, Run

@@ -9,6 +9,7 @@ import numpy as np
 from strand.support.checks import Array
 from strand.support.robust import DEVIATION_OF_MEDIAN
 
+MIN_CORRELATION = 0.1  # of neighbouring pixels: errors that are less correlated count as independent
 _SIDE = 40  # pixels: side of the windows that planes are fitted to
 _MAX_WINDOWS = 40  # windows of each image that planes are fitted to
 _MAX_USED = 8  # windows of each image that are used

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
-from strand.reconstruction.images.above_table import smooth_where_seen
+from strand.reconstruction.images.above_table import MIN_SEEN, smooth_where_seen
 from strand.reconstruction.images.table_plane import Plane, find_table
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
@@ -23,7 +23,6 @@ _DEVIATIONS = 5.0  # standard deviations of the table's heights: what is higher 
 _MIN_HEIGHT = 0.001  # of the table's distance: what stands above it is higher
 _TABLE_HEIGHT = 0.005  # of the table's distance: what is this near the table belongs to it
 _MAX_HEIGHT = 0.03  # of the table's distance: larger heights are cut before they are smoothed
-_MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
 _MIN_BLOB = 25  # pixels: smaller blobs are noise
 _MIN_SHARE_IN_RANGE = 0.04  # of an image's pixels, in the extraction range: with fewer it holds no table
 _USUAL_PIXELS = 200_000  # pixels of an image, where a view has points alone
@@ -97,6 +96,6 @@ def _segment_standing(above: Array, seen: NDArray[np.bool_], distance: float) ->
     cut = np.clip(above / distance, -_MAX_HEIGHT, _MAX_HEIGHT)
     smooth, shares = smooth_where_seen(cut, seen, _SMOOTHING)
     scatter = robust_deviation(smooth[seen & (np.abs(smooth) < _TABLE_HEIGHT)])
-    found = (shares > _MIN_SEEN) & (smooth > max(_DEVIATIONS * scatter, _MIN_HEIGHT))
+    found = (shares > MIN_SEEN) & (smooth > max(_DEVIATIONS * scatter, _MIN_HEIGHT))
     numbers = _core.blob_numbers(found)
     return np.asarray(found & (np.bincount(numbers.ravel())[numbers] >= _MIN_BLOB))

@@ -22,7 +22,7 @@ _MAX_HEIGHT = 4.0  # radii: higher heights of single pixels are cut off
 _SMOOTHING = 0.45  # radii: standard deviation of the Gaussian that smooths heights
 _MIN_SMOOTHING = 0.6  # pixels
 _EDGE_HEIGHT = 0.85  # radii: half of a rope's mean smoothed height, which is where its edge is
-_MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
+MIN_SEEN = 0.3  # of the weight of smoothed pixels has depth
 _MAX_RADIUS = 0.25  # of the image's longer side: wider ropes are not segmented
 _LOW = 0.5  # radii: lower points lie on the table
 _MIN_TABLE_SHARE = 0.3  # of a view's points lie on the table if it shows more than ropes
@@ -130,7 +130,7 @@ def segment_above_table(
         return np.zeros_like(image.mask)
     cut = np.clip(above, MIN_HEIGHT * radius, _MAX_HEIGHT * radius)
     smooth, shares = smooth_where_seen(cut, seen, max(_SMOOTHING * pixels, _MIN_SMOOTHING))
-    return np.asarray((smooth > _EDGE_HEIGHT * radius) & (shares > _MIN_SEEN))
+    return np.asarray((smooth > _EDGE_HEIGHT * radius) & (shares > MIN_SEEN))
 
 
 def measure_heights(

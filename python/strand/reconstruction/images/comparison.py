@@ -32,7 +32,7 @@ _MIN_FREE_NODES = 8  # nodes: shorter stretches in free space cost nothing
 _LABEL_COST = 4.0  # per change from one label of a mask to another
 _SHARP_COST = 10.0  # per radian of bend tighter than the rope's radius
 
-_NODE_SPACING = 0.5  # radii between the nodes of fits
+NODE_SPACING = 0.5  # radii between the nodes of fits
 _MAX_OUTSIDE = 2.0  # squared radii of tube outside masks: with more, ropes may bridge gaps
 _MAX_READINGS = 6  # readings of each view
 _MAX_MORE = 12.0  # cost above the best reading's: those that cost more are not fitted
@@ -214,7 +214,7 @@ def _penalize_free_space(fit: ImageFit, visibility: Visibility, observed: Observ
     for nodes in fit.nodes:
         for start, stop in find_runs(visibility.free(nodes, radius)):
             if stop - start >= _MIN_FREE_NODES:
-                cost += _FREE_COST * _NODE_SPACING * (stop - start)
+                cost += _FREE_COST * NODE_SPACING * (stop - start)
     return cost
 
 

@@ -1,4 +1,4 @@
-"""Scatter of depths about their neighbors: it decides how ropes are sought."""
+"""Scatter of depths about their neighbours: it decides how ropes are sought."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ROW_STEP = 7  # every seventh row of an image is used
 
 
 def measure_depth_scatter(whole: Sequence[View], views: Sequence[View], wide: float) -> float:
-    """Return the standard deviation of depths about their neighbors in the median view, metres.
+    """Return the standard deviation of depths about their neighbours in the median view, metres.
 
     It is 0 if a view has no depth image.
 

@@ -13,6 +13,7 @@ from strand.geometry.polyline import find_runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
 from strand.reconstruction.evidence.confidence import SCALE
 from strand.reconstruction.images.comparison import Explanation
+from strand.reconstruction.images.image_nodes import iterate_squared_distances
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
@@ -41,7 +42,6 @@ _MIN_PLACED_DOUBT = 0.05  # smaller doubts of uncovered mask have no place
 _OWN_NODES = 16  # nodes at an end that are not another strand
 _MIN_DISTANCE = 1.5  # radii: ropes differ where they are farther from each other, and mask is uncovered
 _MAX_JUMP = 8  # nodes: where the nearest node of a rival jumps farther, the rival is joined otherwise
-_NODES_AT_ONCE = 512  # nodes that are compared with all others in one step
 
 
 def drop_same_courses(explanations: Sequence[Explanation], radius: float) -> list[Explanation]:
@@ -192,11 +192,7 @@ def _find_nearest(nodes: Array, others: Array) -> tuple[NDArray[np.intp], Array]
     """(M,), (M,) Return the number of the nearest other node to each node, and its distance."""
     nearest = np.empty(len(nodes), dtype=np.intp)
     away = np.empty(len(nodes))
-    for first in range(0, len(nodes), _NODES_AT_ONCE):
-        some = slice(first, first + _NODES_AT_ONCE)
-        squares = np.zeros((len(nodes[some]), len(others)))
-        for k in range(3):
-            squares += (nodes[some, k, None] - others[:, k]) ** 2
+    for some, squares in iterate_squared_distances(nodes, others):
         nearest[some] = squares.argmin(axis=1)
         away[some] = np.sqrt(squares.min(axis=1))
     return nearest, away

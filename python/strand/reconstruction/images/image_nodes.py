@@ -1,8 +1,8 @@
-"""Chains made of curves that were fitted to images."""
+"""Nodes of curves that were fitted to images: chains of them, and distances between them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from strand.ropes.chain import Chain
 from strand.support.checks import Array
 from strand.views.pose import rotation_about
 
+_NODES_AT_ONCE = 512  # nodes that are compared with all others in one step: memory stays small
 _END_SD = 0.5  # radii: standard deviation of a rope's end in a mask
 
 
@@ -79,3 +80,13 @@ def correct_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
         motion[:3, 3] = x, y, z
         found.append(pose @ np.linalg.inv(motion))
     return found
+
+
+def iterate_squared_distances(nodes: Array, others: Array) -> Iterator[tuple[slice, Array]]:
+    """Yield squared distances, (K, N) square metres, of each part of (M, 3) nodes to (N, 3) others."""
+    for first in range(0, len(nodes), _NODES_AT_ONCE):
+        some = slice(first, first + _NODES_AT_ONCE)
+        squares = np.zeros((len(nodes[some]), len(others)))
+        for k in range(3):
+            squares += (nodes[some, k, None] - others[:, k]) ** 2
+        yield some, squares

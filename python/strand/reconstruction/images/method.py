@@ -9,6 +9,7 @@ import numpy as np
 from strand._core import ImageFit, NotEnoughDataError, RopeImages
 from strand.config import Config
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
+from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.beyond_mask import doubt_ends_beyond_masks
 from strand.reconstruction.images.comparison import Explanation, find_likely_readings, fit_and_rank, refit
@@ -37,7 +38,6 @@ from strand.views.depth_image import DepthImage
 from strand.views.pose import moved
 from strand.views.sensor import Sensor
 
-MIN_CORRELATION = 0.1  # of neighbouring pixels: errors that are less correlated count as independent
 _MAX_ALTERNATIVES = 3  # rivals in an answer
 _NO_ROPE = "views: the images show no rope with depth; is the radius right, in metres?"
 

@@ -17,6 +17,7 @@ from strand.geometry.polyline import path_length
 from strand.reconstruction.images.above_table import mask_above_table
 from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.comparison import (
+    NODE_SPACING,
     ROPE_COST,
     Explanation,
     Reading,
@@ -27,7 +28,7 @@ from strand.reconstruction.images.comparison import (
     refit,
 )
 from strand.reconstruction.images.image_ends import move_ends
-from strand.reconstruction.images.image_nodes import correct_poses
+from strand.reconstruction.images.image_nodes import correct_poses, iterate_squared_distances
 from strand.reconstruction.images.method import Interpretation
 from strand.reconstruction.images.outlines import average_pixels, estimate_mean_noise, outline_ropes
 from strand.reconstruction.images.pixel_errors import Errors
@@ -49,9 +50,7 @@ _MAX_MOVED = 4  # explanations whose ends are moved
 _ROUNDS = 2  # moves of the ends of one explanation
 _OVERLAP_COST = 2.0  # per radius of rope that runs within another strand
 _MIN_AXIS_DISTANCE = 1.3  # radii: a rope whose axis is nearer to another strand's runs within it
-_NODE_SPACING = 0.5  # radii between the nodes of fits
 _OWN_NODES = 12  # nodes of a rope before and after one that are not another strand
-_NODES_AT_ONCE = 512  # nodes that are compared with all others in one step
 _GAIN_UNIT = 0.002  # of the best gain: a gain that is less by as much costs one
 _MIN_GAIN = 100.0  # of depth over a bare table; a radius of rope gains tens in noise of a radius
 _NO_ROPE = "views: no rope stands out from the table; is the radius right, in metres?"
@@ -288,12 +287,8 @@ def _measure_overlap(chains: Sequence[Array], radius: float) -> float:
     number = np.repeat(np.arange(len(chains)), [len(each) for each in chains])
     place = np.arange(len(nodes))
     within = 0
-    for first in range(0, len(nodes), _NODES_AT_ONCE):
-        some = slice(first, first + _NODES_AT_ONCE)
-        squares = np.zeros((len(nodes[some]), len(nodes)))
-        for k in range(3):
-            squares += (nodes[some, k, None] - nodes[:, k]) ** 2
+    for some, squares in iterate_squared_distances(nodes, nodes):
         other = (number[some, None] != number) | (np.abs(place[some, None] - place) > _OWN_NODES)
         near = squares < (_MIN_AXIS_DISTANCE * radius) ** 2
         within += int(np.count_nonzero((other & near).any(axis=1)))
-    return _NODE_SPACING * within
+    return NODE_SPACING * within

@@ -30,8 +30,8 @@ _TABLE_WIDTH = 0.005  # of a point's distance: points this near the table lie on
 _MAX_COORDINATE = 1e75  # metres: squares of larger ones are infinite
 _CELL = 0.04  # of the median distance: side of the cells that points on a table are counted in
 _MAX_CELLS = 1_000_000  # cells of a grid: with more the points are no table's
-_MIN_INNER_CELLS = 30  # cells with points in all neighbors
-_MIN_INNER_SHARE = 0.3  # of the cells have points in all neighbors
+_MIN_INNER_CELLS = 30  # cells with points in all neighbours
+_MIN_INNER_SHARE = 0.3  # of the cells have points in all neighbours
 
 # a table beside ropes
 _POINTS_BESIDE = 1500  # points beside the ropes, about

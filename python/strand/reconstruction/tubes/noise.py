@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand._core import TubeFit
-from strand.reconstruction.evidence.depth_errors import correlate_on_planes, find_depth_step
+from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION, correlate_on_planes, find_depth_step
 from strand.reconstruction.tubes.pixels import Cameras, Grid
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
@@ -22,9 +22,8 @@ _LEAST_FACING = 0.4
 _LAGS = 8
 # of residuals where no surroundings are seen
 _NEAR_LAGS = 3
-# neighbours that are less alike than the first, or than so many standard deviations, count as independent;
-# from the second on their correlation counts in full
-_PLAIN, _PLAIN_SD, _CERTAIN = 0.1, 3.0, 0.2
+_MIN_DEVIATIONS = 3.0  # standard deviations of neighbours' correlation: with less they count as independent
+_FULL_CORRELATION = 0.2  # of neighbours, from which on it counts in full
 # fewest pairs of neighbours that say something
 _FEWEST = 50
 # differences of neighbours are cut off at this many standard deviations of the residuals
@@ -195,10 +194,10 @@ def measured_noise(fit: TubeFit, cameras: Cameras, spacing: float) -> Noise:
     seen = np.flatnonzero(np.isin(fit.view, list(grids)))
     raster = _Raster.of(list(grids.values()), error[seen], good[seen])
     (alike,), count, apart = raster.correlations(1, _OUTLIER * sd)
-    plain = max(_PLAIN, _PLAIN_SD / math.sqrt(max(count, 1)))
+    plain = max(MIN_CORRELATION, _MIN_DEVIATIONS / math.sqrt(max(count, 1)))
     if count < _FEWEST or alike <= plain:
         return Noise(sd, step=step)
-    share = min((alike - plain) / (_CERTAIN - _PLAIN), 1.0)
+    share = min((alike - plain) / (_FULL_CORRELATION - MIN_CORRELATION), 1.0)
     around, followed = correlate_on_planes(cameras.images(), _LAGS)
     if not followed:
         # farther apart, what the curves followed is missing
