@@ -11,7 +11,6 @@ Times are processor time, so that a busy machine does not count; deadlines are m
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import statistics
 import sys
@@ -23,7 +22,8 @@ import numpy as np
 
 import strand
 from lib import collection
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene
 
 PARTS = ("perturbed", "foreign", "deadline")
@@ -216,7 +216,7 @@ def timed(
 
 
 def perturbed_table(scenes: list[SyntheticScene], limit: float) -> None:
-    print(head("what is wrong", "scenes", "answered", "refused", "median s", "worst s", "of"), flush=True)
+    print_head("what is wrong", "scenes", "answered", "refused", "median s", "worst s", "of")
     kinds: dict[str, list[tuple[str, Call]]] = {}
     for scene in scenes:
         for kind, call in perturbed(scene):
@@ -226,45 +226,36 @@ def perturbed_table(scenes: list[SyntheticScene], limit: float) -> None:
         times = [each[2] for each in found]
         worst = max(found, key=lambda each: each[2])
         refused = sum("Error" in each[1] for each in found)
-        print(
-            row(
-                kind,
-                len(found),
-                len(found) - refused,
-                refused,
-                f"{statistics.median(times):.2f}",
-                f"{worst[2]:.2f}",
-                worst[0],
-            ),
-            flush=True,
+        print_row(
+            kind,
+            len(found),
+            len(found) - refused,
+            refused,
+            f"{statistics.median(times):.2f}",
+            f"{worst[2]:.2f}",
+            worst[0],
         )
         bad = [each for each in found if each[1] in ("ended", "crashed")]
         print(*(f"{each[0]}: {each[1]}" for each in bad), sep="\n", file=sys.stderr, flush=True)
 
 
 def foreign_table(scenes: list[SyntheticScene], limit: float, sizes: tuple[int, ...]) -> None:
-    print(head("scene", "told", "points", "s", "s per 100,000 points", "answer"), flush=True)
+    print_head("scene", "told", "points", "s", "s per 100,000 points", "answer")
     for name, told, call in foreign(scenes, sizes):
         said, seconds, _, points, _ = timed(call, limit)
-        print(
-            row(name, told, points, f"{seconds:.2f}", f"{1e5 * seconds / max(points, 1):.2f}", said),
-            flush=True,
-        )
+        print_row(name, told, points, f"{seconds:.2f}", f"{1e5 * seconds / max(points, 1):.2f}", said)
 
 
 def deadline_table(scenes: list[SyntheticScene], limit: float) -> None:
-    print(
-        head(
-            "deadline s",
-            "calls",
-            "answered",
-            "with the doubt",
-            "DeadlineError",
-            "median overrun s",
-            "worst",
-            "of",
-        ),
-        flush=True,
+    print_head(
+        "deadline s",
+        "calls",
+        "answered",
+        "with the doubt",
+        "DeadlineError",
+        "median overrun s",
+        "worst",
+        "of",
     )
     for deadline in DEADLINES:
         found = []
@@ -273,23 +264,20 @@ def deadline_table(scenes: list[SyntheticScene], limit: float) -> None:
                 if kind.startswith(("nothing", "poses off by 7 mm", "focal length +10%")):
                     found.append((f"{scene.name}, {kind}", *timed(call, limit, deadline)))
         over = [max(each[3] - deadline, 0.0) for each in found]
-        print(
-            row(
-                deadline,
-                len(found),
-                sum("Error" not in each[1] for each in found),
-                sum("deadline" in each[5] for each in found),
-                sum("DeadlineError" in each[1] for each in found),
-                f"{statistics.median(over):.3f}",
-                f"{max(over):.3f}",
-                found[int(np.argmax(over))][0],
-            ),
-            flush=True,
+        print_row(
+            deadline,
+            len(found),
+            sum("Error" not in each[1] for each in found),
+            sum("deadline" in each[5] for each in found),
+            sum("DeadlineError" in each[1] for each in found),
+            f"{statistics.median(over):.3f}",
+            f"{max(over):.3f}",
+            found[int(np.argmax(over))][0],
         )
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     parser.add_argument("--part", choices=PARTS, help="one of the tables (default: all)")
     parser.add_argument(
@@ -310,4 +298,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

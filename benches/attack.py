@@ -27,6 +27,7 @@ from types import SimpleNamespace
 import numpy as np
 
 import strand
+from lib.results import make_parser, run_bench
 from strand import _core
 
 ALLOWED = (TypeError, ValueError, strand.StrandError, MemoryError)
@@ -441,7 +442,7 @@ def attack(first: int, calls: int, only: list[str]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--calls", type=int, default=20_000, metavar="N", help="how many (default: 20000)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="the first call's seed (default: 0)")
     parser.add_argument(
@@ -491,4 +492,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -18,7 +18,6 @@ disk; listing shards, and looking one up. The exit code is 1 if tables differ.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import os
 import sys
@@ -30,6 +29,7 @@ from pathlib import Path
 import pyarrow as pa
 
 import strand
+from lib.results import make_parser, run_bench
 from strand._core import cores
 from strand.batch import Settings, Unit, find, load, rows_of, run
 from strand.batch.running import Done
@@ -178,7 +178,7 @@ def parts(recordings: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--recordings", type=int, default=2000, metavar="N", help="(default: 2000)")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], metavar="N", help="(default: 1 2)")
     parser.add_argument("--repeat", type=int, default=1, metavar="N", help="of the loop and engines")
@@ -213,4 +213,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -9,7 +9,6 @@ the first of the chains, right by the usual measure; its own confidence counts. 
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import sys
 import time
@@ -21,7 +20,8 @@ import numpy as np
 
 import strand
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, cluttered_scene
 
 SURE = 0.5
@@ -72,7 +72,7 @@ def draw(synthetic: SyntheticScene, model: strand.Model, path: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=40, metavar="N", help="with a rope (default: 40)")
     parser.add_argument("--without", type=int, default=20, metavar="N", help="without one (default: 20)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
@@ -89,11 +89,9 @@ def main() -> int:
             result = found_in(synthetic, views, arguments.pictures)
             print(f"{synthetic.name}: {result}", file=sys.stderr, flush=True)
             results.append(("a rope" if rope else "no rope", result))
-    print(
-        head(
-            *("scenes", "views", "number", "rope found", f"and its confidence ≥ {SURE}"),
-            *(f"something else ≥ {SURE}", "refused", "radius error %, median", "s, median", "max"),
-        )
+    print_head(
+        *("scenes", "views", "number", "rope found", f"and its confidence ≥ {SURE}"),
+        *(f"something else ≥ {SURE}", "refused", "radius error %, median", "s, median", "max"),
     )
     for what in ("a rope", "no rope"):
         for views in (1, 3):
@@ -102,18 +100,16 @@ def main() -> int:
                 right = [result for result in some if result.right]
                 errors = [100.0 * abs(result.radius_error) for result in right]
                 times = [result.seconds for result in some]
-                print(
-                    row(
-                        *(what, views, len(some), len(right)),
-                        sum(result.confidence >= SURE for result in right),
-                        sum(result.others >= SURE for result in some),
-                        sum(result.confidence == 0.0 and not result.right for result in some),
-                        f"{statistics.median(errors):.1f}" if errors else "",
-                        *(f"{statistics.median(times):.2f}", f"{max(times):.2f}"),
-                    )
+                print_row(
+                    *(what, views, len(some), len(right)),
+                    sum(result.confidence >= SURE for result in right),
+                    sum(result.others >= SURE for result in some),
+                    sum(result.confidence == 0.0 and not result.right for result in some),
+                    f"{statistics.median(errors):.1f}" if errors else "",
+                    *(f"{statistics.median(times):.2f}", f"{max(times):.2f}"),
                 )
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -17,7 +17,6 @@ exponents b of t = a n^b fitted to the times. Runs on Linux.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import math
 import os
@@ -44,6 +43,7 @@ from scipy.spatial import cKDTree
 
 import strand
 from lib import tables
+from lib.results import make_parser, run_bench
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -440,7 +440,7 @@ def draw(lines: list[Line], path: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--points", type=int, nargs="+", default=[12_000, 100_000, 1_000_000, 10_000_000])
     parser.add_argument("--orders", nargs="+", choices=ORDERS, default=list(ORDERS), help="of the points")
     parser.add_argument("--repeats", type=int, default=7, help="turns of which the median is taken")
@@ -483,4 +483,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

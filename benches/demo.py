@@ -5,19 +5,17 @@ python benches/demo.py [--seeds N]
 
 from __future__ import annotations
 
-import argparse
-import sys
-
 import strand
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.report.tables import count_chains, measure_accuracy
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--seeds", type=int, default=10, metavar="N", help="from 0 on (default: 10)")
     arguments = parser.parse_args()
-    print(head("seed", "chains traced", "segments", "whole strings", "length error %", "RMS mm"))
+    print_head("seed", "chains traced", "segments", "whole strings", "length error %", "RMS mm")
     published, good = strand.Config.published(), 0
     for seed in range(arguments.seeds):
         scene = strand.synthetic.scene("paper", seed=seed)
@@ -27,11 +25,11 @@ def main() -> int:
         counts = count_chains(model)
         error = measure_accuracy(model.chains[0], scene.truth[0])
         errors = f"{error.length_error * 100:+.2f}", f"{error.rms * 1e3:.2f}"
-        print(row(seed, *counts, *errors), flush=True)
+        print_row(seed, *counts, *errors)
         good += counts[1:] == (7, 1) and abs(error.length_error) < 0.02 and error.rms < 1e-3
     print(f"\nseven segments, one string, length within 2 %, RMS under 1 mm: {good} of {arguments.seeds}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -13,10 +13,8 @@ narrow, the radius and the number of ropes told: these answers are read from ima
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
-import sys
 from collections.abc import Iterable
 from itertools import product
 
@@ -26,7 +24,8 @@ from scipy.ndimage import gaussian_filter
 
 import strand
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from limits import Truth, calibration
 from sensors import seen_by
 from strand import synthetic
@@ -88,23 +87,23 @@ def told(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--seeds", type=int, default=4, metavar="N", help="of each shape (default: 4)")
     arguments = parser.parse_args()
     chosen = list(product(SHAPES, range(FIRST_SEED, FIRST_SEED + arguments.seeds)))
     titles = ("views", "normalised error", "10 to 90 %", "RMS mm", "reported sd mm", "right")
-    print(head("noise mm", "correlation px", *titles))
+    print_head("noise mm", "correlation px", *titles)
     for noise, correlation in CASES:
         for views in VIEWS:
             cells = told((scene(shape, seed, noise, correlation, views) for shape, seed in chosen), None)
-            print(row(f"{noise * 1e3:.1f}", f"{correlation:g}", views, *cells), flush=True)
+            print_row(f"{noise * 1e3:.1f}", f"{correlation:g}", views, *cells)
     print()
-    print(head("camera", *titles))
+    print_head("camera", *titles)
     for camera, views in product(synthetic.CAMERAS, CAMERA_VIEWS):
         cells = told((seen_by(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
-        print(row(camera, views, *cells), flush=True)
+        print_row(camera, views, *cells)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

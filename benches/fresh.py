@@ -19,11 +19,9 @@ curves.png, of all that have their line there.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import math
-import sys
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -33,7 +31,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lib.judging import SURE, judged
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import (
     CAMERAS,
     Camera,
@@ -248,7 +247,7 @@ def curves(records: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument(
@@ -288,10 +287,10 @@ def main() -> int:
             lines.parent.mkdir(parents=True, exist_ok=True)
             with lines.open("a") as file:
                 file.write(json.dumps(records[-1]) + "\n")
-    print(head("", "", "scenes", "right %", f"confidence ≥ {SURE} %", "sure and wrong %"))
+    print_head("", "", "scenes", "right %", f"confidence ≥ {SURE} %", "sure and wrong %")
     rows = rates(records)
     for what, which, count, *shares in rows:
-        print(row(what, which, count, *(f"{100 * share:.1f}" for share in shares)))
+        print_row(what, which, count, *(f"{100 * share:.1f}" for share in shares))
     if lines is not None:
         plot(rows, lines.with_name("fresh.png"))
         every = [json.loads(line) for line in lines.read_text().splitlines()]
@@ -300,4 +299,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -9,8 +9,6 @@ each chain in a colour of its own, and where a chain is said to end on another's
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,8 @@ from matplotlib.figure import Figure
 
 import strand
 from lib.collection import DATA
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.ropes.doubt import DOUBTS
 
 POINTS = DATA / "harness" / "wireHarness.txt"
@@ -48,7 +47,7 @@ def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("file", metavar="FILE", type=Path, nargs="?", default=POINTS, help="other points")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write harness.png here")
     arguments = parser.parse_args()
@@ -59,10 +58,9 @@ def main() -> int:
     lengths = ", ".join(f"{chain.length * 1e3:.0f}" for chain in model.chains)
     meeting = sum(warning.kind == "branch" for warning in model.warnings)
     unsure = sum(warning.kind in DOUBTS for warning in model.warnings)
-    print(head("points", "chains", "lengths mm", "confidence", "ends on another's side", "places in doubt"))
-    print(
-        row(len(points), len(model.chains), lengths, f"{model.confidence:.5f}", meeting, unsure), end="\n\n"
-    )
+    print_head("points", "chains", "lengths mm", "confidence", "ends on another's side", "places in doubt")
+    print_row(len(points), len(model.chains), lengths, f"{model.confidence:.5f}", meeting, unsure)
+    print()
     print(*model.warnings, sep="\n")
     if arguments.out:
         draw(points, model, arguments.out / "harness.png")
@@ -70,4 +68,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -8,7 +8,6 @@ code is 1 if a kernel needs over 3 % more than `benches/instructions.json` says;
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import shutil
@@ -16,6 +15,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from lib.results import make_parser, run_bench
 
 KERNELS = ["filter", "nearest", "within", "icp", "centerline", "chains", "tubes", "fit", "crop"]
 POINTS = 20_000
@@ -47,7 +48,7 @@ def instructions(program: Path, kernel: str, times: int) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--update", action="store_true", help="write the counts")
     arguments = parser.parse_args()
     if shutil.which("valgrind") is None:
@@ -78,4 +79,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

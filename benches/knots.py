@@ -14,7 +14,6 @@ and their ropes and true centrelines named.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections import Counter
 
@@ -22,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.ropes.knots import Knot
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def drawn(count: int, nodes: int, seed: int) -> list[tuple[str, str | None, Arra
 
 def named_scenes(count: int) -> None:
     """Print a table of names from depth."""
-    print(head("shape", "true centreline", "from depth"))
+    print_head("shape", "true centreline", "from depth")
     for shape in strand.synthetic.SHAPES:
         truth, found = Counter[str](), Counter[str]()
         for seed in range(count):
@@ -129,7 +129,7 @@ def named_scenes(count: int) -> None:
             truth[named(strand.knot(scene.truth[0]))] += 1
             model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
             found[" and ".join(named(chain.knot()) for chain in model.chains)] += 1
-        print(row(shape, *(", ".join(f"{name}: {n}" for name, n in of.items()) for of in (truth, found))))
+        print_row(shape, *(", ".join(f"{name}: {n}" for name, n in of.items()) for of in (truth, found)))
 
 
 def named(knot: Knot) -> str:
@@ -145,7 +145,7 @@ def milliseconds(chain: Array) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Names of knots, right and wrong, and the time they take.")
+    parser = make_parser(__doc__)
     parser.add_argument("--count", type=int, default=500, help="how many chains (500)")
     parser.add_argument("--nodes", type=int, default=400, help="nodes of each (400)")
     parser.add_argument("--seed", type=int, default=0, help="where the random numbers begin (0)")
@@ -168,9 +168,9 @@ def main() -> None:
             right[name] += 1
         else:
             wrong.append(f"{name} {hand}: {knot}")
-    print(head("knot", "right", "time, ms: median", "longest"))
+    print_head("knot", "right", "time, ms: median", "longest")
     for name, taken in times.items():
-        print(row(name, f"{right[name]} of {total[name]}", f"{np.median(taken):.2f}", f"{max(taken):.2f}"))
+        print_row(name, f"{right[name]} of {total[name]}", f"{np.median(taken):.2f}", f"{max(taken):.2f}")
     everything = np.concatenate(list(times.values()))
     print(f"\nRight: {right.total()} of {total.total()}; median {np.median(everything):.2f} ms,", end=" ")
     print(f"95 % within {np.percentile(everything, 95):.2f} ms, longest {everything.max():.2f} ms,", end=" ")
@@ -179,4 +179,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_bench(main)

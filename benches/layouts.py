@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import strand
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 
 Array = NDArray[np.float64]
 Layout = Callable[[np.random.Generator, int], tuple[Array, float]]
@@ -252,7 +253,7 @@ def chosen(names: dict[str, object], texts: list[str] | None) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--kernels", metavar="TEXT", nargs="+", help="only kernels with TEXT in their names")
     parser.add_argument("--layouts", metavar="TEXT", nargs="+", help="only layouts with TEXT in their names")
     parser.add_argument("--most", metavar="N", type=int, default=10**6, help="most points, 10^5 or 10^6")
@@ -283,13 +284,13 @@ def main() -> int:
         "growth of memory, bytes a point": lambda numbers: f"{numbers[-1][1] / counts[-1]:.0f}",
     }
     for title, cell in tables.items():
-        print(head(title, *kernels))
+        print_head(title, *kernels)
         for layout in layouts:
             cells = [
                 cell(found[kernel, layout]) if len(found[kernel, layout]) == len(counts) else ENDED_LATE
                 for kernel in kernels
             ]
-            print(row(layout, *cells))
+            print_row(layout, *cells)
         print()
     slope, kernel, layout = max(worst)
     print(f"worst exponent: {slope:.2f}, {kernel} on {layout}; all answered: {math.isfinite(slope)}")
@@ -297,4 +298,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -15,9 +15,7 @@ scenes whose topology is right are counted.
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import sys
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +28,8 @@ from scipy.spatial import cKDTree
 import strand
 from lib import collection
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, render_depth
 
 Array = NDArray[np.float64]
@@ -223,23 +222,23 @@ def rounded(values: Sequence[float]) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     arguments = parser.parse_args()
     config = strand.Config()
     errors = ("bound mm", "RMS mm", "RMS / bound", "reported sd mm", "e' C^-1 e / 2")
-    print(head("scene", "noise mm", "points", *errors))
+    print_head("scene", "noise mm", "points", *errors)
     by_noise: dict[float, list[tuple[float, ...]]] = defaultdict(list)
     for scene in collection.chosen(arguments):
         name, noise = scene.name, f"{scene.noise * 1e3:.1f}"
         try:
             model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config)
         except strand.StrandError as error:
-            print(row(name, noise, f"no answer: {error}", *[""] * len(errors)), flush=True)
+            print_row(name, noise, f"no answer: {error}", *[""] * len(errors))
             continue
         found = measured([chain.points for chain in model.chains], scene.truth, scene.radius)
         if not found.right:
-            print(row(name, noise, "wrong topology", *[""] * len(errors)), flush=True)
+            print_row(name, noise, "wrong topology", *[""] * len(errors))
             continue
         truth = Truth.of(scene.truth, scene.radius)
         pixels = seen_pixels(scene, truth)
@@ -247,12 +246,12 @@ def main() -> int:
         sd, normalised = calibration(model.chains, truth)
         values = (least * 1e3, found.rms * 1e3, found.rms / least, sd * 1e3, normalised)
         by_noise[scene.noise].append(values)
-        print(row(name, noise, len(pixels.view), *rounded(values)), flush=True)
+        print_row(name, noise, len(pixels.view), *rounded(values))
     for level, rows in sorted(by_noise.items()):
         medians = [statistics.median(column) for column in zip(*rows, strict=True)]
-        print(row(f"median of {len(rows)}", f"{level * 1e3:.1f}", "", *rounded(medians)))
+        print_row(f"median of {len(rows)}", f"{level * 1e3:.1f}", "", *rounded(medians))
     return 0 if by_noise else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

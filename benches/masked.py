@@ -11,7 +11,6 @@ views, "rest" what belongs to no stage.
 
 from __future__ import annotations
 
-import argparse
 import math
 import statistics
 import sys
@@ -20,7 +19,8 @@ from collections.abc import Iterator
 
 import strand
 from lib.collection import SHAPES
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.camera import FOCAL_LENGTH
 
@@ -67,11 +67,11 @@ def timed(synthetic: SyntheticScene) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--runs", type=int, default=7, metavar="N", help="of each scene (default: 7)")
     parser.add_argument("--only", metavar="TEXT", default="", help="scenes whose name holds this text")
     arguments = parser.parse_args()
-    print(head("views", "scenes", "median", "least", "most", "stages"))
+    print_head("views", "scenes", "median", "least", "most", "stages")
     for name, views, size in FIGURES:
         totals: list[float] = []
         scenes: list[dict[str, float]] = []
@@ -84,9 +84,9 @@ def main() -> int:
         stages = {k: statistics.median(one.get(k, 0.0) for one in scenes) for one in scenes for k in one}
         parts = ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items() if ms >= 0.05)
         middle = f"{statistics.median(totals):.0f}"
-        print(row(name, len(totals), middle, f"{min(totals):.0f}", f"{max(totals):.0f}", parts), flush=True)
+        print_row(name, len(totals), middle, f"{min(totals):.0f}", f"{max(totals):.0f}", parts)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

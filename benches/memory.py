@@ -10,9 +10,7 @@ and NumPy is in it.
 
 from __future__ import annotations
 
-import argparse
 import resource
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +18,8 @@ import numpy as np
 
 import strand
 from lib import collection
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SHAPES, Camera, scene
 
 STATUS = Path("/proc/self/status")
@@ -48,7 +47,7 @@ def measured(call: Callable[[int], object], calls: int) -> list[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--calls", type=int, default=500, metavar="N", help="of small scenes (default: 500)")
     calls = parser.parse_args().calls
     small = [
@@ -70,11 +69,11 @@ def main() -> int:
         "normals of the cloud": (lambda _: strand.estimate_normals(cloud, k=16), max(calls // 100, 1)),
         "small scenes again": (reconstruct, max(calls // 5, 1)),
     }
-    print(head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "most, MB"))
+    print_head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "most, MB")
     for name, (call, times) in work.items():
-        print(row(name, times, *measured(call, times)), flush=True)
+        print_row(name, times, *measured(call, times))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

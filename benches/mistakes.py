@@ -11,7 +11,6 @@ there is no wrong answer. Mistakes that no data can show are marked, and do not 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -22,7 +21,8 @@ from numpy.typing import NDArray
 import strand
 from lib.collection import SHAPES
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, cluttered_scene, scene
 
 Array = NDArray[np.float64]
@@ -185,14 +185,14 @@ def answered(given: Given, synthetic: SyntheticScene) -> Answer | str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=6, metavar="N", help="of each kind (default: 6)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--only", metavar="TEXT", default="", help="mistakes with TEXT in their name")
     parser.add_argument("--all", action="store_true", help="say what each answer says, too")
     arguments = parser.parse_args()
     scenes = list(victims(arguments.first, arguments.scenes))
-    print(head("mistake", "views", "answers", "wrong", "greatest confidence when wrong", "what is said"))
+    print_head("mistake", "views", "answers", "wrong", "greatest confidence when wrong", "what is said")
     worst = 0.0
     for mistake, make in MISTAKES.items():
         if arguments.only not in mistake:
@@ -219,10 +219,10 @@ def main() -> int:
                 worst = max(worst, wrong[0].confidence)
             sure = f"{wrong[0].confidence:.2f}{' (no witness)' if silent else ''}" if wrong else ""
             said = wrong[0].said if wrong else (errors or [""])[0]
-            print(row(mistake, kind, len(answers), len(wrong), sure, said), flush=True)
+            print_row(mistake, kind, len(answers), len(wrong), sure, said)
     print(f"\ngreatest confidence of a wrong answer that data could contradict: {worst:.2f}")
     return int(worst >= SURE)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -11,7 +11,6 @@ more than two seconds of processor time, and more than 200 MB of memory for one 
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import signal
@@ -27,6 +26,7 @@ import numpy as np
 
 import strand
 from lib.mutations import Kind, kinds, numbered
+from lib.results import make_parser, run_bench
 from lib.whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
 from strand import config
 from strand.support.files import FileFormatError
@@ -116,9 +116,7 @@ def stop(*_: object) -> None:
 
 def main() -> None:
     """Make, read, count."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--files", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, help="the number of one file")
@@ -190,4 +188,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_bench(main)

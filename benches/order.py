@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -29,7 +28,8 @@ import strand
 from fresh import KINDS, RELATIVE, draw
 from lib import collection
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.ropes.crossings import Crossing
 from strand.synthetic import SyntheticScene
 
@@ -231,7 +231,7 @@ def fresh(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many (default: 500)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write order.jsonl and order.png here")
@@ -249,35 +249,33 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.collection:
         records = []
-        print(head("scene", "topology", "true crossings", "found", "order right", "least probability"))
+        print_head("scene", "topology", "true crossings", "found", "order right", "least probability")
         for synthetic in collection.chosen(arguments):
             records.append(judge(synthetic))
             found = records[-1]["crossings"]
-            print(
-                row(
-                    records[-1]["scene"],
-                    "right" if records[-1]["right"] else "wrong",
-                    records[-1]["true"],
-                    len(found),
-                    sum(one["right"] for one in found),
-                    f"{min((one['probability'] for one in found), default=float('nan')):.4f}",
-                )
+            print_row(
+                records[-1]["scene"],
+                "right" if records[-1]["right"] else "wrong",
+                records[-1]["true"],
+                len(found),
+                sum(one["right"] for one in found),
+                f"{min((one['probability'] for one in found), default=float('nan')):.4f}",
             )
         print()
     else:
         records = fresh(arguments)
-    print(head("noise / r", "scenes", "topology right", "their crossings", "order right", "other way round"))
+    print_head("noise / r", "scenes", "topology right", "their crossings", "order right", "other way round")
     for counts in by_noise(records):
-        print(row(*counts))
+        print_row(*counts)
     print()
     rows = by_probability(records)
-    print(head("probability", "crossings", "said %", "right %"))
+    print_head("probability", "crossings", "said %", "right %")
     for low, high, count, said, right in rows:
-        print(row(f"{low:g}-{high:g}", count, f"{100 * said:.2f}", f"{100 * right:.2f}"))
+        print_row(f"{low:g}-{high:g}", count, f"{100 * said:.2f}", f"{100 * right:.2f}")
     if arguments.out:
         plot(rows, arguments.out / "order.png")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

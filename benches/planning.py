@@ -14,7 +14,6 @@ counts is how the simulated rope lies in the end, not what the planner says of i
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import sys
 import time
@@ -25,7 +24,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 
@@ -120,14 +120,14 @@ RIGHT = {"pick": _picked, "straighten": _straight, "untie": _apart}
 
 def main() -> None:
     """Run, count, and draw films if asked to."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, metavar="SEED")
     parser.add_argument("--views", type=int, default=3)
     parser.add_argument("--tasks", nargs="+", choices=RIGHT, default=list(RIGHT))
     parser.add_argument("--film", type=Path, metavar="DIR", help="draw a strip of each task's first run")
     options = parser.parse_args()
-    print(head("task", "chain", "done", "looks (median)", "seconds a look"))
+    print_head("task", "chain", "done", "looks (median)", "seconds a look")
     for task in options.tasks:
         for name, see in (("strand", planner.see), ("nearest points", nearest_points)):
             runs = []
@@ -143,11 +143,9 @@ def main() -> None:
                 statistics.median(values)
                 for values in zip(*((r.looks, r.seconds) for r in runs), strict=True)
             )
-            print(
-                row(task, name, f"{done} of {len(runs)}", looks, f"{seconds:.2f}"),
-                f"not done: {failed}" if failed else "",
-                flush=True,
-            )
+            print_row(task, name, f"{done} of {len(runs)}", looks, f"{seconds:.2f}")
+            if failed:
+                print(f"{task} by {name} failed with the seeds {failed}", file=sys.stderr, flush=True)
 
 
 def _draw(world: World, path: Path) -> None:
@@ -160,4 +158,4 @@ def _draw(world: World, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_bench(main)

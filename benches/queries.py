@@ -14,7 +14,6 @@ Open3D comes with the test packages. trimesh (with rtree) and coal are asked if 
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import os
 import statistics
@@ -32,7 +31,8 @@ import open3d as o3d  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 import strand  # noqa: E402
-from lib.tables import head, row  # noqa: E402
+from lib.results import make_parser, run_bench  # noqa: E402
+from lib.tables import print_head, print_row  # noqa: E402
 
 Array = NDArray[np.float64]
 RADIUS = 0.0042
@@ -178,7 +178,7 @@ def differs(query: str, answer: Array, expected: Array, chain: strand.Chain, que
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--points", type=int, nargs="+", default=[1, 1000, 100_000], help="queries in a call")
     parser.add_argument("--repeats", type=int, default=7, help="turns")
     parser.add_argument("--sides", type=int, default=16, help="vertices around the tube's mesh")
@@ -203,10 +203,10 @@ def main() -> int:
     for query in QUERIES:
         asks: dict[str, Any] = {name: peer[query] for name, peer in peers.items() if query in peer}
         print(f"\n{query}: microseconds for each query, and queries in a second\n")
-        print(head("queries in a call", *asks, "greatest difference, µm"))
+        print_head("queries in a call", *asks, "greatest difference, µm")
         for count in arguments.points:
             cells, apart = measured(query, asks, count, chain, arguments.repeats)
-            print(row(count, *cells, apart))
+            print_row(count, *cells, apart)
     return 0
 
 
@@ -235,4 +235,4 @@ def measured(
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_bench(main)

@@ -9,15 +9,14 @@ benches/lib/frames.py.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import defaultdict
 
 import numpy as np
 
 import strand
 from lib import collection, frames
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import format_head, print_head, print_row
 
 SIZES = (0.002, 0.003, 0.004, 0.006, 0.008, 0.010)  # metres
 SEEDS = 3
@@ -29,33 +28,33 @@ def worst(model: strand.Model, radius: float) -> float:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     arguments = parser.parse_args()
     by_noise = defaultdict(list)
     for scene in collection.chosen(arguments):
         model = strand.reconstruct(scene.views, None, scene.bounds)
         by_noise[scene.noise].append((worst(model, scene.radius), scene.name))
-    print(head("depth noise mm", "scenes", "error %, median", "worst"))
+    print_head("depth noise mm", "scenes", "error %, median", "worst")
     for noise, errors in sorted(by_noise.items()):
         largest, name = max(errors)
         middle = np.median([error for error, _ in errors])
-        print(row(f"{noise * 1e3:.1f}", len(errors), f"{middle:.2f}", f"{largest:.2f} ({name})"))
-    print(f"\n{head('radius mm', f'error %, median of {SEEDS}', 'worst')}")
+        print_row(f"{noise * 1e3:.1f}", len(errors), f"{middle:.2f}", f"{largest:.2f} ({name})")
+    print(f"\n{format_head('radius mm', f'error %, median of {SEEDS}', 'worst')}")
     for size in SIZES:
         errors = []
         for seed in range(SEEDS):
             scene = strand.synthetic.scene("paper", seed=seed, radius=size)
             errors.append(worst(strand.reconstruct(scene.views, None, scene.bounds), size))
-        print(row(f"{size * 1e3:.0f}", f"{np.median(errors):.2f}", f"{max(errors):.2f}"), flush=True)
-    print(f"\n{head('frame', 'radius mm', 'standard deviation mm', 'residual RMS mm')}")
+        print_row(f"{size * 1e3:.0f}", f"{np.median(errors):.2f}", f"{max(errors):.2f}")
+    print(f"\n{format_head('frame', 'radius mm', 'standard deviation mm', 'residual RMS mm')}")
     for frame in frames.names():
         model = strand.reconstruct([frames.view(frame)], ropes=1, keep_stages=True)
         chain, fit = model.chains[0], model.stages["fit"]
         residual = np.sqrt((fit.residual[fit.inlier] ** 2).mean())
-        print(row(frame, *(f"{value * 1e3:.2f}" for value in (chain.radius, chain.radius_sd, residual))))
+        print_row(frame, *(f"{value * 1e3:.2f}" for value in (chain.radius, chain.radius_sd, residual)))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

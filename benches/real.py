@@ -9,8 +9,6 @@ bridges a gap in red.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,8 @@ from matplotlib.figure import Figure
 
 import strand
 from lib import frames
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 
 RADIUS = 0.0038  # metres
 
@@ -50,7 +49,7 @@ def draw(models: dict[str, strand.Model], path: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write real.png here")
     parser.add_argument(
         "--frames",
@@ -63,7 +62,7 @@ def main() -> int:
     parser.add_argument("--masks", action="store_true", help="give the pixels with depth as masks")
     arguments = parser.parse_args()
     lengths = ("length mm", "bridged mm", "median distance from the tube mm")
-    print(head("frame", "points", "chains", *lengths, "confidence"))
+    print_head("frame", "points", "chains", *lengths, "confidence")
     models = {}
     for frame in arguments.frames:
         view = frames.view(frame, arguments.masks)
@@ -75,11 +74,11 @@ def main() -> int:
             f"{chain.bridged.mean() * chain.length * 1e3:.0f}",
             f"{np.median(off) * 1e3:.2f}",
         )
-        print(row(frame, len(view.points), len(model.chains), *millimetres, f"{model.confidence:.2f}"))
+        print_row(frame, len(view.points), len(model.chains), *millimetres, f"{model.confidence:.2f}")
     if arguments.out:
         draw(models, arguments.out / "real.png")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

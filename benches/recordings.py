@@ -8,16 +8,15 @@ of its own; memory is the peak of that process above what it takes before the fi
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import re
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 from lib.bag_files import FORMATS, film, write
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand import Recording, synthetic
 
 NAMES = {"ros1": "ROS 1 bag", "sqlite3": "ROS 2 bag (SQLite)", "mcap": "MCAP"}
@@ -40,15 +39,13 @@ def read(path: Path, world: str | None, results: multiprocessing.SimpleQueue) ->
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--frames", type=int, nargs="+", default=[50, 500])
     parser.add_argument("--size", type=int, nargs=2, default=[640, 480], metavar=("WIDTH", "HEIGHT"))
     arguments = parser.parse_args()
     scene = synthetic.scene("paper", camera=synthetic.Camera(size=tuple(arguments.size)))
     context = multiprocessing.get_context("spawn")
-    print(head("recording", "poses", "frames", "file MB", "memory MB", "ms a frame"))
+    print_head("recording", "poses", "frames", "file MB", "memory MB", "ms a frame")
     for kind in FORMATS:
         for frames in arguments.frames:
             with tempfile.TemporaryDirectory() as folder:
@@ -61,12 +58,9 @@ def main() -> int:
                     child.join()
                     count, memory, spent = results.get()
                     poses = "none" if world is None else "TF"
-                    print(
-                        row(NAMES[kind], poses, count, f"{size / 1e6:.0f}", f"{memory:.0f}", f"{spent:.1f}"),
-                        flush=True,
-                    )
+                    print_row(NAMES[kind], poses, count, f"{size / 1e6:.0f}", f"{memory:.0f}", f"{spent:.1f}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

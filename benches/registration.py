@@ -20,8 +20,6 @@ or, without it, of those of benches/lib/collection.py.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +31,8 @@ from scipy.spatial.transform import Rotation
 
 import strand
 from lib import collection
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import format_head, print_row
 from strand.config import Poses
 from strand.synthetic import SyntheticScene, camera_pose, render_depth, sense
 
@@ -209,7 +208,7 @@ def _places(nodes: Array) -> Array:
 def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None:
     """Print a row for each group of scenes: the medians of every method, side by side."""
     columns = ("across mm", "along mm", "fixed mm", "fixed ° (expected)", "open mm", "curve mm", "no answer")
-    print(f"\n{head(title, *columns)}")
+    print(f"\n{format_head(title, *columns)}")
     for name, scenes in groups.items():
         cells = []
         for column, scale in ((0, 1e3), (1, 1e3), (2, 1e3), (3, np.degrees(1.0)), (5, 1e3)):
@@ -220,7 +219,7 @@ def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None
         curves = {method: [scene[method].curve for scene in scenes] for method in METHODS}
         cells.append(" / ".join(f"{np.nanmedian(curve) * 1e3:.2f}" for curve in curves.values()))
         cells.append(" / ".join(str(int(np.isnan(curve).sum())) for curve in curves.values()))
-        print(row(name, *cells), flush=True)
+        print_row(name, *cells)
 
 
 def _median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: float) -> str:
@@ -229,7 +228,7 @@ def _median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: f
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     seeds = "scenes of each shape and spread (default: 6)"
     parser.add_argument("--seeds", type=int, default=6, metavar="N", help=seeds)
@@ -254,4 +253,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -8,16 +8,15 @@ take turns. The radius and the number of ropes are told. A picture is drawn of e
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 from lib.judging import all_judged, summary
+from lib.results import make_parser, run_bench
 from strand.synthetic import ROUGH, rough_scene
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=10, metavar="N", help="of each kind (default: 10)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--only", choices=ROUGH, metavar="KIND", help=f"one of {', '.join(ROUGH)}")
@@ -34,4 +33,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -10,8 +10,6 @@ several ways to part and join them by fitting each. What is joined is fitted to 
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,7 +17,8 @@ import numpy as np
 import strand
 from lib import collection
 from lib.measure import measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.config import Config, Reconnection
 from strand.geometry.polyline import path_length
 from strand.reconstruction.courses import Chains
@@ -70,10 +69,10 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     arguments = parser.parse_args()
-    print(head("scene", "ropes", "arcs", "paper's rule", "matching", "decision"))
+    print_head("scene", "ropes", "arcs", "paper's rule", "matching", "decision")
     right, total = np.zeros(3, dtype=int), 0
     for scene in collection.chosen(arguments):
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, keep_stages=True)
@@ -85,11 +84,11 @@ def main() -> int:
         ]
         found = [measured(answer, scene.truth, scene.radius) for answer in answers]
         said = ["right" if each.right else f"wrong, {each.chains} ropes" for each in found]
-        print(row(scene.name, len(scene.truth), len(arcs), *said), flush=True)
+        print_row(scene.name, len(scene.truth), len(arcs), *said)
         right, total = right + [each.right for each in found], total + 1
     print(f"\nTopology right on {right[0]}, {right[1]} and {right[2]} of {total} scenes.")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

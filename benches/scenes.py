@@ -25,7 +25,8 @@ import numpy as np
 import strand
 from lib import collection
 from lib.measure import Measure, measured
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene
 
 
@@ -45,7 +46,7 @@ def reconstructed(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple
 def said(name: str, found: Measure, confidence: float, milliseconds: float) -> str:
     """A row of the table."""
     crossings = found.crossings
-    return row(
+    return format_row(
         name,
         "right" if found.right else "wrong",
         f"{found.chains} of {found.ropes}",
@@ -69,7 +70,7 @@ def digest(answers: Iterable[tuple[str, list[np.ndarray]]]) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     collection.add_arguments(parser)
     parser.add_argument("--published", action="store_true", help="use Config.published()")
     parser.add_argument("--estimate-radius", action="store_true", help="do not tell the radius")
@@ -92,7 +93,7 @@ def main() -> int:
         "confidence",
         "ms",
     )
-    print(head(*titles))
+    print_head(*titles)
     answers, measures = [], []
     by_noise: dict[float, list[float]] = defaultdict(list)
     sure_and_wrong = 0.0
@@ -117,14 +118,12 @@ def main() -> int:
     print(f"over and under at {over} of {crossings} crossings.")
     if right < len(measures) and not arguments.published:
         print(f"The highest confidence of a wrong answer is {sure_and_wrong:.2f}.")
-    print(f"\n{head('depth noise mm', 'scenes', 'RMS mm, median', 'worst')}")
+    print(f"\n{format_head('depth noise mm', 'scenes', 'RMS mm, median', 'worst')}")
     for noise, errors in sorted(by_noise.items()):
-        print(
-            row(f"{noise * 1e3:.1f}", len(errors), f"{statistics.median(errors):.3f}", f"{max(errors):.3f}")
-        )
+        print_row(f"{noise * 1e3:.1f}", len(errors), f"{statistics.median(errors):.3f}", f"{max(errors):.3f}")
     print(f"\nSHA-256 of the nodes: {digest(answers)}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -10,7 +10,6 @@ the number of ropes are told. A picture is drawn of each scene that is not right
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
 import sys
@@ -23,6 +22,7 @@ import numpy as np
 from lib import collection
 from lib.collection import SHAPES
 from lib.judging import all_judged, summary
+from lib.results import make_parser, run_bench
 from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.camera import FOCAL_LENGTH
 
@@ -83,7 +83,7 @@ def read(folder: Path, only: str) -> Iterator[tuple[str, SyntheticScene]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("folder", metavar="DIR", type=Path, nargs="?", help="a folder of .npz scenes")
     parser.add_argument("--only", metavar="TEXT", default="", help="scenes whose name holds this text")
     parser.add_argument("--estimate-radius", action="store_true", help="do not tell the radius")
@@ -117,4 +117,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

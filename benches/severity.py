@@ -15,13 +15,11 @@ done again.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import json
 import math
 import signal
-import sys
 import time
 import zlib
 from collections.abc import Sequence
@@ -35,7 +33,8 @@ from lib import pictures
 from lib.judging import SURE
 from lib.measure import measured
 from lib.perturbations import FOREIGN, KINDS, Given, Kind
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import format_head, format_row
 from strand.synthetic import Noise, SyntheticScene, random_ropes, scene
 
 PATIENCE = 8  # seconds of processor time after which there is no answer
@@ -117,13 +116,13 @@ def shares(records: Sequence[dict[str, Any]]) -> tuple[int, int, int]:
 
 def table(records: Sequence[dict[str, Any]]) -> str:
     """A row for each kind and strength, and one for all."""
-    lines = [head("what is wrong", "by", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")]
+    lines = [format_head("what is wrong", "by", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")]
     for name, kind in KINDS.items():
         for strength in kind.strengths:
             some = [r for r in records if r["kind"] == name and r["strength"] == strength]
             if some:
-                lines.append(row(name, said(kind, strength), len(some), *shares(some)))
-    lines.append(row("all", "", len(records), *shares(records)))
+                lines.append(format_row(name, said(kind, strength), len(some), *shares(some)))
+    lines.append(format_row("all", "", len(records), *shares(records)))
     return "\n".join(lines)
 
 
@@ -139,7 +138,7 @@ def said(kind: Kind, strength: float) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=30, metavar="N", help="of each strength (default: 30)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
     parser.add_argument("--only", default="", metavar="TEXT", help="kinds whose name holds this text")
@@ -180,4 +179,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -11,10 +11,8 @@ line through the second half of them. The exit code is 1 if an answer differs or
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import hashlib
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -22,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import strand
+from lib.results import make_parser, run_bench
 from strand.synthetic import SHAPES, Camera, Noise, random_ropes, scene
 
 SMALL = (160, 120)  # pixels
@@ -69,7 +68,7 @@ def resident() -> float:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", type=int, default=2000, metavar="N", help="(default: 2000)")
     parser.add_argument("--threads", type=int, default=4, metavar="N", help="(default: 4)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
@@ -102,4 +101,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

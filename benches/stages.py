@@ -9,14 +9,13 @@ then the quickest: on a busy machine it says more. Stages are medians.
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import sys
 import time
 
 import strand
 from lib import collection
-from lib.tables import head, row
+from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene
 
 SCENES = ("paper_0.7mm", "paper_fine")
@@ -36,12 +35,12 @@ def timed(scene: SyntheticScene, config: strand.Config) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = make_parser(__doc__)
     scenes = f"names or .npz files (default: {' '.join(SCENES)})"
     parser.add_argument("scenes", metavar="SCENE", nargs="*", default=SCENES, help=scenes)
     parser.add_argument("--runs", type=int, default=15, metavar="N", help="of each (default: 15)")
     arguments = parser.parse_args()
-    print(head("scene", "method", "total", "quickest", "stages"))
+    print_head("scene", "method", "total", "quickest", "stages")
     for scene in map(collection.scene, arguments.scenes):
         for name, config in METHODS.items():
             runs = [timed(scene, config) for _ in range(arguments.runs)]
@@ -49,9 +48,9 @@ def main() -> int:
             stages = {stage: statistics.median(run[stage] for run in runs) * 1e3 for stage in runs[0]}
             parts = ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items())
             median, least = f"{statistics.median(totals):.0f}", f"{min(totals):.0f}"
-            print(row(scene.name, name, median, least, parts), flush=True)
+            print_row(scene.name, name, median, least, parts)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_bench(main)

@@ -14,7 +14,7 @@ import numpy as np
 import strand
 from lib import pictures
 from lib.measure import Crossings, measured
-from lib.tables import head, row
+from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene, scene
 
 SURE = 0.9  # a confidence from which on an answer is said to be sure
@@ -127,23 +127,20 @@ def all_judged(
     # what is loaded and started once belongs to no scene
     warm = scene("straight", views=1)
     strand.reconstruct(warm.views, warm.radius, warm.bounds)
-    print(head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms"))
+    print_head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms")
     results = []
     for synthetic in scenes:
         found, chains = judged(synthetic, tell_radius=tell_radius, tell_ropes=tell_ropes)
         results.append(found)
-        print(
-            row(
-                found.scene,
-                "right" if found.right else "near" if found.near else "wrong",
-                f"{found.found} of {found.ropes}",
-                f"{found.frechet:.2f}",
-                f"{found.rms * 1e3:.2f}",
-                f"{found.crossings.right} of {found.crossings.true}",
-                f"{found.confidence:.2f}",
-                f"{found.seconds * 1e3:.0f}",
-            ),
-            flush=True,
+        print_row(
+            found.scene,
+            "right" if found.right else "near" if found.near else "wrong",
+            f"{found.found} of {found.ropes}",
+            f"{found.frechet:.2f}",
+            f"{found.rms * 1e3:.2f}",
+            f"{found.crossings.right} of {found.crossings.true}",
+            f"{found.confidence:.2f}",
+            f"{found.seconds * 1e3:.0f}",
         )
         if folder is not None and not found.right:
             pictures.draw(synthetic, chains, folder / f"{found.scene}.png")
@@ -155,7 +152,7 @@ def summary(
 ) -> str:
     """Return a table with a row for each group of scenes that has any, and one for all."""
     lines = [
-        head(
+        format_head(
             what,
             "scenes",
             "right",
@@ -175,7 +172,7 @@ def summary(
             continue
         milliseconds = [found.seconds * 1e3 for found in group]
         lines.append(
-            row(
+            format_row(
                 name,
                 len(group),
                 sum(found.right for found in group),

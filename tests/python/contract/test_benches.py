@@ -16,7 +16,7 @@ import pytest
 
 import fresh
 import strand
-from lib import collection, frames, judging
+from lib import collection, frames, judging, results
 
 BENCHES = Path(collection.__file__).parents[1]
 SCRIPTS = [path.name for path in sorted(BENCHES.glob("*.py")) if "def main()" in path.read_text()]
@@ -66,6 +66,20 @@ def test_every_bench_says_how_it_is_used(script, usages):
     code, said = usages[str(BENCHES / script)]
     assert code == 0
     assert f"usage: {script}" in said
+
+
+def test_output_is_kept_by_its_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(results, "RESULTS", tmp_path)
+    for name, text in (("one", "| a |"), ("two", "| b |"), ("one", "| c |")):
+        monkeypatch.setattr("sys.argv", ["some/bench.py", "--write", "--only", name])
+        with pytest.raises(SystemExit, match="0"):
+            results.run_bench(lambda text=text: print(text) or 0)
+    assert capsys.readouterr().out == "| a |\n| b |\n| c |\n"
+    _, *sections = (tmp_path / "bench.md").read_text().split("\n## ")
+    assert sections == [
+        "`python benches/bench.py --only one`\n\n| c |\n",
+        "`python benches/bench.py --only two`\n\n| b |\n",
+    ]
 
 
 def test_the_same_answers_have_the_same_digest(tmp_path):
