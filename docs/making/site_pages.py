@@ -26,6 +26,8 @@ PAGES = {
 LINK = re.compile(r"\[([^][]*)\]\((?!\w+:)([^()#\s]+)(#[^()\s]*)?\)")
 # attributes whose addresses a browser fetches
 FETCHED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("link", "href")}
+RESULTS = sorted((ROOT / "benches" / "results").glob("*.md"))
+PAGES |= {path.relative_to(ROOT).as_posix(): f"results/{path.name}" for path in RESULTS}
 log = logging.getLogger("mkdocs.plugins.site")
 
 

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ import strand
 from lib import collection, frames, judging, results
 
 BENCHES = Path(collection.__file__).parents[1]
+ROOT = BENCHES.parent
 SCRIPTS = [path.name for path in sorted(BENCHES.glob("*.py")) if "def main()" in path.read_text()]
 
 
@@ -66,6 +68,29 @@ def test_every_bench_says_how_it_is_used(script, usages):
     code, said = usages[str(BENCHES / script)]
     assert code == 0
     assert f"usage: {script}" in said
+
+
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")), *sorted(BENCHES.rglob("*.md"))]
+COMMANDS = sorted(
+    {
+        command
+        for page in PAGES
+        for command in re.findall(r"`(python benches/[^`]+)`", page.read_text(encoding="utf-8"))
+    }
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_of_pages_are_those_of_the_benches(command, usages):
+    _, script, *options = shlex.split(command.split("#")[0])
+    _, said = usages[str(ROOT / script)]
+    assert [option for option in options if option.startswith("--") and option not in said] == []
+
+
+def test_there_are_tables_of_most_benches():
+    kept = {path.stem for path in (BENCHES / "results").glob("*.md")}
+    assert kept < {Path(script).stem for script in SCRIPTS}
+    assert len(kept) > 20
 
 
 def test_output_is_kept_by_its_command(tmp_path, monkeypatch, capsys):

@@ -88,9 +88,17 @@ def test_the_files_that_the_architecture_names_exist():
     assert [name for name in files if not any((place / name).exists() for place in places)] == []
 
 
-@pytest.mark.parametrize("command", ["python benches/scenes.py\n", "python benches/scenes.py --published\n"])
+@pytest.mark.parametrize("command", ["python benches/scenes.py", "python benches/scenes.py --published"])
 def test_tables_of_scenes_have_all_scenes_of_the_collection(command):
-    after = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8").split(command, 1)[1]
-    table = after.split("\n\n", 2)[1].splitlines()
+    page = ROOT / "benches" / "results" / "scenes.md"
+    after = page.read_text(encoding="utf-8").split(f"## `{command}`\n\n", 1)[1]
+    table = after.split("\n\n", 1)[0].splitlines()
     assert table[0].startswith("| scene | topology |")
     assert [row.split("|")[1].strip() for row in table[2:]] == list(collection.names())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_files_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"`((?:tests|benches|docs|examples|packaging|rust|python/strand)/[\w./]+)`", text)
+    assert [name for name in named if "NAME" not in name and not (ROOT / name).exists()] == []
