@@ -193,7 +193,7 @@ def _heights_above_table(image: DepthImage, rows: _Indices, columns: _Indices, r
     table = find_table_beside_ropes(image, radius)
     if table is None:
         return np.empty(0)
-    return table.heights(image.lift(rows, columns, image.depth[rows, columns]))
+    return table.measure_heights(image.lift(rows, columns, image.depth[rows, columns]))
 
 
 def _heights_above_sides(

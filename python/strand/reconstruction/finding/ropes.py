@@ -24,7 +24,7 @@ _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
 
 class NoRopeError(NotEnoughDataError):
-    """What stands on the table is no rope.
+    """No rope stands on the table.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What stands above the table in a view's image."""
+"""Pixels of a view's image that stand above the table."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def find_tabletop(image: DepthImage) -> Tabletop | None:
         return None
     plane = Plane(found.normal, found.offset + float(found.normal @ camera))
     v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
-    above = np.where(seen, plane.heights(image.lift(v, u, image.depth)), 0.0)
+    above = np.where(seen, plane.measure_heights(image.lift(v, u, image.depth)), 0.0)
     return Tabletop(image.masked(_segment_standing(above, seen, -found.offset)), plane, above)
 
 

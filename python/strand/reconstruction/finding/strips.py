@@ -130,7 +130,7 @@ def _select_around(
     if not things.any():
         return found
     rows, columns = np.nonzero(image.mask & (image.depth > 0))
-    plan = image.lift(rows, columns, image.depth[rows, columns]) @ table.axes()
+    plan = image.lift(rows, columns, image.depth[rows, columns]) @ table.axes
     margin = int(_BESIDE) + 1
     low, high = plan.min(axis=0), plan.max(axis=0)
     # a wrong unit may spread a view over kilometres

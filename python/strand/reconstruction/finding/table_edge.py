@@ -53,7 +53,7 @@ def doubt_ends_at_edge(
 
 def _count_below(view: View, table: Plane, end: Array, radius: float) -> int:
     """Return how many points near an end lie clearly below a table."""
-    heights = table.heights(_select_near(view, end, _REACH * radius))
+    heights = table.measure_heights(_select_near(view, end, _REACH * radius))
     on_table = np.abs(heights[np.abs(heights) < _BELOW * radius])
     scatter = _DEVIATION_OF_MEDIAN * float(np.median(on_table)) if len(on_table) else 0.0
     return int(np.count_nonzero(heights < -max(_BELOW * radius, _DEVIATIONS * scatter)))

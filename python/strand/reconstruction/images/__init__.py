@@ -1,1 +1,1 @@
-"""Ropes read from images: the mask says how they may run, depth decides what it can."""
+"""Ropes read from images: masks limit their courses, and depth chooses among these."""

@@ -102,7 +102,7 @@ def _see_beside_masks(observed: Observed) -> tuple[list[bool], float, list[Depth
 
 def _shows_table(view: View, table: Plane, radius: float) -> bool:
     """Tell whether many points of a view lie on a table."""
-    return float(np.mean(table.heights(view.world_points) < _LOW * radius)) >= _MIN_TABLE_SHARE
+    return float(np.mean(table.measure_heights(view.world_points) < _LOW * radius)) >= _MIN_TABLE_SHARE
 
 
 def mask_above_table(
@@ -161,7 +161,7 @@ def measure_heights(
     seen = z > 0
     rows, columns = np.mgrid[:height, :width]
     world = image.lift(rows, columns, z)
-    above = table.heights(world)
+    above = table.measure_heights(world)
     if bounds is not None:
         # where a rope's axis would be, whatever the noise
         axis = world + (radius - above)[..., None] * table.normal
@@ -173,9 +173,9 @@ def measure_heights(
 def smooth_where_seen(
     values: Array, seen: NDArray[np.bool_], deviation: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return a Gaussian mean of the pixels that are seen around each, and the share of the weight these have.
+    """Return Gaussian means of the values that are seen, and the share of the weight that these have.
 
-    The Gaussian has a standard deviation in pixels.
+    The standard deviation is in pixels.
     """
     kernel = make_gaussian_kernel(deviation)
     shares = _core.convolved(seen.astype(np.float32), kernel)

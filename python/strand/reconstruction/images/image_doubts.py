@@ -110,7 +110,7 @@ def find_doubts(
 
 
 def doubt_wide_masks(taken: Sequence[DepthImage], images: RopeImages, radius: float) -> Iterator[Doubt]:
-    """Doubt a radius, metres, for which masks are too wide: it may be wrong, or the masks."""
+    """Doubt a radius, metres, for which masks are too wide: the radius or the masks may be wrong."""
     wider = [
         pixels - radius * image.camera.focal[0] / image.distance
         for image, pixels in zip(taken, images.radii, strict=True)

@@ -59,4 +59,4 @@ def _measure_height(image: DepthImage, axis: Array, table: Plane) -> float:
     z = image.depth[rows, columns]
     seen = z > 0
     world = image.lift(rows[seen], columns[seen], z[seen])
-    return float(np.median(table.heights(world))) if len(world) else 0.0
+    return float(np.median(table.measure_heights(world))) if len(world) else 0.0

@@ -61,7 +61,7 @@ FindTubes = Callable[[Observed, Config, Run], Found]
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What all fits share."""
+    """Arguments that all fits share."""
 
     table: Plane
     held: int

@@ -60,10 +60,11 @@ class Plane(NamedTuple):
     normal: Array
     offset: float
 
-    def heights(self, points: Array) -> Array:
-        """(...) How far (..., 3) points are above the plane, metres."""
+    def measure_heights(self, points: Array) -> Array:
+        """Return how far (..., 3) points are above the plane, (...) metres."""
         return np.asarray(points @ self.normal - self.offset)
 
+    @property
     def axes(self) -> Array:
         """(3, 2) Two unit vectors at right angles in the plane."""
         aside = np.cross(np.eye(3)[np.abs(self.normal).argmin()], self.normal)
@@ -82,7 +83,7 @@ def find_table(points: Array) -> Plane | None:
     if found is None or found[1] < _MIN_TABLE_SHARE:
         return None
     plane, _ = found
-    on_plane = np.abs(plane.heights(points)) < _TABLE_WIDTH * np.linalg.norm(points, axis=1)
+    on_plane = np.abs(plane.measure_heights(points)) < _TABLE_WIDTH * np.linalg.norm(points, axis=1)
     return plane if _is_wide(points[on_plane], plane) else None
 
 
@@ -106,7 +107,7 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     compared = points[rng.integers(0, len(points), min(_MAX_POINTS_COMPARED, len(points)))]
     corners = points[rng.integers(0, len(points), (_PLANES, 3))]
     lengths = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2)
-    best = _best_plane(corners, compared, width, _MIN_SINE * lengths.prod(axis=1))
+    best = _select_plane(corners, compared, width, _MIN_SINE * lengths.prod(axis=1))
     if best is None:
         return None
     normal, offset = best
@@ -121,7 +122,7 @@ def find_largest_plane(points: Array) -> tuple[Plane, float] | None:
     if offset > 0.0:
         normal, offset = -normal, -offset
     plane = Plane(normal, offset)
-    return plane, float(np.mean(np.abs(plane.heights(points)) < width))
+    return plane, float(np.mean(np.abs(plane.measure_heights(points)) < width))
 
 
 def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
@@ -129,13 +130,13 @@ def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
 
     It is the plane that most points beside the mask lie on, to within a rope's radius.
     """
-    points = _points_beside(image, radius)
+    points = _select_beside(image, radius)
     if len(points) < _MIN_POINTS_BESIDE:
         return None
     rng = np.random.default_rng(_SEED)
     corners = points[rng.integers(0, len(points), (_PLANES_BESIDE, 3))]
     width = _WIDTH_BESIDE * radius
-    best = _best_plane(corners, points[::_EACH_BESIDE], width, _MIN_AREA)
+    best = _select_plane(corners, points[::_EACH_BESIDE], width, _MIN_AREA)
     if best is None:
         return None
     normal, offset = best
@@ -152,10 +153,10 @@ def find_table_beside_ropes(image: DepthImage, radius: float) -> Plane | None:
     return Plane(normal, float(normal @ middle))
 
 
-def _best_plane(
+def _select_plane(
     corners: Array, points: Array, width: float, min_area: Array | float
 ) -> tuple[Array, float] | None:
-    """Return the plane through three of the (N, 3, 3) corners that most points are nearer to than `width`."""
+    """Return normal and offset of the plane, through (N, 3, 3) corners, with most points within a width."""
     edges = corners[:, 1:] - corners[:, :1]
     normals = np.cross(edges[:, 0], edges[:, 1])
     areas = np.linalg.norm(normals, axis=1)
@@ -178,7 +179,7 @@ def _best_plane(
 
 
 def _fit_plane(points: Array) -> tuple[Array, Array, Array]:
-    """Return the mean of points, the points from there, and the normal of the plane nearest to them."""
+    """Return the mean of points, the points relative to it, and the normal of their least-squares plane."""
     middle = points.mean(axis=0)
     from_middle = points - middle
     return middle, from_middle, np.linalg.eigh(from_middle.T @ from_middle)[1][:, 0]
@@ -186,7 +187,7 @@ def _fit_plane(points: Array) -> tuple[Array, Array, Array]:
 
 def _is_wide(points: Array, plane: Plane) -> bool:
     """Tell whether points on a plane lie side by side, wider than ropes do."""
-    plan = points @ plane.axes()
+    plan = points @ plane.axes
     side = _CELL * float(np.median(np.linalg.norm(points, axis=1)))
     cells = np.floor((plan - plan.min(axis=0)) / side).astype(np.int64)
     size = cells.max(axis=0) + 3
@@ -198,8 +199,8 @@ def _is_wide(points: Array, plane: Plane) -> bool:
     return inner >= _MIN_INNER_CELLS and inner >= _MIN_INNER_SHARE * int(np.count_nonzero(taken))
 
 
-def _points_beside(image: DepthImage, radius: float) -> Array:
-    """(N, 3) Points, world frame, of pixels around the ropes but not next to them."""
+def _select_beside(image: DepthImage, radius: float) -> Array:
+    """(N, 3) Return points, world frame, of pixels around the ropes but not next to them."""
     rows, columns = (np.flatnonzero(image.mask.any(axis=axis)) for axis in (1, 0))
     far = float(np.median(image.depth[image.mask]))
     height, width = image.mask.shape

@@ -19,7 +19,7 @@ def tilted(seed, count=6000, things=2000, noise=0.001):
     normal = np.array([0.3, -0.6, -1.0]) + 0.3 * rng.normal(size=3)
     normal /= np.linalg.norm(normal)
     middle = np.array([0.0, 0.0, 0.8])
-    plan = rng.uniform(-0.4, 0.4, (count, 2)) @ Plane(normal, 0.0).axes().T
+    plan = rng.uniform(-0.4, 0.4, (count, 2)) @ Plane(normal, 0.0).axes.T
     table = middle + plan + rng.normal(scale=noise, size=(count, 1)) * normal
     above = middle + rng.uniform(-0.1, 0.1, (things, 3)) + 0.15 * normal
     return np.vstack([table, above]), normal, float(normal @ middle)
