@@ -28,12 +28,12 @@ from strand.reconstruction.published.reconnection import reconnect
 from strand.reconstruction.published.splitting import Split
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Run
-from strand.reconstruction.tubes.chaining import chained
+from strand.reconstruction.tubes.chaining import chain_arcs
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
-from strand.reconstruction.tubes.join_costs import join_costs
-from strand.reconstruction.tubes.matching import matched
+from strand.reconstruction.tubes.join_costs import price_joins
+from strand.reconstruction.tubes.matching import match_ends
 from strand.reconstruction.tubes.pixels import Cameras
-from strand.reconstruction.tubes.tube_ends import extents
+from strand.reconstruction.tubes.tube_ends import find_extents
 from strand.reconstruction.tubes.whole_ropes import fit_ropes
 from strand.synthetic import SyntheticScene
 from strand.views.view import cropped
@@ -41,13 +41,13 @@ from strand.views.view import cropped
 
 def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> Chains:
     joins = reconnect(Split((), (), tuple(arcs), ()), radius, None, Reconnection()).joins
-    return chained(arcs, joins, JoinEvidence(radius, Config().linking))
+    return chain_arcs(arcs, joins, JoinEvidence(radius, Config().linking))
 
 
 def by_the_matching(arcs: Sequence[np.ndarray], radius: float) -> Chains:
     evidence = JoinEvidence(radius, Config().linking)
-    joins, _ = matched(join_costs(arcs, evidence), evidence.config.free_end)
-    return chained(arcs, joins, evidence)
+    joins, _ = match_ends(price_joins(arcs, evidence), evidence.config.free_end)
+    return chain_arcs(arcs, joins, evidence)
 
 
 def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[np.ndarray]:
@@ -64,7 +64,7 @@ def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[n
     cameras = Cameras(seen, scene.views)
     radii, run = Radii.from_caller(scene.radius), Run(None)
     fit, _, _ = fit_ropes(clouds, cameras, ropes, closed, model.stages["fit"], radii, None, config, run)
-    parts = [part for part in extents(fit, exclusive=True) if part is not None]
+    parts = [part for part in find_extents(fit, exclusive=True) if part is not None]
     return [part.at(part.spaced(0.25 * scene.radius))[0] for part in parts]
 
 

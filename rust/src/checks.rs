@@ -1,4 +1,4 @@
-//! Checks of arguments that several kernels share.
+//! The checks of arguments that all kernels share.
 
 use crate::error::{Error, Result};
 

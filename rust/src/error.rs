@@ -1,4 +1,4 @@
-//! Errors of the kernels.
+//! What can go wrong.
 
 /// Why a kernel gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! Vectors, rigid motions, curves, boxes and plans.
+//! Vectors, rigid motions, curves and boxes.
 
 pub mod arclength;
 pub mod banded;

@@ -1,4 +1,4 @@
-//! Stages that only the published method uses.
+//! The stages of the published method that only it uses.
 
 pub mod centerline;
 pub mod chain;

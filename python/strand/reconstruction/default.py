@@ -23,8 +23,8 @@ from strand.reconstruction.images.method import Interpretation, make_answer, rea
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
 from strand.reconstruction.stages import Found, Observed, Run
-from strand.reconstruction.tubes import view_bias as of_tubes
 from strand.reconstruction.tubes.method import find_chains as find_tubes
+from strand.reconstruction.tubes.view_bias import find_bias_doubts
 from strand.reconstruction.wide_surfaces import describe_surface
 from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
@@ -77,7 +77,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     against = [
         *find_mistakes(used.whole, ropes, used.views, used.bounds, used.radius),
         *systematic.doubts(used, found, config),
-        *of_tubes.doubts(used, found),
+        *find_bias_doubts(used, found),
     ]
     against = [doubt for doubt in against if doubt.amount > _LEAST]
     run.warnings.extend(

@@ -1,4 +1,4 @@
-//! The outlier filter: drops points with too few neighbours within a searching radius (section IV-A).
+//! Outlier filter: drop points with too few neighbours within a searching radius (section IV-A).
 //!
 //! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
@@ -12,18 +12,13 @@ use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{Singles, kernel};
 
-/// Returns which points have at least `min_neighbors` other points within `radius`, metres.
+/// Which points have at least `min_neighbors` other points within `radius`.
 ///
-/// Points on the boundary count, and coincident points count each other. An empty cloud gives an empty mask.
+/// A point on the boundary counts; coincident points count each other. An empty cloud gives an empty mask.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
-///
-/// ```
-/// let points = [[0.0; 3], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0]];
-/// assert_eq!(strand::radius_outlier_mask(&points, 0.02, 1)?, [true, true, false]);
-/// # Ok::<(), strand::Error>(())
-/// ```
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not
+/// positive.
 pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) -> Result<Vec<bool>> {
     check(points, radius)?;
     // the point itself is found as well
@@ -32,7 +27,7 @@ pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) 
     Ok(map(points, radius, known, |count| count >= wanted))
 }
 
-/// Counts the other points within `radius` of each point.
+/// How many other points lie within `radius` of each point.
 ///
 /// # Errors
 /// As [`radius_outlier_mask`].
@@ -47,12 +42,12 @@ fn check(points: &[Point], radius: f64) -> Result<()> {
     check_positive("radius", radius)
 }
 
-/// Width of a cell, radii.
+/// Cells to a radius.
 const CELLS: f64 = 1.0;
 
-/// Answers for each point from the number of points within the radius, the point itself included.
+/// `answer` for each point from how many points, itself included, lie within the radius.
 ///
-/// `known` may answer early from lower and upper limits of that number.
+/// `known` may answer from a lower and an upper limit of that number.
 fn map<T: Send + Copy + Default>(
     points: &[Point],
     radius: f64,
@@ -88,8 +83,8 @@ fn map<T: Send + Copy + Default>(
 }
 
 kernel! {
-    /// For each point of a batch, counts the points that are certainly within a radius, and those that may be; None
-    /// where cells are crowded.
+    /// How many points are surely within a radius of each point of a batch, and how many may be; nothing where cells are
+    /// crowded.
     fn count_around<S>(
         simd,
         cells: &Cells,
@@ -114,7 +109,7 @@ kernel! {
     }
 }
 
-/// Counts the points within a radius in double precision.
+/// The number of points within a radius, in double precision.
 #[cold]
 fn exactly(cells: &Cells, position: usize, radius: f64, around: &Around) -> usize {
     let center = cells.point(position);

@@ -1,4 +1,4 @@
-//! Distances to the nearest of other points.
+//! How near other points are.
 
 use rayon::prelude::*;
 
@@ -8,10 +8,10 @@ use crate::geometry::{Point, squared_distance};
 use crate::index::hierarchy::Hierarchy;
 use crate::parallel;
 
-/// Points that one task works on.
+/// Points of one task.
 const POINTS_PER_TASK: usize = 1024;
 
-/// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
+/// The squared distance of each point from the nearest of others; infinity where there are none.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.

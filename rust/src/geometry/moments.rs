@@ -3,9 +3,10 @@
 use super::eigen::Symmetric3;
 use super::vector::Point;
 
-/// Sums over points that give their mean and covariance.
+/// Sums of a neighbourhood from which mean and covariance follow.
 ///
-/// Points are added relative to an origin near them, so that clouds far from the world's origin lose no precision.
+/// Points are added relative to an origin near them, so that a cloud far from the world's origin loses
+/// nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Moments {
     count: usize,
@@ -29,12 +30,12 @@ impl Moments {
         self.second[5] += d[2] * d[2];
     }
 
-    /// The number of points.
+    /// How many points were added.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Returns Σ (d − mean)(d − mean)ᵀ / count.
+    /// Σ (d − mean)(d − mean)ᵀ / count.
     pub fn covariance(&self) -> Symmetric3 {
         let n = self.count.max(1) as f64;
         let [x, y, z] = self.first.map(|s| s / n);

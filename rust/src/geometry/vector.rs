@@ -3,46 +3,45 @@
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
 
-/// Returns a − b.
+/// a − b.
 #[inline]
 pub fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Returns a · b.
+/// a · b.
 #[inline]
 pub fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns a × b.
+/// a × b.
 #[inline]
 pub fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Returns a / |a|, or a itself if it has no length.
+/// a / |a|; a itself if it has no length.
 #[inline]
 pub fn normalized(a: Point) -> Point {
     let length = dot(a, a).sqrt();
     if length > 0.0 { a.map(|x| x / length) } else { a }
 }
 
-/// Returns p + s d.
+/// p + s d.
 #[inline]
 pub fn advance(p: Point, s: f64, d: Point) -> Point {
     std::array::from_fn(|k| p[k] + s * d[k])
 }
 
-/// Returns |a − b|².
+/// |a − b|².
 #[inline]
 pub fn squared_distance(a: Point, b: Point) -> f64 {
     let d = sub(a, b);
     dot(d, d)
 }
 
-/// Returns the cell of a lattice around a place. Whole negative numbers fall into the cell below, which saves a call to
-/// floor.
+/// The cube of an even lattice that a place lies in. Cubes on faces below 0 begin one early; rounding down is a call.
 #[inline]
 pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     let inverse = 1.0 / cell;
@@ -52,7 +51,9 @@ pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     })
 }
 
-/// Returns the mean of points; the origin for none. It adds them in order, so equal input gives equal bits.
+/// Mean of points; the origin for none.
+///
+/// Summed in order, so the same points give the same bits.
 pub fn centroid(points: &[Point]) -> Point {
     let mut sum = [0.0; 3];
     for p in points {

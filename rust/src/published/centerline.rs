@@ -14,26 +14,27 @@ use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, Doubles, LANES, kernel};
 
-/// Cells within the reach of the average.
+/// Cells to the reach of the average.
 const CELLS: f64 = 2.0;
 
-/// Points on the rope's axis.
+/// Points of the rope's axis.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Centerline {
     /// c̄, the averaged axis points, metres.
     pub points: Vec<Point>,
-    /// The index of the input point that each was computed at.
+    /// Which input point each of them was computed at.
     pub indices: Vec<usize>,
 }
 
-/// Moves surface points inwards by the rope's radius and averages them: c_i = p_i − r n_i (eq. 16).
+/// Moves every surface point inwards by the rope's radius, c_i = p_i − r n_i (eq. 16), and averages: where at
+/// least `min_neighbors` points p_j lie within 2r of p_i (p_i itself is one), c̄_i is the mean of their c_j
+/// (eq. 17–18).
 ///
-/// Where at least `min_neighbors` points p_j, p_i included, lie within 2r of p_i, the axis point c̄_i is the mean of
-/// their c_j (eq. 17–18). Points with a zero normal take no part.
+/// Points whose normal is the zero vector take no part.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, a normal is neither of unit length
-/// nor zero, the lengths of the arrays differ, or `radius` is not positive.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, a normal is neither of
+/// unit length nor zero, the lengths of the arrays differ, or `radius` is not positive.
 pub fn centerline(
     points: &[Point],
     normals: &[Point],
@@ -45,7 +46,7 @@ pub fn centerline(
     check_normals("normals", normals)?;
     check_positive("radius", radius)?;
     let partial = normals.contains(&[0.0; 3]);
-    // the indices of the points that take part, if not all do
+    // which points take part, if not all do
     let taking: Vec<u32> = match partial {
         true => (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).map(|i| i as u32).collect(),
         false => Vec::new(),
@@ -99,8 +100,8 @@ pub fn centerline(
 }
 
 kernel! {
-    /// For each point of a batch, counts the points within reach and averages their axis points; None where cells are
-    /// crowded.
+    /// How many points are within a reach of each point of a batch, and the means of their axis points; nothing where
+    /// cells are crowded.
     fn average<S>(
         simd,
         cells: &Cells,
@@ -148,7 +149,8 @@ kernel! {
     }
 }
 
-/// A mean of axis points, relative to one of the surface points: coordinates far from the origin would be too coarse.
+/// The mean of some axis points, from one of the surface points on: far from the origin coordinates are too coarse to add a
+/// small share to.
 #[derive(Clone, Copy)]
 struct Mean {
     count: usize,
@@ -165,8 +167,8 @@ impl Sum for Mean {
     }
 }
 
-/// Counts the points within reach, of those that may be beyond it, and sums their axis points, with distances in double
-/// precision.
+/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, with distances
+/// in double precision.
 #[cold]
 fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around) -> (usize, Point) {
     let center = cells.point(position);

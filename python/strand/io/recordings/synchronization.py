@@ -1,4 +1,4 @@
-"""Match the messages of several cameras by their times."""
+"""Which messages of several cameras were taken at the same time."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ Times = NDArray[np.int64]
 
 
 def match_messages(times: Sequence[Times], tolerance: int) -> NDArray[np.int64]:
-    """Return (F, T) message numbers: one row for each frame, one column for each of T topics.
+    """(F, T) Numbers of the messages of T topics that belong together, one row for each frame.
 
-    Each message of the first topic makes a frame with the nearest message in time of every other topic;
-    with two equally near, the earlier. If one is farther away than the tolerance, there is no frame. A
-    message may be in several frames.
+    Each message of the first topic makes a frame with the message of every other topic that is nearest in
+    time, of two as near the earlier; without one within the tolerance it makes none. Messages may be used
+    twice.
 
     Parameters
     ----------
     times : sequence of (N,) ndarray
         Time stamps of each topic's messages, nanoseconds, in any order.
     tolerance : int
-        Nanoseconds.
+        How far apart two may be, nanoseconds.
     """
     first = times[0]
     rows = [np.arange(len(first))]

@@ -1,4 +1,4 @@
-"""What the default method works on: clouds of points by view, arcs, joins of their ends, chains."""
+"""The points of all views, and the arcs that are traced in them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from strand.views.view import View
 Pair = tuple[int, int]
 """Two ends of arcs: end 2k is the first node of arc k, 2k + 1 its last."""
 
-# mean number of points in a voxel of two radii that is enough to trace arcs; ropes are fitted to all points
-_TRACEABLE = 20
+_TRACED_POINTS = 20  # points per voxel, two radii wide, that tracing needs; fits take all points
 
 
 @dataclass(frozen=True, eq=False)
 class Clouds:
-    """What the fit works on: every view's points in the world frame as reported.
+    """The points of each view in the world frame, at the reported poses.
 
     Attributes
     ----------
@@ -31,9 +30,9 @@ class Clouds:
     viewpoints : (V, 3) ndarray
         The cameras' centres, metres.
     reference : int
-        The view that stays where it is.
+        The view whose pose stays as reported.
     bounds : Box or None
-        The extraction range that the points were cut to, metres.
+        The extraction range that the points were cropped to, metres.
     """
 
     points: list[Array]
@@ -42,7 +41,7 @@ class Clouds:
     bounds: Box | None
 
     @classmethod
-    def of(cls, views: Sequence[View], bounds: Box | None, reference: int | None = None) -> Clouds:
+    def from_views(cls, views: Sequence[View], bounds: Box | None, reference: int | None = None) -> Clouds:
         """Return the views' points; the middle view is the reference if none is given."""
         viewpoints = np.array([view.viewpoint for view in views])
         points = [_core.constant_copy(view.world_points) for view in views]
@@ -50,42 +49,42 @@ class Clouds:
 
     @property
     def hull(self) -> tuple[Array, Array] | None:
-        """Corners of the least box along the world's axes that holds the extraction range, metres."""
+        """Low and high corner of the extraction range's box along the world's axes, metres."""
         return None if self.bounds is None else self.bounds.hull()
 
-    def every(self, step: int) -> Clouds:
-        """Return every n-th point of each view."""
+    def thin(self, step: int) -> Clouds:
+        """Return every `step`-th point of each view."""
         if step == 1:
             return self
         return replace(self, points=[_core.constant_copy(cloud[::step]) for cloud in self.points])
 
-    def step(self, radius: float) -> int:
-        """Return the n of which every n-th point of each view is enough to trace arcs."""
+    def find_step(self, radius: float) -> int:
+        """Return the largest step of `thin` that leaves enough points for tracing."""
         count = sum(map(len, self.points))
         occupied = _core.occupied_voxels(self.points, 2.0 * radius)
-        return max(round(count / (_TRACEABLE * max(occupied, 1))), 1)
+        return max(round(count / (_TRACED_POINTS * max(occupied, 1))), 1)
 
-    def thinned(self, radius: float) -> Clouds:
-        """Return every n-th point of each view, n as large as tracing allows."""
-        return self.every(self.step(radius))
+    def thin_for_tracing(self, radius: float) -> Clouds:
+        """Return as few points as tracing needs."""
+        return self.thin(self.find_step(radius))
 
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Stretches of rope.
+    """Traced stretches of rope.
 
     Attributes
     ----------
     nodes : list of (M, 3) ndarray
         Ordered nodes of each, metres.
     classes : list of int
-        The class of its radius: a number into the radii that ropes may have.
+        Each arc's class of radius: an index into the radii that ropes may have.
     """
 
     nodes: list[Array]
     classes: list[int]
 
-    def only(self, chosen: Iterable[object]) -> Arcs:
-        """Return those for which something is true."""
+    def select(self, chosen: Iterable[object]) -> Arcs:
+        """Return the arcs whose value in `chosen` is true."""
         chosen = list(chosen)
         return Arcs(list(compress(self.nodes, chosen)), list(compress(self.classes, chosen)))

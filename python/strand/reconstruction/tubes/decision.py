@@ -1,4 +1,4 @@
-"""One decision for each class of radius: the hypotheses about its arcs, fitted to a sample of the points."""
+"""Decide how arcs are joined, for each class of radius, by hypotheses fitted to a sample of the points."""
 
 from __future__ import annotations
 
@@ -13,44 +13,23 @@ from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.orientation import started
 from strand.reconstruction.stages import Run
-from strand.reconstruction.tubes.arcs import explaining
+from strand.reconstruction.tubes.arcs import keep_explaining
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
-from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
-from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, compared
+from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGH_TOLERANCE, fit_curves, make_splines
+from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, rank_hypotheses
 from strand.reconstruction.tubes.joins import ByClass
-from strand.reconstruction.tubes.known_length import bowed
-from strand.reconstruction.tubes.scores import explanation_cost
+from strand.reconstruction.tubes.known_length import restore_bows
+from strand.reconstruction.tubes.scores import price_explanation
 
-# a decision is made again only if that lowers the cost by more than this
-_BETTER = 1.0
+_MIN_GAIN = 1.0  # a decision is changed only if that lowers the cost by more than this
 
 
-def decided(
+def decide_joins(
     clouds: Clouds, arcs: Arcs, before: TubeFit, evidence: JoinEvidence, config: Config, run: Run
 ) -> list[list[ScoredHypothesis]]:
-    """Fit and compare hypotheses about the arcs of each class of radius.
+    """Rank hypotheses about the arcs of each class of radius, the best first; none for one without arcs.
 
-    Parameters
-    ----------
-    clouds : Clouds
-    arcs : Arcs
-    before : TubeFit
-        The fit of the arcs, whose poses and radii are kept.
-    evidence : JoinEvidence
-        Of all classes together.
-    config : Config
-    run : Run
-        Its deadline leaves out all but the first hypothesis of a class.
-
-    Returns
-    -------
-    list of list of ScoredHypothesis
-        For each class the best first; empty for one without arcs.
-
-    Raises
-    ------
-    strand.NotEnoughDataError
-        If no rope is long enough.
+    The poses and radii of `before`, the fit of the arcs, are kept.
     """
     by_class: list[list[ScoredHypothesis]] = []
     for number, radius in enumerate(before.radii):
@@ -59,25 +38,25 @@ def decided(
             by_class.append([])
             continue
         of_class = evidence.of_class(float(radius), len(before.radii))
-        fit_chains = _fit_to_sample(clouds, before, number, evidence, config)
-        by_class.append(compared(mine, of_class, fit_chains, run))
+        fit_chains = _make_fit(clouds, before, number, evidence, config)
+        by_class.append(rank_hypotheses(mine, of_class, fit_chains, run))
     if not any(by_class):
         raise NotEnoughDataError("views: the points make no rope; is the radius right, in metres?")
     return by_class
 
 
-def _fit_to_sample(
+def _make_fit(
     clouds: Clouds, before: TubeFit, number: int, evidence: JoinEvidence, config: Config
 ) -> Callable[[Chains], TubeFit]:
-    """Return what fits ropes of one class of radius to a sample of its points, poses as they are."""
-    points = clouds if len(before.radii) == 1 else _of_class(clouds, before, number)
+    """Return a function that fits ropes of one class of radius to a sample of its points at fixed poses."""
+    points = clouds if len(before.radii) == 1 else _select_class(clouds, before, number)
     radius = before.radii[number : number + 1]
-    sample = points.thinned(float(radius[0]))
+    sample = points.thin_for_tracing(float(radius[0]))
 
     def fit_chains(chains: Chains) -> TubeFit:
         ropes = Arcs([nodes for nodes, _ in chains], [0] * len(chains))
-        curves = splines(ropes, radius, config, ROPE_MARGIN)
-        fit = fitted(
+        curves = make_splines(ropes, radius, config, ROPE_MARGIN)
+        fit = fit_curves(
             sample,
             curves,
             ropes.classes,
@@ -86,23 +65,23 @@ def _fit_to_sample(
             config,
             band=(0.5, 0.4),
             iterations=12,
-            tolerance=ROUGHLY,
+            tolerance=ROUGH_TOLERANCE,
             uncertainty=False,
         )
-        return fit.replace(curves=bowed(fit, curves)) if evidence.prior.lengths else fit
+        return fit.replace(curves=restore_bows(fit, curves)) if evidence.prior.lengths else fit
 
     return fit_chains
 
 
-def _of_class(clouds: Clouds, fit: TubeFit, number: int) -> Clouds:
-    """Points that arcs of one class of radius explain."""
+def _select_class(clouds: Clouds, fit: TubeFit, number: int) -> Clouds:
+    """Return the points that arcs of one class of radius explain."""
     mine = fit.explained & (fit.radius_classes[fit.curve] == number)
     ends = np.cumsum([len(cloud) for cloud in clouds.points])[:-1]
     kept = [cloud[chosen] for cloud, chosen in zip(clouds.points, np.split(mine, ends), strict=True)]
     return replace(clouds, points=kept)
 
 
-def decided_again(
+def reconsider_joins(
     by_class: ByClass,
     arcs: Arcs,
     clouds: Clouds,
@@ -111,16 +90,16 @@ def decided_again(
     config: Config,
     run: Run,
 ) -> list[list[ScoredHypothesis]] | None:
-    """Fit and compare hypotheses about other arcs; None if that pays for no class of radius.
+    """Rank hypotheses about other arcs; None if the best of them are not better than before.
 
-    Which points are of which class is found anew, so the hypothesis that was best is judged on them too.
+    The points are divided among the classes of radius anew, so the best hypotheses are priced again.
     """
     if len(before.radii) > 1:
         motions, radii = before.motions, before.radii
-        arcs = explaining(clouds, motions, radii, arcs, config)
-        before = fitted(
+        arcs = keep_explaining(clouds, motions, radii, arcs, config)
+        before = fit_curves(
             clouds,
-            splines(arcs, radii, config, 0.5),
+            make_splines(arcs, radii, config, 0.5),
             arcs.classes,
             motions,
             radii,
@@ -129,18 +108,18 @@ def decided_again(
             iterations=8,
             uncertainty=False,
         )
-    again = decided(clouds, arcs, before, evidence, config, run)
+    again = decide_joins(clouds, arcs, before, evidence, config, run)
     if not all(by_class) or not all(again):
         return None
     costs = [scored[0].cost for scored in by_class]
     if len(before.radii) > 1:
         for number, scored in enumerate(by_class):
-            fit_chains = _fit_to_sample(clouds, before, number, evidence, config)
-            costs[number] = explanation_cost(fit_chains(scored[0].hypothesis.chains), evidence.visibility)
-    return again if sum(scored[0].cost for scored in again) < sum(costs) - _BETTER else None
+            fit_chains = _make_fit(clouds, before, number, evidence, config)
+            costs[number] = price_explanation(fit_chains(scored[0].hypothesis.chains), evidence.visibility)
+    return again if sum(scored[0].cost for scored in again) < sum(costs) - _MIN_GAIN else None
 
 
-def chosen(by_class: ByClass) -> tuple[Arcs, list[bool]]:
+def choose_ropes(by_class: ByClass) -> tuple[Arcs, list[bool]]:
     """Return the ropes of the best hypotheses, and which of them are rings."""
     chains = [
         (chain, number)

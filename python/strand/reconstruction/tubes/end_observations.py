@@ -1,34 +1,47 @@
-"""Where each view sees ropes end: what fixes its pose along a straight rope."""
+"""Observe in each view where ropes end: this fixes the view's pose along a straight rope."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 import strand._core as _core
 from strand._core import EndObservation, TubeFit
 from strand.geometry.curve import Curve
-from strand.reconstruction.tubes.tube_ends import pixel_width, seen_excess
+from strand.reconstruction.tubes.tube_ends import estimate_excess, estimate_pixel_width
 from strand.support.checks import Array
 from strand.views.box import Box
 from strand.views.pose import moved
 
-# all in radii: how far inside an end its density is taken, from and to; how near a line of sight another
-# strand hides what is there
-_INSIDE = (1.0, 4.0)
-_OCCLUDED = 2.5
-# least and greatest cosine between the way out of an end and the way to the camera: below the least so few
-# pixels see the end that the outlier filter takes them; above the greatest its shape is all that one sees
+_INSIDE = (1.0, 4.0)  # radii: stretch inside an end over which the density of its points is taken
+_HIDING = 2.5  # radii: a strand this near to a line of sight hides what is behind it
+# Cosine between an end's outward direction and the way to the camera. Below, so few pixels see the end that
+# the outlier filter drops them. Above, only its shape is seen.
 _COSINES = (-0.5, 0.6)
-# farthest from where it is expected that an end is found, in radii: curves are carried on by little more
-_FARTHEST = 1.8
-# fewer points on the stretch inside say little
-_LEAST_POINTS = 12
+_MAX_OFFSET = 1.8  # radii: ends farther from the expected place are not found, as curves extend little more
+_MIN_POINTS = 12  # on the stretch inside
+_MAX_DISAGREEMENT = 4.0  # standard deviations of an observation from the views' median
+_AHEAD = 2.0  # radii: place beyond an end that must be in the extraction range too
+_STEPS = 0.5 * np.arange(9)  # radii: places before an end that other strands may hide
+_OWN = 6  # nodes beyond those places that are no other strand
 
 
-def observed_ends(
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What all observations share."""
+
+    fit: TubeFit
+    axes: list[Array | None]
+    cameras: list[Array]
+    backwards: Array
+    bounds: Box | None
+    translation_sd: float
+
+
+def observe_ends(
     fit: TubeFit,
     parts: Sequence[Curve | None],
     closed: Sequence[bool],
@@ -36,14 +49,14 @@ def observed_ends(
     bounds: Box | None,
     translation_sd: float,
 ) -> list[EndObservation]:
-    """Find the ends in each view by itself.
+    """Find the ends in each view by itself, and return those that two views or more see.
 
-    With n points for each metre of rope inside and m points past a place a radius inside, the end is m / n
-    from there, as in `extents`. Points count by the surface that a pixel sees, so that a rope that
-    goes away from the camera does not seem to end early.
+    With n points per metre of rope inside and m points past a place a radius inside, the end is m / n from
+    there. Points are weighted by the surface that their pixel sees, so that a rope that leads away from the
+    camera does not seem to end early.
 
     An end's place is uncertain by a pixel's width along the rope over the square root of 12, as rows of
-    pixels may end together, and by its shape, see `seen_excess`.
+    pixels may end together, and by its shape (`estimate_excess`).
 
     Parameters
     ----------
@@ -51,111 +64,112 @@ def observed_ends(
     parts : sequence of (Curve or None)
         The stretch of each fitted curve that is rope.
     closed : sequence of bool
-        Whether each has no ends.
+        Whether each is a ring.
     viewpoints : (V, 3) ndarray
         The cameras' centres as reported, metres.
     bounds : Box or None
-        The extraction range: what runs out of it does not end there.
+        The extraction range: ropes that leave it do not end there.
     translation_sd : float
-        Of the reported poses, metres: views that disagree by more than four of it see something else.
-
-    Returns
-    -------
-    list of EndObservation
-        Only of ends that two views or more see.
+        Standard deviation of the reported poses, metres.
     """
-    axis = [
+    axes = [
         None if part is None else part.at(part.spaced(0.5 * fit.radius(number)))[0]
         for number, part in enumerate(parts)
     ]
-    cameras = [moved(centre[None], motion)[0] for centre, motion in zip(viewpoints, fit.motions, strict=True)]
-    backwards = np.linalg.inv(fit.motions)
+    cameras = [moved(center[None], motion)[0] for center, motion in zip(viewpoints, fit.motions, strict=True)]
+    backwards = np.asarray(np.linalg.inv(fit.motions), dtype=np.float64)
+    scene = _Scene(fit, axes, cameras, backwards, bounds, translation_sd)
     found: list[EndObservation] = []
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None or ring:
             continue
-        r = fit.radius(number)
         whole = Curve.whole(part.control)
         first, last = whole.arc_length_at([part.start, part.stop])
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
         place = whole.arc_length_at(fit.parameter[mine])
         for late in (False, True):
-            end = 2 * number + late
-            # from the end inwards
             inwards = last - place if late else place - first
-            at_end = np.abs(inwards) < (_INSIDE[1] + 1.0) * r
-            near, inwards = mine[at_end], inwards[at_end]
-            views = fit.view[near]
-            stretch = part.length - 0.5 * r * np.arange(9) if late else 0.5 * r * np.arange(9)
-            inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
-            outward = tangents[0] if late else -tangents[0]
-            others = _elsewhere(axis, number, inside, r)
-            seen = []
-            for view, camera in enumerate(cameras):
-                to_camera = camera - inside[0]
-                cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
-                if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(
-                    others, inside, camera, _OCCLUDED * r
-                ):
-                    continue
-                back = backwards[view]
-                ahead = moved(inside[:1] + 2.0 * r * np.outer([0, 1], outward), back)
-                if bounds is not None and not bounds.holds(ahead).all():
-                    continue
-                seen_here = views == view
-                surface = _surface(camera - fit.points[near[seen_here]], tangents[0])
-                measured = _end(inwards[seen_here], surface, r, math.sqrt(1.0 - cosine**2))
-                if measured is None:
-                    continue
-                offset, width = measured
-                excess, doubt = seen_excess(cosine, fit.band(number) / r)
-                offset -= excess * r
-                sd = math.hypot(width / math.sqrt(12.0), doubt * r)
-                seen.append((view, inside[0] + offset * outward, offset, sd, back))
-            middle = float(np.median([offset for _, _, offset, _, _ in seen])) if seen else 0.0
-            agreeing = [
-                EndObservation(view, end, moved(spot[None], back)[0], outward, sd)
-                for view, spot, offset, sd, back in seen
-                if abs(offset - middle) < 4.0 * math.hypot(sd, translation_sd)
-            ]
-            if len(agreeing) > 1:
-                found.extend(agreeing)
+            at_end = np.abs(inwards) < (_INSIDE[1] + 1.0) * fit.radius(number)
+            found += _observe_end(scene, number, part, late, mine[at_end], inwards[at_end])
     return found
 
 
-def _elsewhere(axis: Sequence[Array | None], number: int, inside: Array, r: float) -> Array:
-    """Places of all axes that are not of the stretch `inside` of curve `number`."""
+def _observe_end(
+    scene: _Scene, number: int, part: Curve, late: bool, near: np.ndarray, inwards: Array
+) -> list[EndObservation]:
+    """Observe one end in all views; return the observations that agree, if they are several.
+
+    `near` has the numbers of the points near the end, `inwards` how far inside it they are, metres.
+    """
+    fit = scene.fit
+    r = fit.radius(number)
+    views = fit.view[near]
+    stretch = part.length - r * _STEPS if late else r * _STEPS
+    inside, tangents, _ = part.at(np.clip(stretch, 0.0, part.length))
+    outward = tangents[0] if late else -tangents[0]
+    others = _find_other_axes(scene.axes, number, inside)
+    seen = []
+    for view, camera in enumerate(scene.cameras):
+        to_camera = camera - inside[0]
+        cosine = float(to_camera @ outward / np.linalg.norm(to_camera))
+        if not _COSINES[0] < cosine < _COSINES[1] or _core.occludes(others, inside, camera, _HIDING * r):
+            continue
+        back = scene.backwards[view]
+        ahead = moved(inside[:1] + _AHEAD * r * np.outer([0, 1], outward), back)
+        if scene.bounds is not None and not scene.bounds.holds(ahead).all():
+            continue
+        seen_here = views == view
+        weight = _weigh_pixels(camera - fit.points[near[seen_here]], tangents[0])
+        measured = _find_end(inwards[seen_here], weight, r, math.sqrt(1.0 - cosine**2))
+        if measured is None:
+            continue
+        offset, width = measured
+        excess, doubt = estimate_excess(cosine, fit.band(number) / r)
+        offset -= excess * r
+        sd = math.hypot(width / math.sqrt(12.0), doubt * r)
+        seen.append((view, inside[0] + offset * outward, offset, sd, back))
+    middle = float(np.median([offset for _, _, offset, _, _ in seen])) if seen else 0.0
+    agreeing = [
+        EndObservation(view, 2 * number + late, moved(spot[None], back)[0], outward, sd)
+        for view, spot, offset, sd, back in seen
+        if abs(offset - middle) < _MAX_DISAGREEMENT * math.hypot(sd, scene.translation_sd)
+    ]
+    return agreeing if len(agreeing) > 1 else []
+
+
+def _find_other_axes(axes: Sequence[Array | None], number: int, inside: Array) -> Array:
+    """Return places of all axes but those near the stretch `inside` of curve `number`."""
     places = []
-    for other, nodes in enumerate(axis):
+    for other, nodes in enumerate(axes):
         if nodes is None:
             continue
         if other == number:
-            # the stretch is at one of the two ends of the nodes, which are half a radius apart
+            # the stretch is at one end of the nodes, which are as far from each other as its places
             late = np.linalg.norm(nodes[-1] - inside[0]) < np.linalg.norm(nodes[0] - inside[0])
-            nodes = nodes[: -len(inside) - 6] if late else nodes[len(inside) + 6 :]
+            nodes = nodes[: -len(inside) - _OWN] if late else nodes[len(inside) + _OWN :]
         places.append(nodes)
     return np.concatenate(places)
 
 
-def _surface(ray: Array, tangent: Array) -> Array:
-    """Length of rope, but for a factor, that the pixel at the end of each ray stands for."""
+def _weigh_pixels(ray: Array, tangent: Array) -> Array:
+    """Return the length of rope that the pixel at the end of each ray sees, up to a common factor."""
     square = (ray * ray).sum(axis=1)
     along = (ray @ tangent) ** 2
     return np.asarray(square / np.sqrt(np.maximum(1.0 - along / square, 0.01)))
 
 
-def _end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, float] | None:
-    """How far outside the expected place points give out, and a pixel's width along the rope, metres."""
+def _find_end(inwards: Array, weight: Array, r: float, sine: float) -> tuple[float, float] | None:
+    """Return how far outside the expected place points end, and a pixel's width along the rope, metres."""
     offset, count = 0.0, 0
     for _ in range(3):
         near, far = _INSIDE[0] * r - offset, _INSIDE[1] * r - offset
         body = (inwards >= near) & (inwards < far)
         count = int(np.count_nonzero(body))
-        if count < _LEAST_POINTS:
+        if count < _MIN_POINTS:
             return None
         density = weight[body].sum() / (far - near)
         beyond = weight[inwards < near].sum()
         offset = float(beyond / density - near)
-        if abs(offset) > _FARTHEST * r:
+        if abs(offset) > _MAX_OFFSET * r:
             return None
-    return offset, pixel_width(count, far - near, sine, r)
+    return offset, estimate_pixel_width(count, far - near, sine, r)

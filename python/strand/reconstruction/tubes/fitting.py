@@ -1,4 +1,4 @@
-"""The joint fit of curves and poses, with what every fit of a run has in common."""
+"""The joint fit of curves and poses, with the options that all fits of a run share."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from strand.config import Config
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
 from strand.support.checks import Array
 
-# a fit that another follows ends after a step of less than this, in standard deviations of the unknowns
-ROUGHLY = 0.3
-# how far splines are carried on beyond their ropes, in radii, so that the points can say where the end is
-ROPE_MARGIN = 2.0
+ROUGH_TOLERANCE = 0.3  # standard deviations of the unknowns: a smaller step ends a fit that another follows
+EXPLAINED_SIGMAS = 2.5  # standard deviations of the residuals: a curve explains points up to here,
+EXPLAINED_RADII = 0.15  # radii: or up to here, if that is more
+ROPE_MARGIN = 2.0  # radii: splines extend beyond their ropes, so that the points show where the end is
 
 
-def fitted(
+def fit_curves(
     clouds: Clouds,
     curves: Sequence[Array],
     classes: Sequence[int],
@@ -35,15 +35,15 @@ def fitted(
         radii,
         radius_classes=classes,
         pose_sd=(config.poses.rotation_sd, config.poses.translation_sd),
-        # a view alone has no pose to find
+        # the pose of a single view is not unknown
         reference=clouds.reference if len(clouds.points) > 1 else None,
         min_bend=config.tubes.min_bend,
         **{"noise": config.tubes.noise, **options},
     )
 
 
-def splines(arcs: Arcs, radii: Array, config: Config, margin: float) -> list[Array]:
-    """Control points of splines through arcs, carried on at both ends by a margin in radii."""
+def make_splines(arcs: Arcs, radii: Array, config: Config, margin: float) -> list[Array]:
+    """Return control points of splines through arcs, extended at both ends by a margin in radii."""
     return [
         _core.spline_through(nodes, config.tubes.spacing * radii[number], margin * radii[number])
         for nodes, number in zip(arcs.nodes, arcs.classes, strict=True)

@@ -1,4 +1,4 @@
-"""Which ends are joined: matchings of least cost, without geometry."""
+"""Match the ends of arcs at least cost, without geometry."""
 
 from __future__ import annotations
 
@@ -12,40 +12,28 @@ from strand.geometry.polyline import order_segments
 from strand.reconstruction.tubes.clouds import Pair
 from strand.reconstruction.tubes.join_costs import JoinCosts
 
-# weights of the matching are whole numbers, in millionths of the cost
-_UNIT = 1e6
-# so many ways to bridge gaps are compared at a time and in all, and so many to do without rings; each of
-# these takes a matching, so fewer where there is much to match
-_WAYS, _ALL_WAYS, _RINGLESS, _MATCHED = 20000, 60000, 500, 100_000
-# of more joins than this the cheapest each are taken
-_MANY = 300
+_UNIT = 1e6  # whole numbers per unit of cost, as the matching takes whole weights
+_MAX_WAYS = 20_000  # ways to join a wanted number of pairs that are compared
+_MAX_ALL_WAYS = 60_000  # the same over all wanted numbers
+_MAX_OPENINGS = 500  # matchings that are tried to open rings
+_MAX_MATCHED = 100_000  # pairs in all these matchings together
+_MAX_EXACT = 300  # joins: more are taken one by one, the cheapest first
 
 Priced = Sequence[tuple[float, int, int]]
+"""Cost of each join and its two ends, the cheapest first."""
 
 
-def matched(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -> tuple[list[Pair], float]:
-    """Join ends by the matching of least cost.
+def match_ends(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -> tuple[list[Pair], float]:
+    """Return the joins of least cost, with that cost; each free end adds to it.
 
-    Parameters
-    ----------
-    costs : JoinCosts
-    free_end : float
-        Cost of an end that is joined to none.
-    without : collection of (int, int)
-        Pairs that may not be joined.
-
-    Returns
-    -------
-    joins : list of (int, int)
-    cost : float
-        Of all joins and free ends.
+    Pairs in `without` are not joined.
     """
-    joins, cost = _matched(costs, free_end, without)
+    joins, cost = _match_once(costs, free_end, without)
     if costs.rings:
         return joins, cost
-    # without rings: matchings that close one are parted by the first of its joins that they lack
+    # where rings are not allowed, each join of a ring is barred in turn
     ways = [(cost, 0, joins, frozenset(without))]
-    most = min(_RINGLESS, _MATCHED // max(len(costs.costs), 1))
+    most = min(_MAX_OPENINGS, _MAX_MATCHED // max(len(costs.costs), 1))
     count = 0
     while True:
         cost, _, joins, barred = heappop(ways)
@@ -60,13 +48,13 @@ def matched(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -
         for pair in ring:
             count += 1
             fewer = barred | {pair}
-            joins, cost = _matched(costs, free_end, fewer)
+            joins, cost = _match_once(costs, free_end, fewer)
             heappush(ways, (cost, count, joins, fewer))
             barred |= {other for other in costs.costs if other != pair and not set(pair).isdisjoint(other)}
 
 
-def _matched(costs: JoinCosts, free_end: float, without: Collection[Pair]) -> tuple[list[Pair], float]:
-    """Join ends by the matching of least cost, rings or not."""
+def _match_once(costs: JoinCosts, free_end: float, without: Collection[Pair]) -> tuple[list[Pair], float]:
+    """Return the joins of least cost, which may close rings, with that cost."""
     graph = rx.PyGraph()
     graph.add_nodes_from(range(2 * len(costs.arcs)))
     for pair, cost in costs.costs.items():
@@ -77,48 +65,36 @@ def _matched(costs: JoinCosts, free_end: float, without: Collection[Pair]) -> tu
     return joins, sum(costs.costs[pair] for pair in joins) + free * free_end
 
 
-def free_ends(joins: Sequence[Pair], chain_of: Sequence[int]) -> list[int]:
-    """Return the ends that are not joined, of arcs whose chain has a number, not -1."""
+def list_free_ends(joins: Sequence[Pair], chain_of: Sequence[int]) -> list[int]:
+    """Return the ends that are not joined, of arcs whose chain's number is not -1."""
     taken = {end for pair in joins for end in pair}
     return [end for end in range(2 * len(chain_of)) if end not in taken and chain_of[end // 2] >= 0]
 
 
-def joined_to(ropes: int, priced: Priced, chain_of: Sequence[int]) -> list[Pair]:
-    """Join chains until so many are left.
+def join_until(ropes: int, priced: Priced, chain_of: Sequence[int]) -> list[Pair]:
+    """Return the joins of least cost that leave a number of ropes and close no ring; there may be too few.
 
-    Parameters
-    ----------
-    ropes : int
-        How many chains to leave.
-    priced : sequence of (float, int, int)
-        Cost of a join and its two ends, the cheapest first.
-    chain_of : sequence of int
-        For each arc the number of its chain; -1 for those that are left out.
-
-    Returns
-    -------
-    list of (int, int)
-        The joins that cost least together, none of which closes a ring. There may be too few.
+    `chain_of` has the number of each arc's chain, -1 for arcs that do not count.
     """
     wanted = len({number for number in chain_of if number >= 0}) - ropes
-    first = _greedy(priced, chain_of, wanted)
-    if len(first) > _MANY:
+    first = _join_greedily(priced, chain_of, wanted)
+    if len(first) > _MAX_EXACT:
         return [(min(pair), max(pair)) for pair in first]
     tried = 0
     while wanted > 0:
-        if tried > _ALL_WAYS:
+        if tried > _MAX_ALL_WAYS:
             return [(min(pair), max(pair)) for pair in first[:wanted]]
-        more, ways = _cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
+        more, ways = _join_cheapest(priced, chain_of, wanted, first if len(first) == wanted else [])
         if more:
             return more
-        tried, all_tried = tried + ways, ways <= _WAYS
-        # how many there can be is not known if not all were tried, but so many there are
+        tried, all_tried = tried + ways, ways <= _MAX_WAYS
+        # if not all ways were tried, `first` says how many joins there can be at least
         wanted = wanted - 1 if all_tried else min(wanted - 1, len(first))
     return []
 
 
-def joined_most(priced: Priced, arcs: int) -> list[Pair]:
-    """Return as many joins as there can be, of those the ones that cost least together; rings may close."""
+def join_most(priced: Priced, arcs: int) -> list[Pair]:
+    """Return the joins of least cost among those that join most ends; they may close rings."""
     graph = rx.PyGraph()
     graph.add_nodes_from(range(2 * arcs))
     most = max((cost for cost, _, _ in priced), default=0.0)
@@ -127,8 +103,8 @@ def joined_most(priced: Priced, arcs: int) -> list[Pair]:
     return sorted((min(pair), max(pair)) for pair in more)
 
 
-def _greedy(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
-    """Return pairs that always join two chains, each the cheapest that is left, at most `wanted`."""
+def _join_greedily(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
+    """Return up to `wanted` pairs that each join two chains, always the cheapest that is left."""
     group = {number: number for number in chain_of}
     chosen: list[Pair] = []
     taken: set[int] = set()
@@ -143,19 +119,12 @@ def _greedy(priced: Priced, chain_of: Sequence[int], wanted: int) -> list[Pair]:
     return chosen
 
 
-def _cheapest(
+def _join_cheapest(
     priced: Priced, chain_of: Sequence[int], wanted: int, known: Sequence[Pair]
 ) -> tuple[list[Pair], int]:
-    """Return the `wanted` pairs that cost least together and always join two chains, and how many were tried.
+    """Return the `wanted` pairs of least cost that each join two chains, and the number of pairs tried.
 
-    Parameters
-    ----------
-    priced : sequence of (float, int, int)
-        The cheapest first.
-    chain_of : sequence of int
-    wanted : int
-    known : sequence of (int, int)
-        So many pairs, if they are known.
+    `known` are as many pairs that do, if they are known.
     """
     price = {(i, j): cost for cost, i, j in priced}
     best: tuple[float, list[Pair]] = (np.inf, [])
@@ -172,8 +141,8 @@ def _cheapest(
         for k in range(first, len(priced) - left + 1):
             more, i, j = priced[k]
             ways += 1
-            # what is to come is not cheaper
-            if cost + left * more >= best[0] or ways > _WAYS:
+            # the pairs that follow are not cheaper
+            if cost + left * more >= best[0] or ways > _MAX_WAYS:
                 return
             a, b = group[chain_of[i // 2]], group[chain_of[j // 2]]
             if a == b or any(end in pair for pair in chosen for end in (i, j)):

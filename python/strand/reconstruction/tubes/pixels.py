@@ -1,4 +1,4 @@
-"""Which pixel saw which point: from the views' images, or from how regularly the rays to points lie."""
+"""Find the pixel of each point, by the views' images or by the regular spacing of rays."""
 
 from __future__ import annotations
 
@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 from strand.support.checks import Array
 from strand.views.view import View
 
-# points of so many pixels are enough to know their noise
-_ENOUGH = 5000
-# rays more aslant to the optical axis, as a cosine, are none of a camera that looks along it
-_LEAST_COSINE = 0.2
-# share of the points that have a neighbour to their right where pixels are dense
-_NEIGHBOURS = 0.5
-# distances of pixels that are looked for, as tangents, in so many steps, on so many points
-_PITCHES, _STEPS, _SAMPLE = (1e-4, 0.1), 8, 1000
-# differences that rounding makes, as tangents
-_ROUNDING = 1e-6
-# cameras take no images with more pixels
-_MOST_PIXELS = 1 << 24
+_ENOUGH = 5000  # points that are enough to measure their noise
+_MIN_COSINE = 0.2  # between a ray and the optical axis: rays with less do not come from that camera
+_MIN_NEIGHBORS = 0.5  # share of points with a neighbour to their right where pixels are dense
+_PITCHES = (1e-4, 0.1)  # tangents: distances of pixels that are searched
+_STEPS = 8  # bisections of that range
+_SAMPLE = 1000  # points that are searched
+_ROUNDING = 1e-6  # tangents: smaller differences come from rounding
+_MAX_PIXELS = 1 << 24  # of an image
+_NEXT_COLUMN = 2.0**26  # number of a pixel in the next column, less its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +31,9 @@ class Grid:
     Attributes
     ----------
     column, row : (N,) ndarray of int64
-        From 0.
+        Numbers from 0.
     depth : (N,) ndarray
-        Along the optical axis, metres.
+        Depth along the optical axis, metres.
     focal : float
         Focal length, pixels.
     axes : (3, 3) ndarray
@@ -57,14 +54,14 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """What took the points of a fit.
+    """The cameras that took the points of a fit.
 
     Attributes
     ----------
     views : sequence of View
-        Their points are those of the fit, in its order; none is without.
+        Views with the points of the fit, in its order; each has some.
     whole : sequence of View
-        The same views with all that they saw.
+        The same views with all their points.
     """
 
     views: Sequence[View]
@@ -72,9 +69,9 @@ class Cameras:
 
     @cached_property
     def grids(self) -> dict[int, Grid]:
-        """The pixels of some views' points, spread over all and with points enough to know their noise.
+        """The pixels of the points of some views, enough to measure their noise.
 
-        Without views whose points no camera can have taken as an image.
+        Views whose points cannot come from an image are skipped.
         """
         grids: dict[int, Grid] = {}
         counts = [len(view.points) for view in self.views]
@@ -82,15 +79,15 @@ class Cameras:
         for number in np.linspace(0, len(counts) - 1, some).round().astype(np.int64).tolist():
             image = self.whole[number].image
             like = next(iter(grids.values())).focal if grids else None
-            grid = _grid(self.views[number].points, None if image is None else image.camera.focal, like)
+            grid = _make_grid(self.views[number].points, None if image is None else image.camera.focal, like)
             if grid is not None:
                 grids[number] = grid
         return grids
 
-    def images(self) -> list[tuple[Array, float]]:
-        """Return (H, W) depths of all that these cameras saw, re-made where they came as points.
+    def make_images(self) -> list[tuple[Array, float]]:
+        """Return (H, W) depths of these cameras and the median depth of the fit's points, metres.
 
-        Each with the median depth of the view's points, metres.
+        Where a view has no image, one is made of its points.
         """
         images = []
         for number, grid in self.grids.items():
@@ -99,7 +96,7 @@ class Cameras:
                 images.append((whole.image.depth, float(np.median(grid.depth))))
                 continue
             points = whole.points @ grid.axes.T
-            seen = _grid(points[_before(points)], (grid.focal, grid.focal), None)
+            seen = _make_grid(points[_are_in_front(points)], (grid.focal, grid.focal), None)
             if seen is not None:
                 depth = np.zeros(seen.size[::-1])
                 depth[seen.row, seen.column] = seen.depth
@@ -107,31 +104,31 @@ class Cameras:
         return images
 
 
-def _before(points: Array) -> NDArray[np.bool_]:
-    """Whether points lie before a camera that looks along z."""
-    return np.asarray(points[:, 2] > _LEAST_COSINE * np.sqrt((points * points).sum(axis=1)))
+def _are_in_front(points: Array) -> NDArray[np.bool_]:
+    """Tell for each point whether it is in front of a camera that looks along z."""
+    return np.asarray(points[:, 2] > _MIN_COSINE * np.sqrt((points * points).sum(axis=1)))
 
 
-def _grid(points: Array, focal: tuple[float, float] | None, like: float | None) -> Grid | None:
-    """Give points pixels: of a camera of a focal length, without that of one in which pixels are dense."""
+def _make_grid(points: Array, focal: tuple[float, float] | None, like: float | None) -> Grid | None:
+    """Assign pixels to points, for a focal length or one that makes pixels dense; None if no camera fits."""
     axes = np.eye(3)
-    if not _before(points).all():
-        axes = _looking_at(points)
+    if not _are_in_front(points).all():
+        axes = _orient_camera(points)
         points = points @ axes.T
-        if not _before(points).all():
+        if not _are_in_front(points).all():
             return None
     x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
     if focal is None:
-        focal = (1.0 / _pitch(x, y, like),) * 2
+        focal = (1.0 / _find_pitch(x, y, like),) * 2
     column, row = np.rint((x - x[0]) * focal[0]), np.rint((y - y[0]) * focal[1])
     column, row = column - column.min(), row - row.min()
-    if (column.max() + 1.0) * (row.max() + 1.0) > _MOST_PIXELS:
+    if (column.max() + 1.0) * (row.max() + 1.0) > _MAX_PIXELS:
         return None
     return Grid(column.astype(np.int64), row.astype(np.int64), points[:, 2], focal[0], axes)
 
 
-def _looking_at(points: Array) -> Array:
-    """(3, 3) Right, down and forward of a camera at the origin that looks at points."""
+def _orient_camera(points: Array) -> Array:
+    """Return (3, 3) right, down and forward of a camera at the origin that looks at points."""
     forward = points.mean(axis=0)
     forward = forward / max(float(np.linalg.norm(forward)), np.finfo(float).tiny)
     right = np.cross(np.eye(3)[np.abs(forward).argmin()], forward)
@@ -139,26 +136,25 @@ def _looking_at(points: Array) -> Array:
     return np.stack([right, np.cross(forward, right), forward])
 
 
-def _pitch(x: Array, y: Array, like: float | None) -> float:
-    """Distance of pixels, as a tangent, where most points have a neighbour."""
-    # a piece of the image with all its points
+def _find_pitch(x: Array, y: Array, like: float | None) -> float:
+    """Return the distance of pixels, a tangent, at which most points have a neighbour."""
+    # neighbouring columns with all their points
     some = np.argsort(x, kind="stable")[:_SAMPLE]
     x, y = x[some], y[some]
 
-    def dense(pitch: float) -> bool:
-        # numbers of pixels, of those in the next column by 2^26 more
-        cells = np.sort(np.rint((x - x[0]) / pitch) * 2.0**26 + np.rint((y - y[0]) / pitch))
-        right = np.searchsorted(cells, cells + 2.0**26).clip(0, len(cells) - 1)
-        return bool((cells[right] == cells + 2.0**26).mean() > _NEIGHBOURS)
+    def is_dense(pitch: float) -> bool:
+        cells = np.sort(np.rint((x - x[0]) / pitch) * _NEXT_COLUMN + np.rint((y - y[0]) / pitch))
+        right = np.searchsorted(cells, cells + _NEXT_COLUMN).clip(0, len(cells) - 1)
+        return bool((cells[right] == cells + _NEXT_COLUMN).mean() > _MIN_NEIGHBORS)
 
-    # rows of an image that was taken as it is are one pixel apart
+    # rows of a complete image are one pixel from each other
     gaps = np.diff(np.sort(y))
     rows = gaps[gaps > _ROUNDING]
     for pitch in ([float(np.median(rows))] if len(rows) else []) + ([] if like is None else [1.0 / like]):
-        if _PITCHES[0] <= pitch <= _PITCHES[1] and dense(pitch):
+        if _PITCHES[0] <= pitch <= _PITCHES[1] and is_dense(pitch):
             return pitch
     low, high = _PITCHES
     for _ in range(_STEPS):
         middle = (low * high) ** 0.5
-        low, high = (low, middle) if dense(middle) else (middle, high)
+        low, high = (low, middle) if is_dense(middle) else (middle, high)
     return high

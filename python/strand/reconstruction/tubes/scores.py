@@ -1,4 +1,4 @@
-"""What a hypothesis costs: what it leaves unexplained, and what speaks against the ropes that it makes."""
+"""Price hypotheses: points that they leave unexplained, and evidence against the ropes that they make."""
 
 from __future__ import annotations
 
@@ -10,68 +10,61 @@ from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.reconstruction.tubes.second_look import is_phantom, unexplained
-from strand.reconstruction.tubes.tube_ends import extents
+from strand.reconstruction.tubes.second_look import find_unexplained, is_phantom
+from strand.reconstruction.tubes.tube_ends import find_extents
 
+_SPACING = 0.25  # radii: distance of the places where ropes are priced
 # with b the curvature times the radius, each radius of rope costs _BENDING (b^2 + _KINK max(b - _SHARP, 0))
-_BENDING, _SHARP, _KINK = 1.5, 0.6, 4.0
-# each rope costs this, and each radius of rope that was seen through or that is in another strand's place
-_ROPE, _FREE, _INSIDE = 10.0, 2.0, 4.0
-# a hypothesis with a stretch of rope that cameras saw through costs this much more
-_GONE = 20.0
-# each rope more or less than there are; each radius that a known length is missed by, at most a rope
-_COUNT, _LENGTH = 30.0, 2.0
-# two strands are 2 radii apart; nearer than this is no noise
-_CONTACT = 1.5
+_BENDING = 1.5
+_KINK = 4.0
+_SHARP = 0.6
+_MAX_BEND = 1.5  # b is cut off here
+_ROPE = 10.0  # cost of each rope
+_FREE = 2.0  # cost of each radius of rope that cameras saw through
+_PHANTOM = 20.0  # cost of each stretch of rope that cameras saw through
+_OVERLAP = 4.0  # cost of each radius of rope in another strand's place
+_MIN_DISTANCE = 1.5  # radii: axes of two strands nearer than this overlap; in contact they are 2 apart
+_OWN = 5.0  # radii of arc length: nearer places of the same rope do not overlap
+_COUNT = 30.0  # cost of each rope more or less than known
+_LENGTH = 2.0  # cost of each radius by which a rope misses its known length, up to _COUNT
 
 
-def explanation_cost(fit: TubeFit, visibility: Visibility | None) -> float:
-    """Cost of an explanation of the points, in radii of rope.
+def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
+    """Return the cost of an explanation of the points, in radii of rope.
 
-    The length of rope that the unexplained points would make, the bending energy, a price for each rope, and
-    for each stretch of rope where there can be none.
-
-    Parameters
-    ----------
-    fit : TubeFit
-    visibility : Visibility, optional
-        What the views saw.
-
-    Returns
-    -------
-    float
+    It adds up the length of rope that the unexplained points would make, bending energy, a price for each
+    rope, and one for rope where there can be none.
     """
     r = fit.radius(0)
-    parts = [part for part in extents(fit, exclusive=False) if part is not None]
+    parts = [part for part in find_extents(fit, exclusive=False) if part is not None]
     if not parts:
         return float("inf")
-    lost = unexplained(fit)
+    lost = find_unexplained(fit)
     each = (~lost).sum() * r / max(sum(part.length for part in parts), r)
     cost = float(lost.sum() / max(each, 1.0)) + _ROPE * len(fit.curves)
-    spacing = 0.25
-    centres, places, number = [], [], []
+    centers, places, number = [], [], []
     for k, part in enumerate(parts):
-        s = part.spaced(spacing * r)
+        s = part.spaced(_SPACING * r)
         position, _, curvature = part.at(s)
-        bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, 1.5)
-        cost += _BENDING * spacing * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
+        bend = np.minimum(np.linalg.norm(curvature, axis=1) * r, _MAX_BEND)
+        cost += _BENDING * _SPACING * float((bend**2 + _KINK * np.maximum(bend - _SHARP, 0.0)).sum())
         if visibility is not None:
             free = visibility.free(position, r)
-            cost += _FREE * spacing * float(free.sum())
-            cost += _GONE * sum(is_phantom(stretch, len(s), spacing) for stretch in find_runs(free))
-        centres.append(position[::2])
+            cost += _FREE * _SPACING * float(free.sum())
+            cost += _PHANTOM * sum(is_phantom(stretch, len(s), _SPACING) for stretch in find_runs(free))
+        centers.append(position[::2])
         places.append(s[::2])
         number.append(np.full(len(s[::2]), k))
-    centre, place, which = np.concatenate(centres), np.concatenate(places), np.concatenate(number)
-    near = _core.overlapping(centre, which, place, _CONTACT * r, 5.0 * r)
+    center, place, which = np.concatenate(centers), np.concatenate(places), np.concatenate(number)
+    near = _core.overlapping(center, which, place, _MIN_DISTANCE * r, _OWN * r)
     if visibility is not None:
-        # where nothing was seen, bridges know nothing of each other's height
-        near &= ~visibility.occluded(centre, r)
-    return cost + _INSIDE * 2.0 * spacing * float(near.sum())
+        # the height of bridges that no camera could see is not known
+        near &= ~visibility.occluded(center, r)
+    return cost + _OVERLAP * 2.0 * _SPACING * float(near.sum())
 
 
-def contradiction_cost(chains: Chains, evidence: JoinEvidence) -> float:
-    """Return what chains cost that contradict what is known of the ropes beforehand."""
+def price_contradictions(chains: Chains, evidence: JoinEvidence) -> float:
+    """Return the cost of contradictions between chains and what is known of the ropes."""
     prior = evidence.prior
     cost = 0.0 if prior.ropes is None else _COUNT * abs(len(chains) - prior.ropes)
     if evidence.config.rings == "always":

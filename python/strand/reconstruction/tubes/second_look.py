@@ -1,4 +1,4 @@
-"""Second look: arcs in points that no curve explains, and stretches of curves that cannot be rope."""
+"""Look again: find arcs in points that no curve explains, and stretches of curves that cannot be rope."""
 
 from __future__ import annotations
 
@@ -12,94 +12,73 @@ from strand.geometry.curve import Curve
 from strand.geometry.polyline import find_runs
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.clouds import Arcs
+from strand.reconstruction.tubes.fitting import EXPLAINED_RADII, EXPLAINED_SIGMAS
 from strand.support.checks import Array
 
-# an arc needs this share of the points that others have for their length, and this many nodes
-_SHARE, _NODES = 0.2, 2
-# its nodes lie farther than this from the axes that are known, in radii
-_CLEARANCE = 1.0
-# points nearer than this to an axis are those of a tube there, in radii
-_REACH = 1.4
-# a stretch of rope this long that cameras saw through, in radii, is none
-_PHANTOM = 1.0
-# points with less than this share of the typical number of neighbours are noise
-_NEIGHBORS = 0.12
+_MIN_POINTS = 20  # unexplained points that may be an arc
+_MIN_DENSITY = 0.2  # share of the other ropes' points per length that an arc needs
+_MIN_NODES = 2  # of an arc
+_MIN_CLEARANCE = 1.0  # radii: median distance of an arc's nodes from the known axes
+_REACH = 1.4  # radii: points nearer to an axis belong to a tube there
+_MIN_NEIGHBORS = 0.12  # share of the typical number: points with fewer are noise
+_PHANTOM = 1.0  # radii: a stretch this long that cameras saw through is no rope
 
 
-def unexplained(fit: TubeFit) -> np.ndarray:
-    """(N,) Whether no curve explains a point: it lies off all surfaces, or where none could be seen."""
-    tolerance = np.maximum(2.5 * fit.sigma, 0.15 * fit.radii[fit.radius_classes[fit.curve]])
+def find_unexplained(fit: TubeFit) -> np.ndarray:
+    """Return (N,) which points no curve explains: they lie off all surfaces, or where none could be seen."""
+    radii = fit.radii[fit.radius_classes[fit.curve]]
+    tolerance = np.maximum(EXPLAINED_SIGMAS * fit.sigma, EXPLAINED_RADII * radii)
     return np.asarray(~(fit.explained & (np.abs(fit.residual) < tolerance)))
 
 
-def density(fit: TubeFit, curves: Sequence[Curve]) -> float:
-    """Points for each metre of rope."""
+def measure_density(fit: TubeFit, curves: Sequence[Curve]) -> float:
+    """Return the number of points per metre of rope."""
     length = sum(curve.length for curve in curves)
     return float(fit.inlier.sum() / max(length, float(fit.radii.min())))
 
 
-def unexplained_arcs(fit: TubeFit, classes: Iterable[int]) -> Arcs:
-    """Trace arcs through the points that no curve explains.
+def trace_unexplained(fit: TubeFit, classes: Iterable[int]) -> Arcs:
+    """Trace arcs of some classes of radius through the points that no curve explains.
 
-    A strand that touches another, or passes close under it, is claimed with it by a trace; what it leaves is
-    found here.
-
-    Parameters
-    ----------
-    fit : TubeFit
-    classes : iterable of int
-        The classes of radius that the arcs may have.
-
-    Returns
-    -------
-    Arcs
-        Those with enough points of their own, away from all curves.
+    A first trace takes a strand together with another that touches it or passes close above it. The arcs
+    here have enough points of their own, away from all curves.
     """
-    found = [(nodes, number) for number in classes for nodes in _of_radius(fit, float(fit.radii[number]))]
+    found = [(nodes, number) for number in classes for nodes in _trace_radius(fit, float(fit.radii[number]))]
     return Arcs([nodes for nodes, _ in found], [number for _, number in found])
 
 
-def _of_radius(fit: TubeFit, r: float) -> list[Array]:
-    """Return the unexplained arcs of one radius."""
-    lost = unexplained(fit)
-    if lost.sum() < 20:
+def _trace_radius(fit: TubeFit, r: float) -> list[Array]:
+    """Return (M, 3) nodes of the unexplained arcs of one radius."""
+    lost = find_unexplained(fit)
+    if lost.sum() < _MIN_POINTS:
         return []
     typical = _core.typical_neighbors(fit.points, r)
     points, to_camera = fit.points[lost], fit.to_camera[lost]
-    company = _core.count_neighbors(points, r) >= _NEIGHBORS * typical
-    points, to_camera = points[company], to_camera[company]
-    if len(points) < 20:
+    crowded = _core.count_neighbors(points, r) >= _MIN_NEIGHBORS * typical
+    points, to_camera = points[crowded], to_camera[crowded]
+    if len(points) < _MIN_POINTS:
         return []
     curves = [Curve.whole(control) for control in fit.curves]
     known = np.concatenate([curve.at(curve.spaced(0.5 * r))[0] for curve in curves])
-    enough = _SHARE * density(fit, curves)
-    # only the direction to the camera matters to a trace
-    arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_NODES)
+    enough = _MIN_DENSITY * measure_density(fit, curves)
+    # tracing uses only the direction to the camera
+    arcs = _core.trace_tubes(points, points + 100.0 * r * to_camera, r, min_nodes=_MIN_NODES)
     found = []
     for nodes, _ in arcs:
         clear = np.sqrt(_core.squared_distances(nodes, known))
         near = _core.squared_distances(points, nodes) < (_REACH * r) ** 2
         length = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) + r
-        if np.median(clear) > _CLEARANCE * r and near.sum() > enough * length:
+        if np.median(clear) > _MIN_CLEARANCE * r and near.sum() > enough * length:
             found.append(nodes)
     return found
 
 
-def to_decide_again(fit: TubeFit, parts: Sequence[Curve | None], visibility: Visibility) -> Arcs | None:
-    """Look at a fit for what speaks against it: unexplained arcs, rope where cameras saw free space.
+def find_arcs_to_reconsider(
+    fit: TubeFit, parts: Sequence[Curve | None], visibility: Visibility
+) -> Arcs | None:
+    """Return the arcs of a fit without stretches in free space, with unexplained arcs; None without either.
 
-    Parameters
-    ----------
-    fit : TubeFit
-    parts : sequence of (Curve or None)
-        The stretch of each curve that is rope.
-    visibility : Visibility
-        What the views saw.
-
-    Returns
-    -------
-    Arcs or None
-        The arcs to decide on again; None if nothing speaks against the fit.
+    `parts` are the stretches of the curves that are rope.
     """
     nodes: list[Array] = []
     classes: list[int] = []
@@ -117,7 +96,7 @@ def to_decide_again(fit: TubeFit, parts: Sequence[Curve | None], visibility: Vis
         kept = [places[start:stop] for start, stop in find_runs(keep) if stop - start >= 3]
         nodes += kept
         classes += [int(fit.radius_classes[number])] * len(kept)
-    more = unexplained_arcs(fit, range(len(fit.radii)))
+    more = trace_unexplained(fit, range(len(fit.radii)))
     if not more.nodes and not cut:
         return None
     return Arcs(nodes + more.nodes, classes + more.classes)
@@ -126,14 +105,7 @@ def to_decide_again(fit: TubeFit, parts: Sequence[Curve | None], visibility: Vis
 def is_phantom(stretch: Array, count: int, spacing: float) -> bool:
     """Tell whether a run of nodes that cameras saw through, not at an end, is too long to be rope.
 
-    Parameters
-    ----------
-    stretch : (2,) ndarray of int
-        Its first node, and the one after its last.
-    count : int
-        How many nodes there are.
-    spacing : float
-        Between two nodes, in radii.
+    `stretch` has its first node and the one after its last of `count` nodes, `spacing` radii apart.
     """
     start, stop = stretch
     return bool(start > 0 and stop < count and (stop - start) * spacing >= _PHANTOM)

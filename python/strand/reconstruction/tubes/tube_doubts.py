@@ -1,4 +1,4 @@
-"""What speaks against an answer of the default method, and how much."""
+"""Doubt answers of tubes: list the evidence against them, and weigh it."""
 
 from __future__ import annotations
 
@@ -11,73 +11,66 @@ from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
 from strand.reconstruction.evidence.confidence import SCALE, doubt_of_margin
 from strand.reconstruction.evidence.visibility import Visibility
-from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, without_prior
-from strand.reconstruction.tubes.joins import ByClass, runs_through
-from strand.reconstruction.tubes.tube_ends import extents, unseen_beyond
+from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, measure_prior_cost
+from strand.reconstruction.tubes.joins import ByClass, run_through
+from strand.reconstruction.tubes.tube_ends import find_extents, measure_unseen
 from strand.ropes.doubt import Doubt, Join
 from strand.support.checks import Array, round_to_millimeters
 
-# how far beyond an end no camera may have seen, in radii
-_UNSEEN = 1.75
-# an end is in doubt if points that may be another strand's move it this far, in radii
-_MOVED = 0.75
-# or if this stretch before it, in radii, has less than this share of the rope's points for its length
-_INSIDE, _FEW = (0.5, 2.5), 0.4
-# doubt for each end that may be another's or farther on, for each radius of what is left out, and for the
-# noise in radii beyond what is narrow
-_ENDS, _STRAY, _NOISE, _NARROW = 0.4, 0.15, 6.0, 0.21
-# and for the share of the points on ropes under what is usual
-_ASTRAY, _USUAL_SHARE = 10.0, 0.92
-# less is not worth mentioning
-_LEAST = 1e-3
+# Amounts are doubts as in `Doubt.amount`. They were set on scenes drawn at random.
+_END = 0.4  # for each end that may be another strand's, or farther on
+_MAX_UNSEEN = 1.75  # radii: an end is in doubt if no camera saw farther beyond it
+_MAX_MOVE = 0.75  # radii: or if points that another strand explains too move it farther
+_INSIDE = (0.5, 2.5)  # radii: or if this stretch inside it
+_MIN_DENSITY = 0.4  # has less than this share of the rope's points per length
+_DROPPED = 0.15  # for each radius of a segment that became part of no rope, and for one more
+_NOISE = 6.0  # for each radius of noise
+_NARROW = 0.21  # radii: beyond this
+_STRAY_POINTS = 10.0  # for the share of points on no rope
+_USUAL_SHARE = 0.92  # of the points on ropes: below this
+_MIN_AMOUNT = 1e-3  # less is not mentioned
 
 
-def doubts(
+def find_tube_doubts(
     by_class: ByClass,
     joins: Sequence[Join],
     parts: Sequence[Curve | None],
     fit: TubeFit,
     visibility: Visibility,
 ) -> tuple[Doubt, ...]:
-    """Say what speaks against the answer, and how much.
+    """Return the doubts about an answer, the greatest first.
 
-    Joins with small margins, rival hypotheses that cost hardly more, ends beyond which the rope could go on
-    unseen, segments that became part of no rope, points on no rope, noise that is wide against the ropes, and
-    hypotheses that would explain the points better if less were known of the ropes beforehand. The weights
-    were set on scenes drawn at random.
+    Strand doubts joins with small margins, rivals that cost hardly more, ends beyond which the rope may go on
+    unseen, segments in no rope, points on no rope, noise that is wide against the ropes, and given numbers
+    without which the points would be explained better.
 
     Parameters
     ----------
     by_class : sequence of sequence of ScoredHypothesis
-        For each class of radius the hypotheses about its arcs, the best first.
     joins : sequence of Join
-        Of the best ones.
+        Joins of the best hypotheses.
     parts : sequence of (Curve or None)
         The stretch of each fitted curve that is rope; None for closed ones too.
     fit : TubeFit
-        The last one.
+        The last fit.
     visibility : Visibility
-        What the views saw.
-
-    Returns
-    -------
-    tuple of Doubt
-        The greatest first.
     """
-    found = [_of_join(join) for join in joins]
+    found = [_doubt_join(join) for join in joins]
     for scored in filter(None, by_class):
-        found += _of_decision(scored)
-    found += _of_ends(parts, fit, visibility)
+        found += _doubt_decision(scored)
+    found += _doubt_ends(parts, fit, visibility)
     share = float(fit.inlier.mean())
     reason = (
-        f"only {share:.0%} of the points lie on the ropes found; is the radius right, and does the "
-        "extraction range leave out everything else?"
+        f"only {share:.0%} of the points lie on the ropes found; is the radius right, and do bounds exclude "
+        "everything else?"
     )
-    found.append(Doubt("points", _ASTRAY * max(_USUAL_SHARE - share, 0.0), "of the ropes found", reason))
-    return tuple(sorted((doubt for doubt in found if doubt.amount > _LEAST), key=lambda doubt: -doubt.amount))
+    amount = _STRAY_POINTS * max(_USUAL_SHARE - share, 0.0)
+    found.append(Doubt("points", amount, "of the ropes found", reason))
+    found = [doubt for doubt in found if doubt.amount > _MIN_AMOUNT]
+    return tuple(sorted(found, key=lambda doubt: -doubt.amount))
 
 
-def _of_join(join: Join) -> Doubt:
+def _doubt_join(join: Join) -> Doubt:
     other = (
         "it may end there"
         if join.alternative is None
@@ -87,47 +80,47 @@ def _of_join(join: Join) -> Doubt:
     return Doubt("join", doubt_of_margin(join.margin), "how the rope runs", reason, join.place)
 
 
-def _of_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:
-    """Doubts about the decision on one class of radius."""
+def _doubt_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:
+    """Return doubts about the decision on one class of radius."""
     best = scored[0]
     radius = best.fit.radius(0)
     found = []
-    for nodes in best.hypothesis.left_out:
+    for nodes in best.hypothesis.dropped:
         length = float(path_length(nodes)[-1])
         reason = f"a segment of {length * 1e3:.0f} mm became part of no rope"
-        amount = _STRAY * (length / radius + 1.0)
+        amount = _DROPPED * (length / radius + 1.0)
         found.append(Doubt("left out", amount, "what is there", reason, nodes[len(nodes) // 2]))
     wide = best.fit.sigma / radius
     reason = f"noise is {wide:.2f} radii wide"
     amount = _NOISE * max(wide - _NARROW, 0.0)
-    found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
-    reason = "something else explains the points better"
-    amount = without_prior(scored) / SCALE
-    found.append(Doubt("prior", amount, "of what is known of the ropes beforehand", reason))
+    found.append(Doubt("noise", amount, "of details finer than the noise", reason))
+    reason = "without it, other ropes would explain the points better"
+    amount = measure_prior_cost(scored) / SCALE
+    found.append(Doubt("prior", amount, "whether what was given about the ropes is right", reason))
     if len(scored) > 1:
         rival = scored[1]
         more = rival.cost - best.cost
         amount = float(np.exp(-more / SCALE))
         reason = f"another way to explain the points costs {more:.1f} more"
-        found.append(Doubt("rival", amount, "how the ropes run", reason, _difference(best, rival)))
+        found.append(Doubt("rival", amount, "how the ropes run", reason, _locate_difference(best, rival)))
     return found
 
 
-def _difference(best: ScoredHypothesis, rival: ScoredHypothesis) -> Array | None:
-    """Return where one hypothesis joins what the other does not."""
+def _locate_difference(best: ScoredHypothesis, rival: ScoredHypothesis) -> Array | None:
+    """Return a place where one hypothesis joins ends that the other does not."""
     radius = best.fit.radius(0)
     for some, other in ((rival, best), (best, rival)):
         for pair in some.hypothesis.joins:
             a, b = (some.hypothesis.costs.end(end) for end in pair)
-            if not runs_through(other.hypothesis.chains, a, b, radius):
+            if not run_through(other.hypothesis.chains, a, b, radius):
                 return np.asarray(0.5 * (a + b))
     return None
 
 
-def _of_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibility) -> list[Doubt]:
-    """Doubts about ends: ropes may go on where no camera saw, or few points show where they end."""
+def _doubt_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibility) -> list[Doubt]:
+    """Return doubts about ends that few points show, or beyond which no camera saw."""
     found = []
-    for number, (kept, whole) in enumerate(zip(parts, extents(fit, exclusive=False), strict=True)):
+    for number, (kept, whole) in enumerate(zip(parts, find_extents(fit, exclusive=False), strict=True)):
         if kept is None:
             continue
         r = fit.radius(number)
@@ -139,11 +132,12 @@ def _of_ends(parts: Sequence[Curve | None], fit: TubeFit, visibility: Visibility
         for late, end, other in ((False, start, others[0]), (True, stop, others[1])):
             inside = end - s if late else s - end
             seen = np.count_nonzero((inside > _INSIDE[0] * r) & (inside < _INSIDE[1] * r))
-            few = seen < _FEW * typical * (_INSIDE[1] - _INSIDE[0]) * r
+            few = seen < _MIN_DENSITY * typical * (_INSIDE[1] - _INSIDE[0]) * r
             place = kept.at([kept.length if late else 0.0])[0][0]
-            if few or abs(end - other) > _MOVED * r:
-                found.append(Doubt("end", _ENDS, "where the rope ends", "few points show it", place))
-            if unseen_beyond(kept, late, visibility, r) > _UNSEEN * r:
-                reason = "it may go on where no camera saw"
-                found.append(Doubt("end", _ENDS, "where the rope ends", reason, place))
+            reasons = []
+            if few or abs(end - other) > _MAX_MOVE * r:
+                reasons.append("few points show it")
+            if measure_unseen(kept, late, visibility, r) > _MAX_UNSEEN * r:
+                reasons.append("it may go on where no camera saw")
+            found += [Doubt("end", _END, "where the rope ends", reason, place) for reason in reasons]
     return found

@@ -1,4 +1,4 @@
-"""Nodes of the chains: places on the fitted curves, their covariance, and what saw them."""
+"""Make chains of fitted curves: nodes, their covariance, and the points that support them."""
 
 from __future__ import annotations
 
@@ -9,54 +9,36 @@ import numpy as np
 from strand._core import TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve, evaluate_basis
-from strand.reconstruction.tubes.tube_ends import end_deviations
+from strand.reconstruction.tubes.tube_ends import estimate_end_deviations
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
-# nodes of a ring, the first counted twice
-_LEAST_OF_RING = 4
+_MIN_RING_NODES = 4  # the first node counts twice
 
 
-def as_chains(
+def make_chains(
     fit: TubeFit, parts: Sequence[Curve | None], closed: Sequence[bool], radii_sd: Array, config: Config
 ) -> list[Chain]:
-    """Make chains of fitted curves.
-
-    Parameters
-    ----------
-    fit : TubeFit
-    parts : sequence of (Curve or None)
-        The stretch of each curve that is rope; None leaves it out.
-    closed : sequence of bool
-        Whether each goes on from its end to its start.
-    radii_sd : (C,) ndarray
-        Standard deviation of each curve's radius, metres.
-    config : Config
-
-    Returns
-    -------
-    list of Chain
-        In the curves' order, without rings of hardly any length.
-    """
+    """Make chains of the curves' stretches that are rope; skip None, and rings of hardly any length."""
     chains = []
     for number, (part, ring) in enumerate(zip(parts, closed, strict=True)):
         if part is None:
             continue
         s = part.spaced(config.tubes.node_spacing * fit.radius(number))
-        if ring and len(s) < _LEAST_OF_RING:
+        if ring and len(s) < _MIN_RING_NODES:
             continue
         mine = np.flatnonzero(fit.inlier & (fit.curve == number))
         place = part.arc_length_at(fit.parameter[mine])
-        counts, views = _seen(place, fit.view[mine], s)
+        counts, views = _count_seen(place, fit.view[mine], s)
         places, tangents, _ = part.at(s)
-        covariance = node_covariance(fit.covariances[number], part.parameter_at(s))
+        covariance = propagate_covariance(fit.covariances[number], part.parameter_at(s))
         if not ring:
-            # nodes divide the way from end to end: they go along with the ends
+            # nodes are spaced evenly between the ends, so they move with them
             share = s / part.length
-            start, stop = end_deviations(fit, number, part, mine, place)
+            start, stop = estimate_end_deviations(fit, number, part, mine, place)
             along = ((1.0 - share) * start) ** 2 + (share * stop) ** 2
             covariance = covariance + along[:, None, None] * tangents[:, :, None] * tangents[:, None, :]
-        # a ring's last node is its first again
+        # a ring's last node repeats its first
         kept = slice(0, len(s) - 1 if ring else len(s))
         chains.append(
             Chain(
@@ -73,8 +55,8 @@ def as_chains(
     return chains
 
 
-def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Count the points, and the views they come from, that are nearest to each node."""
+def _count_seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Count the points that are nearest to each node, and the views that they come from."""
     spacing = nodes[1] - nodes[0]
     nearest = np.clip(np.rint(places / spacing).astype(np.int64), 0, len(nodes) - 1)
     counts = np.bincount(nearest, minlength=len(nodes))
@@ -83,19 +65,10 @@ def _seen(places: Array, view: np.ndarray, nodes: Array) -> tuple[np.ndarray, np
     return counts, np.count_nonzero(pairs.reshape(len(nodes), cameras), axis=1)
 
 
-def node_covariance(covariance: Array, parameter: Array) -> Array:
-    """Covariance of places of a spline.
+def propagate_covariance(covariance: Array, parameter: Array) -> Array:
+    """Return (M, 3, 3) covariances of a spline's places, sum_ij B_i B_j C_ij, m^2.
 
-    Parameters
-    ----------
-    covariance : (n, 4, 3, 3) ndarray
-        Of each control point with itself and the next three, m^2.
-    parameter : (M,) ndarray
-
-    Returns
-    -------
-    (M, 3, 3) ndarray
-        sum_ij B_i B_j C_ij, m^2.
+    `covariance` holds (n, 4, 3, 3) covariances of each control point with itself and the next three.
     """
     first, weights = evaluate_basis(parameter, len(covariance))
     total = np.zeros((len(parameter), 3, 3))

@@ -1,4 +1,4 @@
-"""Whole ropes: fitted with the poses along the viewing rays, and cut to where they end."""
+"""Fit whole ropes with the poses along the viewing rays, and cut them to where they end."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.radius import Radii, group_radii
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
-from strand.reconstruction.tubes.end_observations import observed_ends
-from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGHLY, fitted, splines
-from strand.reconstruction.tubes.known_length import as_long
-from strand.reconstruction.tubes.noise import Noise, measured_noise
+from strand.reconstruction.tubes.end_observations import observe_ends
+from strand.reconstruction.tubes.fitting import ROPE_MARGIN, ROUGH_TOLERANCE, fit_curves, make_splines
+from strand.reconstruction.tubes.known_length import lengthen
+from strand.reconstruction.tubes.noise import Noise, measure_noise
 from strand.reconstruction.tubes.pixels import Cameras
-from strand.reconstruction.tubes.tube_ends import extents
+from strand.reconstruction.tubes.tube_ends import find_extents
 
 
 def fit_ropes(
@@ -35,37 +35,37 @@ def fit_ropes(
 ) -> tuple[TubeFit, Noise, list[EndObservation]]:
     """Fit whole ropes with the poses along the rays, then again to where views see them end.
 
-    Radii that are free are first each rope's own; ropes whose radii agree then share one.
+    Free radii are first each rope's own. Ropes whose radii agree then share one.
 
     Parameters
     ----------
     clouds : Clouds
     cameras : Cameras
-        What took their points.
+        The cameras that took their points.
     ropes : Arcs
     closed : sequence of bool
         Which of them are rings.
     before : TubeFit
-        The fit of the arcs that they were made of.
+        The fit of the arcs that the ropes were made of.
     radii : Radii
     given : Noise or None
-        What the sensor's errors are known to be.
+        The noise of a known sensor.
     config : Config
     run : Run
-        Its deadline leaves out the second fit, and radii that are free stay each rope's own.
+        Past its deadline, the first fit is the last, and free radii stay each rope's own.
 
     Returns
     -------
-    TubeFit
-    Noise
-        As measured on the first of the fits. The deviations of the second are for it if none is given.
-    list of EndObservation
-        Where views saw the ropes of the first end.
+    fit : TubeFit
+    noise : Noise
+        Measured on the first fit. Without a known sensor, the last fit's deviations count it.
+    ends : list of EndObservation
+        Where views see the ropes of the first fit end.
     """
     classes, start = ropes.classes, before.radii
     if radii.free:
         classes, start, radii = list(range(len(classes))), start[classes], radii.select(classes)
-    curves, motions = splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
+    curves, motions = make_splines(ropes, before.radii, config, ROPE_MARGIN), before.motions
     ends: list[EndObservation] = []
     fit: TubeFit | None = None
 
@@ -73,7 +73,7 @@ def fit_ropes(
         known: dict[str, Any] = {}
         if noise is not None and noise.correlation > 0.0:
             known = {"noise": config.tubes.noise or noise.sd, "shared": noise.shared}
-        return fitted(
+        return fit_curves(
             clouds,
             curves,
             classes,
@@ -84,7 +84,7 @@ def fit_ropes(
             along_ray=True,
             band=(0.5, 0.5),
             iterations=30 if radii.free else 20,
-            tolerance=0.1 if uncertainty else ROUGHLY,
+            tolerance=0.1 if uncertainty else ROUGH_TOLERANCE,
             bounds=clouds.hull if radii.free else None,
             end_observations=ends,
             previous=fit,
@@ -94,12 +94,12 @@ def fit_ropes(
 
     once = run.skips("the last fit of the ropes")
     fit = fit_again(uncertainty=radii.free or once, noise=given if once else None)
-    measured = measured_noise(fit, cameras, config.tubes.spacing)
+    measured = measure_noise(fit, cameras, config.tubes.spacing)
     if once:
         return fit, measured, ends
-    ends = observed_ends(
+    ends = observe_ends(
         fit,
-        extents(fit, exclusive=True),
+        find_extents(fit, exclusive=True),
         closed,
         clouds.viewpoints,
         clouds.bounds,
@@ -113,35 +113,24 @@ def fit_ropes(
     return fit_again(uncertainty=True, noise=given or measured), measured, ends
 
 
-def rope_parts(
+def cut_to_ropes(
     fit: TubeFit, ropes: Arcs, closed: Sequence[bool], before: TubeFit, prior: Prior, config: Config
 ) -> list[Curve | None]:
-    """Cut fitted ropes to where their points end, rings to once round; bow those of known length.
+    """Cut the curves of `fit_ropes` to where their points end, rings to once round; bow known lengths.
 
-    Parameters
-    ----------
-    fit : TubeFit
-        Of `fit_ropes`.
-    ropes, closed, before, config
-        What it was fitted from.
-    prior : Prior
-
-    Returns
-    -------
-    list of (Curve or None)
-        The stretch of each curve that is rope; None for one that hardly any point supports.
+    The result is None for a curve that hardly any point supports.
     """
-    parts = extents(fit, exclusive=True)
+    parts = find_extents(fit, exclusive=True)
     for i, control in enumerate(fit.curves):
         if closed[i]:
-            parts[i] = _once_round(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
+            parts[i] = _cut_once_round(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
     if not prior.lengths:
         return parts
-    return as_long(fit, splines(ropes, before.radii, config, ROPE_MARGIN), parts, prior)
+    return lengthen(fit, make_splines(ropes, before.radii, config, ROPE_MARGIN), parts, prior)
 
 
-def _once_round(curve: Curve, margin: float) -> Curve:
-    """Return the stretch of a closed rope's curve from `margin`, metres, to where it is there again."""
+def _cut_once_round(curve: Curve, margin: float) -> Curve:
+    """Return the stretch of a closed rope's curve from `margin`, metres, to where it returns there."""
     start = curve.at([margin])[0]
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
     stop = late[np.linalg.norm(curve.at(late)[0] - start, axis=1).argmin()]

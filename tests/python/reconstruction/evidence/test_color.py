@@ -10,7 +10,7 @@ from strand import View
 from strand.reconstruction.evidence.color import ArcColors, colors_of
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.outliers import drop_outliers
-from strand.reconstruction.tubes.join_costs import join_costs
+from strand.reconstruction.tubes.join_costs import price_joins
 
 RED, BLUE, ORANGE = (0.8, 0.15, 0.1), (0.1, 0.2, 0.7), (0.8, 0.45, 0.1)
 
@@ -111,5 +111,5 @@ def test_the_contrast_counts_in_spreads_of_colour_within_segments():
     assert (colors.join_costs(far, R) == 0.0).all()
     nowhere = np.full(fit.points.shape, np.nan)
     assert (ArcColors.of(fit, nowhere).join_costs(arcs, R) == 0.0).all()
-    assert join_costs(arcs, JoinEvidence(R, config.linking)).costs
-    assert not join_costs(arcs, JoinEvidence(R, config.linking, colors=colors)).costs
+    assert price_joins(arcs, JoinEvidence(R, config.linking)).costs
+    assert not price_joins(arcs, JoinEvidence(R, config.linking, colors=colors)).costs

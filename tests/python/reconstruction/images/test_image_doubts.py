@@ -1,4 +1,4 @@
-"""Doubts of answers that were read from images, and their places."""
+"""Where another way to explain the images differs from the best one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of a mask's labels along ropes."""
+"""Labels of masks: changes along ropes, and what they tell of two ropes that touch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images, readings and fits that the kernels refuse."""
+"""Images as the kernels read and fit them: what they refuse."""
 
 from __future__ import annotations
 

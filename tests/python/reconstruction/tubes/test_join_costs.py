@@ -8,15 +8,15 @@ from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.visibility import visibility_from
-from strand.reconstruction.tubes.chaining import chained
-from strand.reconstruction.tubes.join_costs import join_costs
-from strand.reconstruction.tubes.matching import matched
+from strand.reconstruction.tubes.chaining import chain_arcs
+from strand.reconstruction.tubes.join_costs import price_joins
+from strand.reconstruction.tubes.matching import match_ends
 
 
 def linked(arcs, visibility=None):
     """Arcs made chains by the matching of least cost."""
     evidence = JoinEvidence(R, Linking(), visibility)
-    return chained(arcs, matched(join_costs(arcs, evidence), evidence.config.free_end)[0], evidence)
+    return chain_arcs(arcs, match_ends(price_joins(arcs, evidence), evidence.config.free_end)[0], evidence)
 
 
 def test_joins_keep_out_of_space_that_was_seen_to_be_empty(paper):
@@ -39,9 +39,9 @@ def test_two_ways_that_are_as_good_have_no_margin():
         return arcs
 
     def margin(slope):
-        costs = join_costs(ends(slope), JoinEvidence(R, Linking()))
-        joins, cost = matched(costs, 5.0)
-        return min(matched(costs, 5.0, [pair])[1] - cost for pair in joins), joins
+        costs = price_joins(ends(slope), JoinEvidence(R, Linking()))
+        joins, cost = match_ends(costs, 5.0)
+        return min(match_ends(costs, 5.0, [pair])[1] - cost for pair in joins), joins
 
     low, across = margin(0.0)[1], margin(0.5)[1]
     assert low != across

@@ -7,7 +7,7 @@ import numpy as np
 import strand
 from strand.reconstruction.tubes.hypotheses import Hypothesis, ScoredHypothesis
 from strand.reconstruction.tubes.join_costs import JoinCosts
-from strand.reconstruction.tubes.joins import alternatives
+from strand.reconstruction.tubes.joins import list_alternatives
 
 
 def test_joins_name_the_chains_that_run_there():
@@ -42,4 +42,4 @@ def test_a_hypothesis_that_explains_nothing_is_no_alternative(paper_model):
     one = Hypothesis(JoinCosts((), {}), (), chains, 0.0, ())
     fit = paper_model.stages["fit"]
     scored = [ScoredHypothesis(one, fit, cost, 0.0) for cost in (2.0, 3.5, np.inf)]
-    assert [other.cost for other in alternatives([scored, scored[2:], []])] == [1.5]
+    assert [other.cost for other in list_alternatives([scored, scored[2:], []])] == [1.5]

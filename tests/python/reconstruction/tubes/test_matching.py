@@ -10,7 +10,7 @@ import pytest
 
 from strand.geometry.polyline import order_segments
 from strand.reconstruction.tubes.join_costs import JoinCosts
-from strand.reconstruction.tubes.matching import joined_to, matched
+from strand.reconstruction.tubes.matching import join_until, match_ends
 
 
 def test_the_cheapest_bridges_are_those_of_an_exhaustive_search():
@@ -19,7 +19,7 @@ def test_the_cheapest_bridges_are_those_of_an_exhaustive_search():
         priced = sorted(
             (float(rng.uniform(0, 10)), i, j) for i, j in combinations(range(8), 2) if i // 2 != j // 2
         )
-        found = joined_to(1, priced, [0, 1, 2, 3])
+        found = join_until(1, priced, [0, 1, 2, 3])
         cost = {(i, j): c for c, i, j in priced}
         best = np.inf
         for chosen in combinations(cost, 3):
@@ -48,7 +48,7 @@ def test_as_many_chains_are_joined_as_can_be_without_trying_all_ways():
     bunches = [range(0, 28), range(28, 56)]
     pairs = [(i, j) for ends in bunches for i in ends for j in ends if i // 2 < j // 2]
     priced = sorted((float(rng.uniform(0, 50)), i, j) for i, j in pairs)
-    found = joined_to(1, priced, list(range(28)))
+    found = join_until(1, priced, list(range(28)))
     assert len(found) == 26
     assert len({end for pair in found for end in pair}) == 52
     assert set(found) <= set(pairs)
@@ -76,11 +76,11 @@ def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
                 best = min(best, search(k + 1, [*chosen, pairs[k]]))
             return best
 
-        joins, cost = matched(costs_of(costs, 4, rings=False), 5.0)
+        joins, cost = match_ends(costs_of(costs, 4, rings=False), 5.0)
         assert not any(ring for _, ring in order_segments(4, joins))
         assert cost == pytest.approx(sum(costs[pair] for pair in joins) + 5.0 * (8 - 2 * len(joins)))
         assert cost == pytest.approx(search(0, []))
-        closing += matched(costs_of(costs, 4, rings=True), 5.0)[1] < cost - 1e-9
+        closing += match_ends(costs_of(costs, 4, rings=True), 5.0)[1] < cost - 1e-9
     assert closing > 5
 
 
@@ -88,7 +88,7 @@ def test_many_rings_are_opened_in_time():
     costs = {}
     for k in range(60):
         costs[4 * k, 4 * k + 2] = costs[4 * k + 1, 4 * k + 3] = 1.0
-    joins, cost = matched(costs_of(costs, 120, rings=False), 5.0)
+    joins, cost = match_ends(costs_of(costs, 120, rings=False), 5.0)
     assert len(joins) == 60
     assert cost == pytest.approx(60 * 11.0)
 
@@ -103,6 +103,6 @@ def test_trying_to_join_chains_that_nothing_joins_ends():
         for j in (0, 1)
     )
     start = time.process_time()
-    found = joined_to(1, priced, list(range(80)))
+    found = join_until(1, priced, list(range(80)))
     assert len(found) == 40
     assert time.process_time() - start < 3.0

@@ -9,7 +9,7 @@ import strand
 from deviations import scene
 from limits import Truth, calibration
 from strand.config import Tubes
-from strand.reconstruction.tubes.noise import correlation_length, shared_points
+from strand.reconstruction.tubes.noise import count_shared_points, find_correlation_length
 
 SD = 0.7e-3  # metres
 
@@ -83,19 +83,19 @@ def test_a_model_keeps_its_sensor_in_a_file(tmp_path):
 
 
 def test_independent_points_count_each():
-    assert shared_points(0.0, 5.0, 2.5) == (1.0, 1.0)
-    along, across = shared_points(0.2, 5.0, 2.5)
+    assert count_shared_points(0.0, 5.0, 2.5) == (1.0, 1.0)
+    along, across = count_shared_points(0.2, 5.0, 2.5)
     assert along == pytest.approx(1.0, abs=0.05)
     assert across == pytest.approx(1.0, abs=0.05)
 
 
 def test_short_reach_counts_as_on_a_plane_and_a_span_as_one_place_at_least():
     # the sum of all correlations about a pixel is 4 pi times the square of the length
-    along, across = shared_points(2.0, 60.0, 2.5)
+    along, across = count_shared_points(2.0, 60.0, 2.5)
     assert along == pytest.approx(4.0 * np.pi * 4.0, rel=0.05)
     assert across < along
     span, width = 2.5 * 5.0, 2.0 * np.sqrt(1.0 - 0.4**2) * 5.0
-    along, across = shared_points(50.0, 5.0, 2.5)
+    along, across = count_shared_points(50.0, 5.0, 2.5)
     assert along == pytest.approx(span * width, rel=0.1)
     # errors that are alike on both sides move a rope along the rays only
     assert across == pytest.approx(1.0, abs=0.1)
@@ -107,6 +107,6 @@ def test_the_length_is_that_of_the_correlations(length, followed):
     lags = np.arange(1, 9)
     taken = followed * 4.0 * np.pi * length**2
     left = (np.exp(-((lags / (2.0 * length)) ** 2)) - taken) / (1.0 - taken)
-    found, alike = correlation_length(left.tolist(), followed)
+    found, alike = find_correlation_length(left.tolist(), followed)
     assert found == pytest.approx(length, rel=0.03)
     assert alike == pytest.approx(np.exp(-1.0 / (4.0 * length**2)), abs=0.02)

@@ -9,7 +9,7 @@ from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.evidence.visibility import visibility_from
-from strand.reconstruction.tubes.scores import contradiction_cost, explanation_cost
+from strand.reconstruction.tubes.scores import price_contradictions, price_explanation
 
 CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0.2, 0.1, 0]), False)]
 
@@ -31,15 +31,15 @@ CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0
 )
 def test_what_contradicts_what_is_known_costs(prior, rings, cost):
     evidence = JoinEvidence(R, Linking(rings=rings), prior=prior)
-    assert contradiction_cost(CHAINS, evidence) == pytest.approx(cost, abs=1e-6)
+    assert price_contradictions(CHAINS, evidence) == pytest.approx(cost, abs=1e-6)
 
 
 def test_points_that_are_not_explained_cost(paper, paper_model):
     fit = paper_model.stages["fit"]
     visibility = visibility_from(paper.views, paper_model.poses, paper.views)
-    whole = explanation_cost(fit, visibility)
+    whole = price_explanation(fit, visibility)
     lost = fit.explained.copy()
     lost[::2] = False
-    assert explanation_cost(fit.replace(explained=lost), visibility) > whole + 20.0
+    assert price_explanation(fit.replace(explained=lost), visibility) > whole + 20.0
     # no camera saw through the true rope
-    assert explanation_cost(fit, None) == pytest.approx(whole, abs=2.0)
+    assert price_explanation(fit, None) == pytest.approx(whole, abs=2.0)

@@ -12,16 +12,16 @@ import strand
 from shared.ropes import R, render_crossing
 from strand.reconstruction.tubes import decision, method
 from strand.reconstruction.tubes.clouds import Clouds
-from strand.reconstruction.tubes.second_look import unexplained_arcs
+from strand.reconstruction.tubes.second_look import trace_unexplained
 
 
 def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, collected):
     fit = paper_model.stages["fit"]
-    assert unexplained_arcs(fit, [0]).nodes == []
+    assert trace_unexplained(fit, [0]).nodes == []
     two = collected("two_ropes")
     model = strand.reconstruct(two.views, two.radius, two.bounds, keep_stages=True)
     fit = model.stages["fit"]
-    clouds = Clouds.of([view.crop(two.bounds) for view in two.views], strand.Box(*two.bounds))
+    clouds = Clouds.from_views([view.crop(two.bounds) for view in two.views], strand.Box(*two.bounds))
     one = strand.fit_tubes(
         clouds.points,
         clouds.viewpoints,
@@ -33,7 +33,7 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
         fit_curves=False,
         iterations=1,
     )
-    found = unexplained_arcs(one, [0]).nodes
+    found = trace_unexplained(one, [0]).nodes
     other = model.chains[1 if model.chains[0].nearest(found[0][:1]).distance[0] > 2.0 * R else 0]
     assert sum(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum() for nodes in found) > 0.5 * other.length
     for nodes in found:
@@ -43,7 +43,7 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
 @pytest.mark.parametrize("radius", [(0.003, 0.006), None])
 def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeypatch, radius):
     views, bounds, truth = render_crossing(0.003, 0.006)
-    decided = decision.decided
+    decided = decision.decide_joins
     decisions = []
 
     def cut_short_at_first(*arguments):
@@ -56,7 +56,7 @@ def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeyp
         return by_class
 
     for room in (method, decision):
-        monkeypatch.setattr(room, "decided", cut_short_at_first)
+        monkeypatch.setattr(room, "decide_joins", cut_short_at_first)
     model = strand.reconstruct(views, radius, bounds)
     assert len(decisions) == 2
     assert [chain.radius for chain in model.chains] == pytest.approx([0.003, 0.006], rel=0.03)
@@ -95,7 +95,7 @@ def test_memory_grows_with_the_points_and_not_with_points_times_nodes():
         uncertainty=False,
     )
     tracemalloc.start()
-    arcs = unexplained_arcs(fit, [0]).nodes
+    arcs = trace_unexplained(fit, [0]).nodes
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     nodes = sum(len(arc) for arc in arcs)

@@ -9,7 +9,7 @@ import pytest
 
 import strand
 from strand.geometry.curve import Curve
-from strand.reconstruction.tubes.tube_nodes import as_chains
+from strand.reconstruction.tubes.tube_nodes import make_chains
 
 
 def test_a_chain_says_what_it_knows(paper, tmp_path):
@@ -61,7 +61,7 @@ def test_a_ring_of_hardly_any_length_is_no_chain(paper_model):
     curve, config = Curve.whole(fit.curves[0]), strand.Config()
     for length, count in ((0.3 * radius, 0), (20.0 * radius, 1)):
         part = curve.trimmed(10.0 * radius, 10.0 * radius + length)
-        assert len(as_chains(fit, [part], [True], np.zeros(1), config)) == count
+        assert len(make_chains(fit, [part], [True], np.zeros(1), config)) == count
     short = curve.trimmed(10.0 * radius, 10.3 * radius)
-    (chain,) = as_chains(fit, [short], [False], np.zeros(1), config)
+    (chain,) = make_chains(fit, [short], [False], np.zeros(1), config)
     assert len(chain.points) == 2

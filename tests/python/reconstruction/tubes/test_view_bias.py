@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand._core import EndObservation
 from strand.reconstruction import default
-from strand.reconstruction.tubes.view_bias import doubts
+from strand.reconstruction.tubes.view_bias import find_bias_doubts
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +42,12 @@ def amounts(found):
 def test_where_nothing_is_wrong_there_is_no_such_doubt(asked):
     observed, found = asked
     assert found.ends
-    assert amounts(doubts(observed, found)) == {"radius": 0.0, "residuals": 0.0, "end": 0.0}
+    assert amounts(find_bias_doubts(observed, found)) == {"radius": 0.0, "residuals": 0.0, "end": 0.0}
 
 
 def test_an_answer_without_tubes_says_nothing(asked):
     observed, found = asked
-    assert doubts(observed, replace(found, stages={})) == []
+    assert find_bias_doubts(observed, replace(found, stages={})) == []
 
 
 @pytest.mark.parametrize("factor", [0.95, 1.05])
@@ -67,10 +67,10 @@ def test_residuals_that_are_alike_along_the_rope_are_doubted(asked):
     fit = found.stages["fit"]
     wave = 0.15 * fit.radii[0] * np.sin(fit.parameter / 2.0) * np.where(fit.view % 2, 1.0, -1.0)
     other = replace(found, stages={"fit": fit.replace(residual=fit.residual + wave)})
-    assert amounts(doubts(observed, other))["residuals"] > 0.3
+    assert amounts(find_bias_doubts(observed, other))["residuals"] > 0.3
     chance = 0.15 * fit.radii[0] * np.random.default_rng(0).normal(size=len(wave))
     other = replace(found, stages={"fit": fit.replace(residual=fit.residual + chance)})
-    assert amounts(doubts(observed, other))["residuals"] == 0.0
+    assert amounts(find_bias_doubts(observed, other))["residuals"] == 0.0
 
 
 def test_an_end_that_views_see_apart_is_doubted(asked):
@@ -87,7 +87,7 @@ def test_an_end_that_views_see_apart_is_doubted(asked):
             )
             for k, one in enumerate(own)
         ]
-        return amounts(doubts(observed, replace(found, ends=tuple(ends))))["end"]
+        return amounts(find_bias_doubts(observed, replace(found, ends=tuple(ends))))["end"]
 
     assert apart(0.0) == 0.0
     assert apart(1.0) > 0.3
