@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strand.io.recordings.camera_info import read_pinhole
+from strand.io.recordings.camera_info import read_calibration
 from strand.io.recordings.message_views import make_view
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
@@ -271,7 +271,7 @@ def read_view(
             check_bool("rectified", rectified),
             check_bool("ignore_distortion", ignore_distortion),
         )
-        camera = read_pinhole(camera_info, rectified=rectified, ignore_distortion=ignore)
+        camera = read_calibration(camera_info, rectified=rectified, ignore_distortion=ignore)
     return make_view(message, camera, pose, depth_scale)
 
 

@@ -1,4 +1,4 @@
-//! The checks of arguments that all kernels share.
+//! Checks of arguments that several kernels share.
 
 use crate::error::{Error, Result};
 

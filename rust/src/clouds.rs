@@ -1,4 +1,4 @@
-//! Depth images and point clouds: points cropped, filtered and measured.
+//! Depth images and point clouds: cropping, filtering, density, visibility.
 
 pub mod apparent_radius;
 pub mod crop;

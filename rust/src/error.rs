@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! Errors of the kernels.
 
 /// Why a kernel gives no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! Vectors, rigid motions, curves and boxes.
+//! Vectors, rigid motions, curves, boxes and plans.
 
 pub mod arclength;
 pub mod banded;

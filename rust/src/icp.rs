@@ -11,29 +11,29 @@ use crate::geometry::{Point, RigidMotion, dot, sub};
 use crate::parallel;
 use pairing::{Pairing, Pairs};
 
-/// What is minimised.
+/// The sum that registration minimises.
 #[derive(Debug, Clone, Copy)]
 pub enum Objective<'a> {
     /// Σ ‖R x_i + t − y_i‖² (eq. 15).
     PointToPoint,
-    /// Σ ((R x_i + t − y_i) · n_i)² with the target's unit normals, linearised about the current pose
-    /// (Chen and Medioni 1992; R = R_z R_y R_x of the solved angles as in Low 2004).
+    /// Σ ((R x_i + t − y_i) · n_i)² with the target's unit normals n_i, linearised at the current pose (Chen and
+    /// Medioni 1992; R = R_z R_y R_x of the solved angles, as in Low 2004).
     PointToPlane(&'a [Point]),
 }
 
-/// Where registration starts and when it ends.
+/// The start and the limits of a registration.
 ///
-/// By default it starts at the identity. No correspondence distance suits all data: it must be set.
+/// By default it starts at the identity. The caller must set the correspondence distance: no default suits all data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IcpOptions {
     /// Start pose: source frame to target frame.
     pub start: RigidMotion,
-    /// Pairs farther apart than this are no correspondences, metres.
+    /// Largest distance between the points of a correspondence, metres.
     pub max_correspondence_distance: f64,
-    /// Most updates of the pose.
+    /// Updates of the pose at most.
     pub max_iterations: usize,
-    /// Ends when an update changes the fitness by no more than this, and the inlier RMSE by no more than
-    /// this times the correspondence distance.
+    /// The registration ends when an update changes the fitness by at most this, and the inlier RMSE by at most this
+    /// times the correspondence distance.
     pub tolerance: f64,
 }
 
@@ -55,7 +55,7 @@ impl Default for IcpOptions {
     }
 }
 
-/// Why the iterations ended.
+/// Why a registration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
     /// Fitness and inlier RMSE changed by less than the tolerance.
@@ -64,7 +64,7 @@ pub enum Stop {
     Iterations,
     /// Too few correspondences to fix a pose: 3 points, or 6 point-plane pairs.
     TooFewCorrespondences,
-    /// The correspondences leave the pose open: they lie on a line, or their planes let it slide.
+    /// The correspondences do not fix the pose: they lie on a line, or their planes let it slide.
     Degenerate,
 }
 
@@ -73,28 +73,37 @@ pub enum Stop {
 pub struct IcpResult {
     /// Source frame to target frame.
     pub transformation: RigidMotion,
-    /// Share of source points with a correspondence, in [0, 1].
+    /// Share of source points that have a correspondence, 0 to 1.
     pub fitness: f64,
     /// Root mean square distance of the correspondences, metres; 0 if there are none.
     pub inlier_rmse: f64,
-    /// How often the pose was updated.
+    /// Number of updates of the pose.
     pub iterations: usize,
     /// Whether the tolerance was met.
     pub converged: bool,
-    /// Why the iterations ended.
+    /// Why it ended.
     pub stop: Stop,
 }
 
-/// Registers `source` to `target`: pairs each source point with its nearest target point, solves for the rigid
-/// motion, and repeats.
+/// Registers `source` to `target` by iterated closest points.
 ///
-/// The result is a value also where the data do not fix a pose: the last pose that was sound, and why it ended
-/// there.
+/// Each iteration pairs every source point with its nearest target point and solves for the rigid motion. If the data
+/// do not fix a pose, the result holds the last sound pose and says why it ended.
 ///
 /// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, a limit is out of range, or the
-/// normals are not one for each target point, of unit length or zero; [`NotEnoughData`](Error::NotEnoughData)
-/// if a cloud is empty.
+/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, a limit is out of range, or there is not
+/// one normal for each target point, of unit length or zero; [`NotEnoughData`](Error::NotEnoughData) if a cloud is
+/// empty.
+///
+/// ```
+/// use strand::{IcpOptions, Objective, icp};
+/// let target = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let source = target.map(|p| [p[0] + 0.1, p[1], p[2]]);
+/// let options = IcpOptions { max_correspondence_distance: 0.5, ..IcpOptions::default() };
+/// let found = icp(&source, &target, Objective::PointToPoint, &options)?;
+/// assert!(found.converged && (found.transformation.translation.x + 0.1).abs() < 1e-9);
+/// # Ok::<(), strand::Error>(())
+/// ```
 pub fn icp(
     source: &[Point],
     target: &[Point],
@@ -125,10 +134,10 @@ pub fn icp(
     }))
 }
 
-/// Registers clouds one after the other (eq. 15): the first stays, each of the others is registered to all before it,
-/// where these have come to lie.
+/// Registers clouds one after the other (eq. 15).
 ///
-/// Gives the outcomes for all but the first.
+/// The first cloud stays. Each other cloud is registered to all clouds before it, at their registered poses. Returns
+/// the results for all clouds but the first.
 ///
 /// # Errors
 /// As [`icp`].
@@ -181,30 +190,30 @@ fn iterate(pairing: &mut Pairing, objective: Objective, options: &IcpOptions) ->
     }
 }
 
-/// The rotation and translation of least squares between paired points, by the singular value decomposition of
-/// their cross-covariance (Arun 1987, Umeyama 1991).
+/// Solves for the rotation and translation of least squares between paired points, by the singular value decomposition
+/// of their cross-covariance (Arun 1987, Umeyama 1991).
 fn solve_points(pairs: &Pairs) -> std::result::Result<RigidMotion, Stop> {
     if pairs.count() < 3.0 {
         return Err(Stop::TooFewCorrespondences);
     }
     let (from, to) = pairs.means();
     let covariance = pairs.cross_covariance();
-    // relative to its largest entry, so that squares neither overflow nor vanish
+    // scale by the largest entry, so that squares neither overflow nor underflow
     let size = covariance.amax().max(f64::MIN_POSITIVE);
     let svd = (covariance / size).try_svd(true, true, f64::EPSILON, 100).ok_or(Stop::Degenerate)?;
     let (u, v_t) = (svd.u.ok_or(Stop::Degenerate)?, svd.v_t.ok_or(Stop::Degenerate)?);
-    // on a line (or in a point) the rotation about it is free
+    // if the points lie on a line, the rotation about it is free
     if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
         return Err(Stop::Degenerate);
     }
     let sign = (u * v_t).determinant().signum();
     let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
-    // the means are relative to a point of the cloud, so that nothing is lost far from the origin
+    // the means are relative to a point of the cloud, so that no precision is lost far from the origin
     let origin = Vector3::from(pairs.origin);
     Ok(RigidMotion { rotation, translation: (to + origin) - rotation * (from + origin) })
 }
 
-/// One Gauss–Newton step of the point-to-plane distance, about the paired points' centroid.
+/// Takes one Gauss–Newton step of the point-to-plane distance, about the centroid of the paired points.
 fn solve_planes(
     pairing: &Pairing,
     pairs: &Pairs,
@@ -226,11 +235,11 @@ fn solve_planes(
     });
     let normal_matrix: Matrix6<f64> = system.fixed_columns::<6>(0).into();
     let right: Vector6<f64> = system.column(6).into();
-    // angles and metres are of one scale after this, so that the pivots say what the data leave open
+    // scale angles and metres alike, so that small pivots show directions that the data do not fix
     let scale = normal_matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
     let scaled = normal_matrix.component_mul(&(scale * scale.transpose()));
     let cholesky = scaled.cholesky().ok_or(Stop::Degenerate)?;
-    // the terms of a flat wall are all equal, and so are their roundings: 1e3 of them leave 1e-6
+    // the terms of a flat wall are equal, and so are their rounding errors: 1e3 of them add up to 1e-6
     if cholesky.l().diagonal().min() < 1e-5 {
         return Err(Stop::Degenerate);
     }

@@ -1,10 +1,13 @@
-//! Neighbour search: the only place that knows a grid or a tree.
+//! Neighbour search: the only room that knows grids and trees.
 //!
-//! Four structures. What lies around every point of a cloud is asked of batches of points at once:
-//! [`cells::Cells`] sorts the points by cell, and [`around::Around`] gathers what a batch needs in single precision.
-//! What lies within a radius of single points, [`Grid`] tells in double precision. Where neighbours have no known
-//! scale, [`Tree`], a k-d tree, finds the nearest. Where cells are crowded, or wide because a cloud reaches far, a
-//! [`hierarchy::Hierarchy`] of boxes counts and sums instead.
+//! There are four structures:
+//! - [`cells::Cells`] sorts points by cell, and [`around::Around`] gathers the neighbours of a batch of points in
+//!   single
+//!   precision. They serve searches around every point of a cloud.
+//! - [`Grid`] finds the points within a radius of single points, in double precision.
+//! - [`Tree`], a k-d tree, finds nearest points where no scale is known.
+//! - [`hierarchy::Hierarchy`], a tree of boxes, counts and sums where cells are crowded, or wide because a cloud
+//!   reaches far.
 
 pub mod around;
 pub mod bounds;
@@ -18,11 +21,11 @@ mod tree;
 pub use grid::Grid;
 pub use tree::Tree;
 
-/// Points of a part of a parallel pass over a cloud.
+/// Points that one task of a parallel pass over a cloud works on.
 const POINTS_PER_PART: usize = 1 << 15;
-/// Where more points than this are in the cells around a batch of points, or a point, the hierarchy takes over.
+/// The hierarchy takes over where the cells around a batch of points, or a point, hold more points than this.
 const CROWDED: usize = 1 << 14;
-/// So does it where cells are this many times as wide as was asked for.
+/// The hierarchy also takes over where cells are this many times as wide as the caller asked for.
 const WIDE: f64 = 16.0;
-/// Distances below this count as this: their squares are lost in double precision.
+/// Shorter distances count as this, metres: double precision loses their squares.
 const SHORTEST: f64 = 1e-150;

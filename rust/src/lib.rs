@@ -1,19 +1,20 @@
-//! From depth-camera point clouds of ropes, cables and hoses to ordered 3D centrelines.
+//! Depth-camera point clouds of ropes, cables and hoses become ordered 3D centrelines.
 //!
-//! The kernels of the pipeline, each usable alone, in the order in which data flow through them:
-//! [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`] for the published
-//! method, [`trace_tubes`] → [`fit_tubes`] for tubes fitted together with the cameras' poses.
-//! Slices go in and values come out; nothing is printed, read from files or kept between calls.
+//! Each kernel of the pipeline is usable alone. Data flow through them in this order:
+//! - published method: [`radius_outlier_mask`] → [`estimate_normals`] → [`icp`] → [`centerline`] → [`trace_chains`];
+//! - tubes fitted together with the cameras' poses: [`trace_tubes`] → [`fit_tubes`].
 //!
-//! The published method is that of *Shape Modeling of A String And Recognition Using Distance Sensor*; sections, equations
-//! and figures that the documentation cites are of that paper.
+//! Kernels take slices and return values. They print nothing, read no files and keep nothing between calls.
 //!
-//! Lengths are in metres, frames right-handed, coordinates finite. Results are the same bits for any number of
-//! threads ([`set_num_threads`]) and for any set of instructions, which is chosen when the program runs (AVX-512, AVX2,
-//! or what every processor has).
+//! The published method is that of *Shape Modeling of A String And Recognition Using Distance Sensor*. The
+//! documentation cites that paper's sections, equations and figures.
+//!
+//! Lengths are in metres, frames are right-handed, and coordinates are finite. Results are equal bit for bit for any
+//! number of threads ([`set_num_threads`]) and any instruction set. The program chooses the instruction set when it
+//! runs: AVX-512, AVX2, or portable code.
 //!
 //! ```
-//! // a ring of points on a tube of radius 1 about the x axis, seen from above
+// points on the upper half of a tube of radius 1 about the x axis, seen from above
 //! let points: Vec<strand::Point> = (0..400)
 //!     .map(|i| {
 //!         let (x, angle) = ((i / 20) as f64 * 0.1, (i % 20) as f64 / 19.0 * std::f64::consts::PI);

@@ -16,10 +16,10 @@ use mass::Mass;
 mod mass;
 mod nearest;
 
-/// Cells to a radius.
+/// Width of a cell, radii.
 const CELLS: f64 = 1.0;
 
-/// Which points a normal is fitted to. The point itself is one of them.
+/// The points that a normal is fitted to. The point itself is one of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Neighbors {
     /// The k nearest points, k ≥ 3.
@@ -28,35 +28,35 @@ pub enum Neighbors {
     Within(f64),
 }
 
-/// Where the cameras stood that saw the points; normals are turned towards them.
+/// The cameras that saw the points; normals point towards them.
 #[derive(Debug, Clone, Copy)]
 pub enum Viewpoints<'a> {
     /// One camera saw all points.
     One(Point),
-    /// A camera's centre for each point.
+    /// The centre of the camera that saw each point.
     Each(&'a [Point]),
 }
 
-/// Normals and how well they are determined.
+/// Normals, and how well each is determined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Normals {
     /// Outward unit normals; the zero vector where the neighbours do not span a plane.
     pub normals: Vec<Point>,
-    /// Surface variation λ₀ / (λ₀ + λ₁ + λ₂) of the neighbourhood: 0 on a plane, up to 1/3; 0 where there
-    /// is no normal.
+    /// Surface variation λ₀ / (λ₀ + λ₁ + λ₂) of the neighbourhood: 0 on a plane, 1/3 at most; 0 where there is no
+    /// normal.
     pub variation: Vec<f64>,
 }
 
-/// Least-squares plane normals: n minimises Σ (n·q_i − d)², d = n·q̄ (eq. 10–13), the eigenvector of
-/// the neighbours' covariance with the smallest eigenvalue, turned to the camera (eq. 14).
+/// Estimates surface normals by fitting planes to neighbourhoods.
 ///
-/// A neighbourhood of fewer than three points, or of points on a line or in one place, has no plane: its
-/// normal is the zero vector.
+/// The normal n minimises Σ (n·q_i − d)², d = n·q̄ (eq. 10–13): it is the eigenvector of the neighbours' covariance
+/// with the smallest eigenvalue, turned towards the camera (eq. 14). A neighbourhood of fewer than three points, or of
+/// points on a line or in one place, has no plane; its normal is the zero vector.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the radius is not positive,
-/// k < 3, or the viewpoints are not one for each point; [`NotEnoughData`](crate::Error::NotEnoughData) if there are
-/// fewer than k points.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the radius is not positive, k < 3,
+/// or there is not one viewpoint for each point; [`NotEnoughData`](crate::Error::NotEnoughData) if there are fewer than
+/// k points.
 pub fn estimate_normals(points: &[Point], neighbors: Neighbors, viewpoints: Viewpoints) -> Result<Normals> {
     check_finite("points", points)?;
     match viewpoints {
@@ -80,7 +80,7 @@ pub fn estimate_normals(points: &[Point], neighbors: Neighbors, viewpoints: View
     Ok(Normals { normals, variation })
 }
 
-/// Where the planes go.
+/// Where the fitted planes are stored.
 struct Answers<'a> {
     viewpoints: Viewpoints<'a>,
     normals: Slots<'a, Point>,
@@ -88,10 +88,10 @@ struct Answers<'a> {
 }
 
 impl Answers<'_> {
-    /// Turns the normal of input point `index` to its camera and keeps it.
+    /// Turns the normal of the input point `index` towards its camera and stores it.
     ///
     /// # Safety
-    /// Each index is put once, by one task.
+    /// Only one task stores each index, and only once.
     #[inline(always)]
     unsafe fn put(&self, index: usize, point: Point, normal: Point, variation: f64) {
         let viewpoint = match self.viewpoints {
@@ -99,7 +99,7 @@ impl Answers<'_> {
             Viewpoints::Each(all) => all[index],
         };
         let away = dot(normal, sub(viewpoint, point)) < 0.0;
-        // SAFETY: the caller puts each index once, so no two tasks write one slot of either array
+        // SAFETY: the caller stores each index once, so no two tasks write one slot of either array
         unsafe {
             self.normals.put(index, if away { normal.map(|x| -x) } else { normal });
             self.variation.put(index, variation);
@@ -107,10 +107,10 @@ impl Answers<'_> {
     }
 }
 
-/// The covariances of the neighbourhoods of a task's points.
+/// Covariances of the neighbourhoods of a task's points.
 #[derive(Default)]
 struct Covariances {
-    /// The entries in the order of [`Symmetric3`], each list ending with what fills the last row of lanes.
+    /// The entries in the order of [`Symmetric3`]; each list ends with padding for the last row of lanes.
     entries: [Vec<f64>; 6],
     positions: Vec<u32>,
 }
@@ -135,7 +135,7 @@ impl Covariances {
 }
 
 kernel! {
-    /// Fits the planes of some covariances.
+    /// Fits planes to some covariances.
     fn fit_planes<S>(_, covariances: &Covariances, cells: &Cells, answers: &Answers) {
         let rows = covariances.entries.each_ref().map(|list| list.as_chunks::<LANES>().0);
         for (row, positions) in covariances.positions.chunks(LANES).enumerate() {
@@ -155,19 +155,19 @@ kernel! {
     }
 }
 
-/// The plane of a covariance: its normal and the surface variation; zeros where it has fewer than two directions.
+/// Returns the normal and the surface variation of a covariance; zeros if it spans fewer than two directions.
 #[cold]
 fn plane(covariance: &Symmetric3) -> (Point, f64) {
     let eigen = eigen_symmetric(covariance);
     let [smallest, middle, largest] = eigen.values;
-    // the second direction must stand out of what rounding leaves of a line
+    // rounding leaves the points of a line a second direction, which is not enough
     if middle <= 1e-12 * largest {
         return ([0.0; 3], 0.0);
     }
     (eigen.vectors[0], (smallest / (smallest + middle + largest)).max(0.0))
 }
 
-/// The covariance of a neighbourhood, or zeros where that is too small for a plane.
+/// Returns the covariance of a neighbourhood, or zeros if it is too small for a plane.
 #[inline(always)]
 fn covariance(moments: &Moments) -> Symmetric3 {
     if moments.count() < 3 { [0.0; 6] } else { moments.covariance() }
@@ -212,8 +212,8 @@ fn fit_within(points: &[Point], radius: f64, answers: &Answers) {
 }
 
 kernel! {
-    /// Sums over what lies within a radius of the points of a batch; tells for which points single precision leaves open
-    /// what that is. Nothing where cells are crowded.
+    /// Sums over the points within a radius of each point of a batch, and reports the points for which single precision
+    /// does not decide. None where cells are crowded.
     fn sum_within<S>(
         simd,
         cells: &Cells,
@@ -232,23 +232,23 @@ kernel! {
     }
 }
 
-/// Sums over the neighbours of the points of a batch, relative to a place near them.
+/// Sums over the neighbours of each point of a batch, relative to a place near them.
 #[derive(Default)]
 struct Sums {
     /// Squared distances from each point around to each point of the batch.
     squares: Vec<Singles>,
     count: usize,
-    /// Their coordinates.
+    /// Coordinates of the points around.
     near: Vec<Point>,
     counts: Singles,
-    /// Of x, y, z, xx, xy, xz, yy, yz, zz.
+    /// Sums of x, y, z, xx, xy, xz, yy, yz and zz.
     sums: [[f64; BATCH]; 9],
-    /// Neighbourhoods that are smaller than this, squared, lose too much in these sums.
+    /// Neighbourhoods with a smaller squared size lose too much precision in these sums.
     smallest: f64,
 }
 
 impl Sums {
-    /// Measures the distances.
+    /// Computes the distances.
     #[inline(always)]
     fn measure<S: Simd>(&mut self, simd: S, around: &Around, lanes: &[Singles; 3]) {
         let lanes = [simd.load(&lanes[0]), simd.load(&lanes[1]), simd.load(&lanes[2])];
@@ -262,11 +262,11 @@ impl Sums {
         }
     }
 
-    /// How many squared distances are within each lane's limit.
+    /// Counts the squared distances within each lane's limit.
     #[inline(always)]
     fn count_below<S: Simd>(&self, simd: S, limits: &Singles) -> Singles {
         let (limits, one) = (simd.load(limits), simd.splat(1.0));
-        // several sums, so that one need not wait for the other
+        // several sums, so that none waits for another
         let mut counts = [simd.splat(0.0); 4];
         let (fours, rest) = self.squares[..self.count].as_chunks::<4>();
         for four in fours {
@@ -281,7 +281,7 @@ impl Sums {
         simd.store(simd.add(simd.add(counts[0], counts[1]), simd.add(counts[2], counts[3])))
     }
 
-    /// Sums over the points around whose squared distances are within each lane's limit.
+    /// Adds the points around whose squared distances are within each lane's limit.
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, cells: &Cells, around: &Around, frame: &Frame, limits: &Singles) {
         self.near.clear();
@@ -290,7 +290,7 @@ impl Sums {
         if S::MANY_REGISTERS {
             self.add_terms::<S, true, true, 0, 9>(simd, limits);
         } else {
-            // so few at a time that none of the sums leaves its register
+            // few sums at a time, so that all stay in registers
             self.add_terms::<S, true, false, 0, 5>(simd, limits);
             self.add_terms::<S, true, false, 5, 9>(simd, limits);
             self.add_terms::<S, false, true, 0, 5>(simd, limits);
@@ -299,7 +299,7 @@ impl Sums {
         self.smallest = 1e-3 * frame.extent * frame.extent;
     }
 
-    /// Sums some of the terms, from one number up to another, in the lanes of the first half, of the second, or of both.
+    /// Adds the terms from one number up to another, in the lanes of the first half, the second, or both.
     #[inline(always)]
     fn add_terms<S: Simd, const FIRST: bool, const SECOND: bool, const FROM: usize, const TO: usize>(
         &mut self,
@@ -331,7 +331,8 @@ impl Sums {
         }
     }
 
-    /// The covariance of a lane's neighbourhood, zeros if that is too small for a plane; none where too much is lost.
+    /// Returns the covariance of a lane's neighbourhood, zeros if it is too small for a plane; None if precision is
+    /// lost.
     fn covariance(&self, lane: usize) -> Option<Symmetric3> {
         let n = f64::from(self.counts[lane]);
         if n < 3.0 {

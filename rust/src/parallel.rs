@@ -1,11 +1,11 @@
 //! The only owner of thread pools.
 //!
-//! Rayon's global pool does not survive `fork`, which is how Python's `multiprocessing` starts workers on
-//! Linux: the child has the pool's memory but none of its threads, and would wait for ever. The pools here
-//! are built on first use in each process, and end when another number of threads is wanted and no work is left.
+//! Rayon's global pool does not survive `fork`, with which Python's `multiprocessing` starts workers on Linux. The
+//! child has the pool's memory but none of its threads, and would wait forever. The pools here are built on first use
+//! in each process. A pool ends when the number of threads changes and its work is done.
 //!
-//! Work that a caller may give up, as Python's main thread does at Ctrl-C, has a pool of its own: its threads know that
-//! they work for nobody, and end what they do at the next [`go_on`].
+//! Python's main thread may give up work at Ctrl-C. Such work has a pool of its own. Its threads learn that nobody
+//! waits for them, and stop at the next [`go_on`].
 
 use std::any::Any;
 use std::cell::OnceCell;
@@ -19,7 +19,7 @@ use std::time::Duration;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// A pool of so many threads.
+/// A pool and its number of threads.
 struct Pool {
     threads: usize,
     pool: ThreadPool,
@@ -32,51 +32,52 @@ struct Process {
     pools: [Mutex<Option<Arc<Pool>>>; 2],
 }
 
-/// Who waits for work.
+/// How a caller waits for work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Caller {
-    /// One that waits until it has its answer.
+    /// Waits until the answer is there.
     Patient,
-    /// One, at most one at a time, that may give up.
+    /// May give up. One call at a time.
     Hasty,
 }
 
-/// This process' pools, or those of the one that it was forked from.
+/// The pools of this process, or of the process that it was forked from.
 static NEWEST: AtomicPtr<Process> = AtomicPtr::new(std::ptr::null_mut());
 static WANTED_THREADS: AtomicUsize = AtomicUsize::new(UNKNOWN);
-/// No one said yet how many threads are wanted.
+/// The number of threads has not been set yet.
 const UNKNOWN: usize = usize::MAX;
-/// More threads than any machine can use here; tens of thousands would take minutes to start.
-const MOST_THREADS: usize = 256;
-/// The environment variable that says how many threads are wanted.
+/// Threads at most; tens of thousands would take minutes to start.
+const MAX_THREADS: usize = 256;
+/// The environment variable that sets the number of threads.
 pub(crate) const VARIABLE: &str = "STRAND_NUM_THREADS";
 
-/// Values of an image that are worked on at a time, and fewest rows: some need what is beside them.
-const VALUES: usize = 1 << 16;
-const FEWEST_ROWS: usize = 32;
+/// Values of an image that one task works on.
+const VALUES_PER_TASK: usize = 1 << 16;
+/// Rows of an image that one task works on, at least: some tasks need the rows beside theirs too.
+const MIN_ROWS_PER_TASK: usize = 32;
 
 thread_local! {
-    /// Whether this thread's pool works for nobody; only a pool's threads have it.
+    /// Whether nobody waits for this thread's pool any more; only threads of pools have it.
     static GIVEN_UP: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
 }
 
-/// What unwinds from work that was given up.
+/// The panic payload of work that was given up.
 struct GivenUp;
 
 /// Sets how many threads the kernels use from now on, at most 256; 0 means one for each core.
 ///
-/// Results do not depend on it. Until it is called, the environment variable `STRAND_NUM_THREADS` says it, if it is a whole
-/// number, and else there is one for each core.
+/// Results do not depend on it. Until this is called, the environment variable `STRAND_NUM_THREADS` applies if it is a
+/// whole number; otherwise there is one thread for each core.
 pub fn set_num_threads(threads: usize) {
-    WANTED_THREADS.store(threads.min(MOST_THREADS), Ordering::Relaxed);
+    WANTED_THREADS.store(threads.min(MAX_THREADS), Ordering::Relaxed);
 }
 
-/// How many threads the kernels use.
+/// Returns how many threads the kernels use.
 pub fn num_threads() -> usize {
     let mut wanted = WANTED_THREADS.load(Ordering::Relaxed);
     if wanted == UNKNOWN {
-        let asked = threads_of_environment().ok().flatten().unwrap_or(0).min(MOST_THREADS);
-        // a number that was set meanwhile holds
+        let asked = threads_of_environment().ok().flatten().unwrap_or(0).min(MAX_THREADS);
+        // a number that another thread set meanwhile wins
         let set = WANTED_THREADS.compare_exchange(UNKNOWN, asked, Ordering::Relaxed, Ordering::Relaxed);
         wanted = set.map_or_else(|set| set, |_| asked);
     }
@@ -86,12 +87,12 @@ pub fn num_threads() -> usize {
     }
 }
 
-/// How many cores this process may use: by its affinity, and by its control group's quota of processor time.
+/// Counts the cores that this process may use, by its affinity and its control group's CPU quota.
 pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// How many threads the environment asks for, if it does; what it says, if that is no number.
+/// Reads the number of threads from the environment: None if unset, the text itself if it is not a number.
 pub(crate) fn threads_of_environment() -> Result<Option<usize>, String> {
     match std::env::var_os(VARIABLE) {
         None => Ok(None),
@@ -103,7 +104,7 @@ pub(crate) fn threads_of_environment() -> Result<Option<usize>, String> {
     }
 }
 
-/// Runs `work` where rayon's parallel iterators use this process' pool, or the one that already runs.
+/// Runs `work` with rayon's iterators in this process' pool, or in the pool that already runs.
 pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if is_worker() {
         return work();
@@ -114,12 +115,12 @@ pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Whether this thread belongs to a pool of this module.
+/// Returns whether this thread belongs to a pool of this module.
 fn is_worker() -> bool {
     GIVEN_UP.with(|given_up| given_up.get().is_some())
 }
 
-/// Runs `work` where the system gives no threads: this one becomes a pool of itself, for good.
+/// Runs `work` if the system gives no threads: this thread becomes a pool of its own, permanently.
 fn alone<T>(work: impl FnOnce() -> T) -> T {
     if let Ok(pool) = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build() {
         GIVEN_UP.with(|given_up| given_up.get_or_init(Arc::default).store(false, Ordering::Relaxed));
@@ -128,7 +129,7 @@ fn alone<T>(work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Ends the work that this thread does if nobody waits for it any more. Loops that last call it now and then.
+/// Ends this thread's work if nobody waits for it any more. Long loops call it now and then.
 #[inline]
 pub(crate) fn go_on() {
     if GIVEN_UP.with(|given_up| given_up.get().is_some_and(|given_up| given_up.load(Ordering::Relaxed))) {
@@ -136,14 +137,14 @@ pub(crate) fn go_on() {
     }
 }
 
-/// Work that was begun in a pool.
+/// Work that runs in a pool.
 pub(crate) struct Begun<T> {
     answer: Receiver<std::thread::Result<T>>,
     caller: Caller,
     pool: Arc<Pool>,
 }
 
-/// Begins `work` in the caller's pool; gives it back where the system gives no threads.
+/// Starts `work` in the caller's pool; returns it unstarted if the system gives no threads.
 pub(crate) fn begin<T: Send + 'static, F: FnOnce() -> T + Send + 'static>(
     caller: Caller,
     work: F,
@@ -151,7 +152,7 @@ pub(crate) fn begin<T: Send + 'static, F: FnOnce() -> T + Send + 'static>(
     let Some(pool) = pool(caller) else { return Err(work) };
     let (sender, answer) = sync_channel(1);
     pool.pool.spawn(move || {
-        // nobody takes the answer of work that was given up
+        // nobody receives the answer of work that was given up
         let _ = sender.send(catch_unwind(AssertUnwindSafe(|| {
             go_on();
             work()
@@ -161,7 +162,7 @@ pub(crate) fn begin<T: Send + 'static, F: FnOnce() -> T + Send + 'static>(
 }
 
 impl<T> Begun<T> {
-    /// The answer, or what the work panicked with; none if it is not there in time.
+    /// Returns the answer, or the payload if the work panicked; None if it takes longer.
     pub(crate) fn wait(&mut self, longest: Option<Duration>) -> Option<std::thread::Result<T>> {
         let lost = || Err(Box::new("a thread ended before its work") as Box<dyn Any + Send>);
         match longest {
@@ -174,7 +175,7 @@ impl<T> Begun<T> {
         }
     }
 
-    /// Leaves the work: it ends soon, and its pool with it.
+    /// Gives up the work: it ends soon, and its pool with it.
     pub(crate) fn give_up(self) {
         self.pool.given_up.store(true, Ordering::Relaxed);
         let mut current = locked(this_process(), self.caller);
@@ -184,12 +185,12 @@ impl<T> Begun<T> {
     }
 }
 
-/// Whether a panic is no defect, but work that was given up.
+/// Returns whether a panic means that work was given up, not that there is a defect.
 pub(crate) fn was_given_up(panic: &(dyn Any + Send)) -> bool {
     panic.is::<GivenUp>()
 }
 
-/// Results of some work on each of several things, in parallel.
+/// Applies work that may fail to each of several things, in parallel.
 #[cfg(feature = "python")]
 pub(crate) fn each<T: Sync, R: Send>(
     things: &[T],
@@ -202,7 +203,7 @@ pub(crate) fn each<T: Sync, R: Send>(
     run(|| things.par_iter().map(work).collect())
 }
 
-/// What some work makes of each of several things, in parallel.
+/// Applies work to each of several things, in parallel.
 pub(crate) fn map<T: Sync, R: Send>(things: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
     let work = |thing: &T| {
         go_on();
@@ -211,14 +212,14 @@ pub(crate) fn map<T: Sync, R: Send>(things: &[T], work: impl Fn(&T) -> R + Sync 
     run(|| things.par_iter().map(work).collect())
 }
 
-/// What two pieces of work make, in parallel.
+/// Does two pieces of work in parallel.
 pub(crate) fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     run(|| rayon::join(a, b))
 }
 
-/// Works on an image's rows, in parallel: on stretches of them, given the number of the first.
+/// Works on stretches of an image's rows in parallel; `work` gets the number of the first row and the values.
 pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync + Send) {
-    let many = (VALUES / width.max(1)).max(FEWEST_ROWS);
+    let many = (VALUES_PER_TASK / width.max(1)).max(MIN_ROWS_PER_TASK);
     let stretches = values.par_chunks_mut(many * width.max(1)).enumerate();
     run(|| {
         stretches.for_each(|(k, part)| {
@@ -228,9 +229,9 @@ pub(crate) fn rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize,
     });
 }
 
-/// A caller's pool with the wanted number of threads, or with one if the system gives no more.
+/// Returns the caller's pool with the wanted number of threads, or with one thread if the system gives no more.
 ///
-/// What another number of threads had ends with its last work.
+/// A pool with another number of threads ends after its last work.
 fn pool(caller: Caller) -> Option<Arc<Pool>> {
     let threads = num_threads();
     let mut current = locked(this_process(), caller);
@@ -258,10 +259,10 @@ fn locked(process: &Process, caller: Caller) -> MutexGuard<'_, Option<Arc<Pool>>
     process.pools[caller as usize].lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What this process has.
+/// Returns the pools of this process.
 ///
-/// Found without a lock, because one that another thread holds at the moment of a fork stays locked in the child. The
-/// locks inside are this process' own, and what a process had is left alone by those that were forked from it.
+/// It takes no lock, because a lock that another thread holds during a fork stays locked in the child. The locks inside
+/// belong to this process. Forked children leave their parent's pools alone.
 fn this_process() -> &'static Process {
     let id = std::process::id();
     let mut newest = NEWEST.load(Ordering::Acquire);
@@ -280,14 +281,14 @@ fn this_process() -> &'static Process {
     }
 }
 
-/// Places that tasks fill in any order.
+/// Places that several tasks fill in any order.
 pub(crate) struct Slots<'a, T> {
     first: *mut T,
     count: usize,
     slots: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: all that tasks can do with it is `put`, whose callers keep them apart
+// SAFETY: tasks can only call `put`, and its callers never share a place
 unsafe impl<T: Send> Sync for Slots<'_, T> {}
 
 impl<'a, T: Copy> Slots<'a, T> {
@@ -302,7 +303,7 @@ impl<'a, T: Copy> Slots<'a, T> {
     #[inline(always)]
     pub(crate) unsafe fn put(&self, place: usize, value: T) {
         assert!(place < self.count);
-        // SAFETY: inside the slice, which is borrowed for as long as this lives, and no one else's place
+        // SAFETY: the place is inside the slice, which stays borrowed, and belongs to this task alone
         unsafe { self.first.add(place).write(value) };
     }
 }

@@ -1,4 +1,4 @@
-//! The stages of the published method that only it uses.
+//! Stages that only the published method uses.
 
 pub mod centerline;
 pub mod chain;

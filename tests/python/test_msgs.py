@@ -135,7 +135,7 @@ def test_views_of_messages():
         msgs.read_view(image)
     with pytest.raises(ValueError, match="mono16 has no unit"):
         msgs.read_view(made.image(depth, 0, encoding="mono16"), info)
-    with pytest.raises(ValueError, match="it is of images of 7 x 9 pixels, and this one has 64 x 48"):
+    with pytest.raises(ValueError, match="expected one for images of 64 x 48 pixels, got 7 x 9"):
         msgs.read_view(image, made.info(scene.intrinsics, (9, 7), 0))
     with pytest.raises(TypeError, match="rectified: expected True or False"):
         msgs.read_view(image, info, rectified=1)

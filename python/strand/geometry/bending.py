@@ -1,4 +1,4 @@
-"""How ropes bend: over a window of the rope, torsion, and the place of the closest bend."""
+"""Bends of ropes: curvature and torsion of nodes, curves and windows, and the tightest bend."""
 
 from __future__ import annotations
 
@@ -9,31 +9,19 @@ import numpy as np
 from strand.geometry.curve import Curve
 from strand.support.checks import Array
 
-# places for each stretch between nodes at which a curve's bend is asked for, and rounds of a finer search
-_PLACES, _ROUNDS = 4, 4
-# a sine of the bend at a node under which it counts as straight
-STRAIGHT = 1e-9
-# how far a window reaches to either side, in radii, and by how many places
-REACH = 4.0
-_SIDE = 16
+STRAIGHT = 1e-9  # sine of the bend at a node; below it counts as straight
+REACH = 4.0  # radii that a window reaches to either side
+_SIDE = 16  # places of a window on either side
+_PLACES = 4  # between two nodes, in the first search for the tightest bend
+_ROUNDS = 4  # of that search, each finer
+_FINER = 8.0  # times the step shrinks from round to round
 
 
 def fit_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Array, Array, Array]:
-    """Return derivatives of a line by arc length, of the quintics that fit best around places of it.
+    """Fit quintics to a line around arc lengths s (K,), and return their derivatives by arc length.
 
-    Parameters
-    ----------
-    at : callable
-        Places (..., 3) of the line at arc lengths (...,), metres.
-    s : (K,) ndarray
-        Arc lengths, metres.
-    reach : float
-        How far a quintic is fitted to either side, metres.
-
-    Returns
-    -------
-    slope, bend, jerk : (K, 3) ndarray
-        The first three derivatives: without unit, 1/m, 1/m^2. `bend` is across `slope`.
+    `at` gives places of the line. Quintics reach `reach` metres to either side. The derivatives are slope,
+    bend (1/m, across the slope) and jerk (1/m^2), (K, 3) each.
     """
     share = np.linspace(-1.0, 1.0, 2 * _SIDE + 1)
     fit = np.linalg.pinv(np.vander(share, 6, increasing=True))[1:4]
@@ -44,7 +32,7 @@ def fit_window(at: Callable[[Array], Array], s: Array, reach: float) -> tuple[Ar
 
 
 def find_window_torsion(at: Callable[[Array], Array], s: Array, reach: float) -> Array:
-    """(K,) Torsion of these quintics, 1/m; 0 where they are straight."""
+    """Return (K,) torsion of these quintics, 1/m; 0 where they are straight."""
     slope, bend, jerk = fit_window(at, s, reach)
     normal = np.cross(slope, bend)
     square = (normal * normal).sum(axis=1)
@@ -53,7 +41,7 @@ def find_window_torsion(at: Callable[[Array], Array], s: Array, reach: float) ->
 
 
 def find_curve_torsion(curve: Curve, s: Array) -> Array:
-    """(...,) Torsion of a spline at arc lengths, 1/m; 0 where it is straight."""
+    """Return (...,) torsion of a spline at arc lengths, 1/m; 0 where it is straight."""
     u = curve.parameter_at(s.ravel())
     first = np.clip(u.astype(np.intp), 0, len(curve.control) - 4)
     p = curve.control[first + np.arange(4)[:, None]]
@@ -72,7 +60,7 @@ def find_curve_torsion(curve: Curve, s: Array) -> Array:
 def find_node_derivatives(path: Array, closed: bool) -> tuple[Array, Array]:
     """Return unit tangents and curvature vectors at the nodes of straight segments.
 
-    A closed path has the first node again at the end.
+    A closed path repeats the first node at the end.
     """
     if closed:
         path = np.vstack([path[-2], path])
@@ -93,7 +81,7 @@ def find_node_derivatives(path: Array, closed: bool) -> tuple[Array, Array]:
 
 
 def find_node_torsion(nodes: Array, closed: bool, s: Array) -> Array:
-    """(...,) Torsion of straight segments at arc lengths, 1/m: see `Line.torsion_at`."""
+    """Return (...,) torsion of straight segments at arc lengths, 1/m, see `Line.torsion_at`."""
     path = np.vstack([nodes[-1:], nodes, nodes[:2]]) if closed else nodes
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -115,7 +103,7 @@ def find_node_torsion(nodes: Array, closed: bool, s: Array) -> Array:
 
 
 def find_tightest_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
-    """Return the radius of a curve's closest bend, metres, and its arc length; (inf, 0) of a straight one."""
+    """Return the radius and arc length of a curve's tightest bend, metres; (inf, 0) if it is straight."""
     s = np.linspace(arc_length[0], arc_length[-1], _PLACES * (len(arc_length) - 1) + 1)
     step = s[1]
     worst, bend = 0.0, -1.0
@@ -123,5 +111,5 @@ def find_tightest_bend(curve: Curve, arc_length: Array) -> tuple[float, float]:
         bends = np.linalg.norm(curve.at(s)[2], axis=1)
         worst, bend = float(s[bends.argmax()]), float(bends.max())
         s = np.clip(np.linspace(worst - step, worst + step, 17), arc_length[0], arc_length[-1])
-        step /= 8.0
+        step /= _FINER
     return (1.0 / bend, worst) if bend > 0 else (float("inf"), 0.0)

@@ -1,4 +1,4 @@
-"""A rope's centreline as a cubic B-spline with arc length as its parameter."""
+"""Smooth centrelines: cubic B-splines, asked by arc length."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NEWTON_STEPS = 4  # to the closest place of a curve
 
 
 def evaluate_basis(u: Array, count: int) -> tuple[np.ndarray, Array]:
-    """Return the first of the four control points that each parameter depends on, and their weights."""
+    """Return the first of the four control points that set each parameter's place, and their weights."""
     first = np.clip(u.astype(np.int64), 0, count - 4)
     t = u - first
     s = 1.0 - t
@@ -32,14 +32,14 @@ class Curve:
     control : (n, 3) array_like of float
         Control points, metres, n >= 4.
     start, stop : float
-        The parameters at which the stretch begins and ends, 0 <= start < stop <= n - 3.
+        Parameters of its two ends, 0 <= start < stop <= n - 3.
 
     Raises
     ------
     TypeError
-        If `control` does not hold floating point numbers, or a parameter is no number.
+        If `control` does not hold floating point numbers, or a parameter is not a number.
     ValueError
-        If `control` is not (n, 3) with n >= 4 or not finite, or the parameters are out of range.
+        If `control` has another shape or is not finite, or the parameters are out of range.
     """
 
     control: Array
@@ -64,12 +64,12 @@ class Curve:
 
     @classmethod
     def whole(cls, control: Array) -> Curve:
-        """Return all of a spline."""
+        """Return the whole spline of control points."""
         return cls(control, 0.0, float(len(control) - 3))
 
     @lazy_property
     def _table(self) -> tuple[Array, Array]:
-        """Parameters, and the arc length from the start to each; linear between them."""
+        """Parameters, and the arc length from the start to each; linear in between."""
         arc = _core.arc_lengths(self.control, self.start, self.stop)
         return np.linspace(self.start, self.stop, len(arc)), arc
 
@@ -79,14 +79,14 @@ class Curve:
         return float(self._table[1][-1])
 
     def parameter_at(self, s: ArrayLike) -> Array:
-        """Parameter of the spline at arc length `s`, metres, held at the ends."""
+        """Return parameters of the spline at arc lengths `s`, metres, clamped to the ends."""
         u, arc = self._table
         return np.asarray(np.interp(np.asarray(s), arc, u))
 
     def arc_length_at(self, parameter: ArrayLike) -> Array:
-        """Arc length at a parameter of the spline, metres, held at the ends."""
+        """Return arc lengths at parameters of the spline, metres, clamped to the ends."""
         _, arc = self._table
-        # the table's places are evenly apart: no search
+        # the table is evenly spaced: no search
         place = (np.asarray(parameter) - self.start) * ((len(arc) - 1) / (self.stop - self.start))
         place = np.clip(place, 0.0, len(arc) - 1)
         before = np.minimum(place.astype(np.intp), len(arc) - 2)
@@ -99,17 +99,17 @@ class Curve:
         return Curve(self.control, float(first), float(last))
 
     def reversed(self) -> Curve:
-        """Return the same stretch, run the other way."""
+        """Return the same stretch in the other direction."""
         last = len(self.control) - 3
         return Curve(self.control[::-1], last - self.stop, last - self.start)
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array]:
-        """Position, unit tangent and curvature vector at arc length `s`.
+        """Return positions, unit tangents and curvature vectors at arc lengths `s`.
 
         Parameters
         ----------
         s : (M,) array_like
-            Arc length from the start, metres; held at the ends.
+            From the start, metres; clamped to the ends.
 
         Returns
         -------
@@ -135,5 +135,5 @@ class Curve:
         return s
 
     def spaced(self, spacing: float) -> Array:
-        """Arc lengths about `spacing` apart from end to end, metres, at least two."""
+        """Return evenly spaced arc lengths from end to end, about `spacing` metres apart, at least two."""
         return np.linspace(0.0, self.length, max(round(self.length / spacing), 1) + 1)

@@ -1,4 +1,4 @@
-"""Directions across a line, carried along it without twist."""
+"""Unit vectors, and directions across a line that are carried along it without twist."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ def check_direction(name: str, value: ArrayLike) -> Array:
 
 
 def choose_side(tangent: Array) -> Array:
-    """(3,) Unit vector across a tangent, as near to z as can be; of a tangent along z, to x."""
+    """Return the unit vector (3,) across a tangent nearest to z, or to x for a tangent along z."""
     up = np.array([0.0, 0.0, 1.0]) if abs(tangent[2]) < 1.0 - 1e-6 else np.array([1.0, 0.0, 0.0])
     across = up - (up @ tangent) * tangent
     return np.asarray(across / np.linalg.norm(across))
 
 
 def fill_lost_tangents(path: Array, tangents: Array, closed: bool) -> Array:
-    """(M, 3) Tangents; where nodes turn back on themselves and have none, the direction of the step before.
+    """Return tangents (M, 3), where nodes turn back on themselves and have none those of the step before.
 
-    A closed path has the first node again at the end.
+    A closed path repeats the first node at the end.
     """
     lost = np.linalg.norm(tangents, axis=1) < 0.5
     if not lost.any():
@@ -40,15 +40,7 @@ def fill_lost_tangents(path: Array, tangents: Array, closed: bool) -> Array:
 
 
 def carry_along_nodes(nodes: Array, tangents: Array, start: Array) -> Array:
-    """(M, 3) A direction across each tangent, turned about the tangents as little as can be.
-
-    Parameters
-    ----------
-    nodes, tangents : (M, 3) ndarray
-        Places and unit tangents.
-    start : (3,) ndarray
-        The direction at the first node, a unit vector across its tangent.
-    """
+    """Return (M, 3) directions across the tangents at nodes, carried from the one at the first node."""
     across = [start]
     for i in range(len(nodes) - 1):
         across.append(carry_directions(across[-1], nodes[i], tangents[i], nodes[i + 1], tangents[i + 1]))
@@ -56,15 +48,15 @@ def carry_along_nodes(nodes: Array, tangents: Array, start: Array) -> Array:
 
 
 def carry_directions(across: Array, here: Array, tangent: Array, ahead: Array, next_tangent: Array) -> Array:
-    """(..., 3) Directions at the next places, by double reflection (Wang et al. 2008, table I)."""
-    across, tangent = (_reflected(one, ahead - here) for one in (across, tangent))
-    across = _reflected(across, next_tangent - tangent)
+    """Carry directions (..., 3) from here ahead by double reflection (Wang et al. 2008, table I)."""
+    across, tangent = (_reflect(one, ahead - here) for one in (across, tangent))
+    across = _reflect(across, next_tangent - tangent)
     across = across - _dot(across, next_tangent) * next_tangent
     return np.asarray(across / np.linalg.norm(across, axis=-1, keepdims=True))
 
 
-def _reflected(direction: Array, normal: Array) -> Array:
-    """(..., 3) Mirror images in the planes across normals of any length."""
+def _reflect(direction: Array, normal: Array) -> Array:
+    """Mirror directions (..., 3) in the planes across normals of any length."""
     square = _dot(normal, normal)
     return np.asarray(direction - 2.0 * _dot(direction, normal) / np.where(square == 0, 1.0, square) * normal)
 

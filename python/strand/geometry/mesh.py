@@ -1,4 +1,4 @@
-"""A tube around a centreline as triangles."""
+"""Triangle meshes of tubes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,7 @@ from strand.support.checks import Array
 def make_tube_mesh(
     nodes: Array, tangents: Array, radius: float, closed: bool, sides: int
 ) -> tuple[Array, NDArray[np.int32]]:
-    """Return a closed triangle mesh of rings around nodes, see `Line.tube`.
-
-    Parameters
-    ----------
-    nodes, tangents : (M, 3) ndarray
-        The centreline and its unit tangents; metres.
-    radius : float
-        Of the tube, metres.
-    closed : bool
-        Whether the last ring goes on to the first one; else both ends have a flat cap.
-    sides : int
-        Vertices of a ring.
-    """
+    """Return vertices and triangles of rings around nodes, see `Line.tube`."""
     count = len(nodes)
     if closed and count < 3:
         raise ValueError(f"points: expected at least three nodes of a closed chain, got {count}")
@@ -33,7 +21,7 @@ def make_tube_mesh(
     across = carry_along_nodes(nodes, tangents, start / np.linalg.norm(start))
     twist = np.zeros(count)
     if closed:
-        # the frame that has gone once around is turned against the first one; each ring takes its share
+        # once around, the frame is turned against the first one: each ring takes its share of that
         round_ = carry_directions(across[-1], nodes[-1], tangents[-1], nodes[0], tangents[0])
         missing = np.arctan2(np.cross(round_, across[0]) @ tangents[0], round_ @ across[0])
         steps = np.linalg.norm(np.diff(nodes, axis=0, append=nodes[:1]), axis=1)
@@ -44,7 +32,7 @@ def make_tube_mesh(
         np.cos(angles)[..., None] * across[:, None] + np.sin(angles)[..., None] * aside[:, None]
     )
     vertices = rings.reshape(-1, 3)
-    # quadrilaterals between a ring and the next, two triangles each
+    # two triangles for each quadrilateral between neighbouring rings
     here = np.arange(count if closed else count - 1)[:, None] * sides + np.arange(sides)
     after = np.roll(here, -1, axis=1)
     ahead, beyond = (here + sides) % (count * sides), (after + sides) % (count * sides)

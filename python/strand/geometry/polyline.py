@@ -1,4 +1,4 @@
-"""Ordered nodes: arc length, values between them, marked stretches, the way through joined pieces."""
+"""Ordered nodes: arc length, values between nodes, marked stretches, the order of joined segments."""
 
 from __future__ import annotations
 
@@ -24,16 +24,7 @@ __all__ = [
 
 
 def interpolate(s: Array, known: Array, values: Array) -> Array:
-    """Return values linear between known ones.
-
-    Parameters
-    ----------
-    s : (...,) ndarray
-        Where, from the first of `known` to the last.
-    known : (M,) ndarray
-        Where they are known, in order, M >= 2.
-    values : (M, ...) ndarray
-    """
+    """Return values at places s (...,), linear between those at known places (M,) in order, M >= 2."""
     k = np.clip(np.searchsorted(known, s, side="right") - 1, 0, len(known) - 2)
     part = np.asarray((s - known[k]) / (known[k + 1] - known[k]))
     part = part.reshape(part.shape + (1,) * (values.ndim - 1))
@@ -55,37 +46,16 @@ def check_node_values(name: str, value: ArrayLike, shape: tuple[int, ...], count
 
 
 def find_runs(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Find the stretches of a path that are marked.
-
-    Parameters
-    ----------
-    marked : (M,) ndarray of bool
-        For each node.
-
-    Returns
-    -------
-    (K, 2) ndarray of int64
-        The first node of each stretch, and the one after its last.
-    """
+    """Return (K, 2) the first node of each marked stretch, and the one after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     return edges.astype(np.int64).reshape(-1, 2)
 
 
 def order_segments(count: int, joins: Sequence[tuple[int, int]]) -> list[tuple[list[int], bool]]:
-    """Order the segments along each rope.
+    """Order segments that are joined to ropes by pairs of ends; no end is in two pairs.
 
-    Parameters
-    ----------
-    count : int
-        How many segments there are.
-    joins : sequence of (int, int)
-        Pairs of ends; no end in two pairs.
-
-    Returns
-    -------
-    list of (list of int, bool)
-        For each rope the ends at which its segments are entered, in order (2k: segment k forwards,
-        2k + 1: backwards), and whether the last is joined to the first.
+    Returns for each rope the ends at which its segments are entered, in order (2k: segment k forwards,
+    2k + 1: backwards), and whether the last segment is joined to the first.
     """
     graph = rx.PyGraph()
     graph.add_nodes_from(range(2 * count))

@@ -11,7 +11,7 @@ from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing, find_crossings, list_crossings
 from strand.ropes.doubt import Doubt
 from strand.ropes.knots import Knot, name_knot
-from strand.ropes.notebook import notebook_html
+from strand.ropes.notebook import make_html
 from strand.ropes.shape import ShapeError, compare_shapes
 from strand.support.checks import check_finite_array, check_fraction_or_nan, check_instances
 
@@ -72,7 +72,7 @@ class Chain(Line):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the chain in a small plot, and its numbers."""
-        return notebook_html([self], [repr(self)])
+        return make_html([self], [repr(self)])
 
     def knot(self, *, crossings: ArrayLike | None = None, direction: ArrayLike = (0.0, 0.0, 1.0)) -> Knot:
         """Name the knot that is tied in the rope, by the straight segments between its nodes.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from strand.support.checks import (
@@ -44,44 +45,60 @@ DOUBTS = (
 )
 """Kinds of doubt.
 
-"join": the segments there may belong together otherwise; "rival": another way to join all of them costs
-hardly more; "end": the rope may end elsewhere; "left out": a segment became part of no rope; "noise": it is
-wide against the rope; "prior": the answer explains the points worse than one without what was known
-beforehand; "points": too few of them lie on the ropes found; "mask": what is inside a mask does not stand out
-from what is around it; "pose": poses moved farther than they are said to be wrong; "radius": ropes look
-thicker or thinner than the radius that was given; "range": ropes leave the extraction range; "residuals":
-they are alike along stretches of rope; "view": one saw through the ropes; "depth",
-"intrinsics", "viewpoint": these look as a usual mistake would make them; "order": depth hardly tells which
-strand is on top at a crossing; "uncovered": ropes and masks do not cover each other; "count", "length",
-"ring": the ropes are not as they are known to be; "deadline": something was left out because the deadline had
-passed.
+- "join": the segments there may belong together in another way.
+- "rival": another way to join all segments costs hardly more.
+- "end": the rope may end elsewhere.
+- "left out": a segment belongs to no rope.
+- "noise": the noise is wide compared with the rope.
+- "prior": an answer that ignores a prior explains the points better.
+- "points": too few points lie on the ropes.
+- "mask": the inside of a mask does not stand out from its surroundings.
+- "pose": poses moved farther than their stated error.
+- "radius": ropes look thicker or thinner than the given radius.
+- "range": ropes leave the extraction range.
+- "residuals": residuals are correlated along stretches of rope.
+- "view": a view saw through the ropes.
+- "depth", "intrinsics", "viewpoint": these look like a usual mistake.
+- "order": depth hardly decides which strand is on top at a crossing.
+- "uncovered": ropes and masks do not cover each other.
+- "count", "length", "ring": the ropes contradict what is known of them.
+- "deadline": strand skipped work because the deadline had passed.
 """
-
 
 WARNINGS = (*DOUBTS, "branch", "cut end", "kept pose", "no rope", "open pose", "thing", "unused view")
-"""Kinds of warning: those of doubts, and
+"""Kinds of warning: those of doubts, and the following.
 
-"mask": beside the doubt, a mask has labels for more ropes than there are;
-"radius": beside the doubt, the points contradict the radius that was given, or hardly fix one that was not;
-"branch": a chain ends on another's side; "cut end": a chain runs out of the extraction range; "open pose":
-the data leave a direction of a view's pose open; "thing": what stands on the table and is no rope was left
-out; "unused view": a view saw nothing, or noise does
-not tell its ropes from what they lie on and only other views have masks; "kept pose": a view could
-not be registered and stays at its reported pose; "no rope": there is none, in tables of batches, as
-`reconstruct` raises `NoRopeError`.
+- "mask", also without a doubt: a mask has more labels than there are ropes.
+- "radius", also without a doubt: the points contradict the given radius, or hardly fix the estimated one.
+- "branch": a chain ends on the side of another one.
+- "cut end": a chain leaves the extraction range.
+- "kept pose": strand could not register a view, which keeps its reported pose.
+- "no rope": there is none. Only tables of batches have it; `reconstruct` raises `NoRopeError`.
+- "open pose": the data do not fix a direction of a view's pose.
+- "thing": strand dropped objects on the table.
+- "unused view": a view saw nothing, or shows no rope above the noise while other views have masks.
 """
+
+
+def _freeze_place(name: str, place: Array | None) -> Array | None:
+    return None if place is None else freeze_array(check_small_array(name, place, (3,)))
+
+
+def _check_chains(chains: Sequence[int]) -> tuple[int, ...]:
+    numbers = check_sequence("chains", chains, "whole numbers")
+    return tuple(check_integer("chains", chain) for chain in numbers)
 
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """What speaks against an answer.
+    """A reason why an answer may be wrong.
 
     Attributes
     ----------
     kind : str
         One of `DOUBTS`.
     amount : float
-        The confidence is exp(-0.01 - d), where d adds up all doubts' amounts; 0 or above.
+        How grave it is, 0 or above. The confidence is exp(-0.01 - d), where d is the sum of all amounts.
     about : str
         What is uncertain, in words.
     reason : str
@@ -101,8 +118,7 @@ class Doubt:
         object.__setattr__(self, "amount", check_nonnegative("amount", self.amount))
         object.__setattr__(self, "about", check_text("about", self.about))
         object.__setattr__(self, "reason", check_text("reason", self.reason))
-        if self.place is not None:
-            object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
+        object.__setattr__(self, "place", _freeze_place("place", self.place))
 
     def __str__(self) -> str:
         where = "" if self.place is None else f" at {round_to_millimeters(self.place)}"
@@ -111,19 +127,19 @@ class Doubt:
 
 @dataclass(frozen=True, eq=False)
 class Join:
-    """A place where two segments that were seen were joined to one rope.
+    """A place where strand joined two segments to one rope.
 
     Attributes
     ----------
     place : (3,) ndarray
-        The middle of the gap, world frame, metres.
+        Middle of the gap, world frame, metres.
     chains : tuple of int
         Numbers of the chains that run there.
     margin : float
-        How much more the next best way to join the segments costs, in the unit of `Config.linking`, where a
-        free end costs 5. Near 0 it is as good.
+        How much more the next best way to join the segments costs, in units of `Config.linking`, where a free
+        end costs 5. Near 0 both ways are equally good.
     alternative : (3,) ndarray or None
-        Where the rope would go on instead, metres; None: it would end.
+        Where the rope would go on in that way, metres; None if it would end.
     """
 
     place: Array
@@ -133,36 +149,32 @@ class Join:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
-        numbers = check_sequence("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
+        object.__setattr__(self, "chains", _check_chains(self.chains))
         object.__setattr__(self, "margin", check_number("margin", self.margin))
-        if self.alternative is not None:
-            object.__setattr__(
-                self, "alternative", freeze_array(check_small_array("alternative", self.alternative, (3,)))
-            )
+        object.__setattr__(self, "alternative", _freeze_place("alternative", self.alternative))
 
 
 @dataclass(frozen=True, eq=False)
 class ModelWarning:
-    """What the caller should know about the data or the answer; `str()` of it is its message.
+    """A remark about the data or the answer; `str()` gives its message.
 
     Attributes
     ----------
     kind : str
-        One of `WARNINGS`; a warning about a doubt is of the doubt's kind.
+        One of `WARNINGS`. A warning about a doubt has the doubt's kind.
     message : str
-        What is the matter, in words.
+        The remark, in words.
     place : (3,) ndarray or None
         Where, world frame, metres.
     amount : float or None
-        How much: of a doubt its amount, of "branch" the distance between the end and the other chain's axis,
-        metres, of "mask" beside the doubt how many labels there are, of "radius" by how much the points want
-        a larger one, metres, of "noise" how many times what was given it is, of "open pose" the pose's
-        standard deviation over that of the reported one.
+        A number that depends on the kind. Doubts: their amount. "branch": distance from the end to the other
+        chain's axis, metres. "mask" without a doubt: number of labels. "radius" without a doubt: how much
+        larger a radius the points want, metres. "noise": the noise over the given one. "open pose": the
+        pose's standard deviation over that of the reported pose.
     chains : tuple of int
-        Numbers of the chains that it is about; of "branch" the chain that ends and the one that it ends on.
+        Numbers of the chains that it is about. "branch": the chain that ends, and the one that it ends on.
     view : int or None
-        The number of the view that it is about.
+        Number of the view that it is about.
     """
 
     kind: str
@@ -175,12 +187,10 @@ class ModelWarning:
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", check_choice("kind", self.kind, WARNINGS))
         object.__setattr__(self, "message", check_text("message", self.message))
-        if self.place is not None:
-            object.__setattr__(self, "place", freeze_array(check_small_array("place", self.place, (3,))))
+        object.__setattr__(self, "place", _freeze_place("place", self.place))
         if self.amount is not None:
             object.__setattr__(self, "amount", check_number("amount", self.amount))
-        numbers = check_sequence("chains", self.chains, "whole numbers")
-        object.__setattr__(self, "chains", tuple(check_integer("chains", chain) for chain in numbers))
+        object.__setattr__(self, "chains", _check_chains(self.chains))
         if self.view is not None:
             object.__setattr__(self, "view", check_integer("view", self.view))
 
@@ -190,12 +200,12 @@ class ModelWarning:
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another way to join the segments that were seen to ropes.
+    """Another way to join the segments to ropes.
 
     Attributes
     ----------
     cost : float
-        How much more it costs than the answer, in radii of rope: what else it leaves unexplained.
+        How much more than the answer it leaves unexplained, in radii of rope.
     chains : tuple of (K, 3) ndarray
         Nodes of each rope in order, world frame, metres, before the last fit.
     """

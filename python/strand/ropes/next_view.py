@@ -1,4 +1,4 @@
-"""Where a camera would best see a place among ropes."""
+"""The camera position that best sees a place among ropes."""
 
 from __future__ import annotations
 
@@ -6,56 +6,45 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from strand.geometry.line import Line
 from strand.support.checks import Array
 
-# directions that are tried, and how far they may turn from the mean of the views that there are, radians
-_DIRECTIONS, _WIDEST = 600, np.radians(45.0)
-# the stretch of rope to see, on each side of the place, and where strands are clear of each other, in radii
-_STRETCH, _CLEAR = 5.0, 3.0
-# weights of seeing strands from the side, and from where no camera was, against an unhindered view of them
-_SIDE, _NEW = 0.5, 0.3
+_DIRECTIONS = 600  # tried camera directions
+_MAX_TURN = np.radians(45.0)  # radians between a tried direction and the mean of the cameras' directions
+_STRETCH = 5.0  # radii of rope to see on each side of the place
+_CLEAR = 3.0  # radii: strands farther apart in the image do not hide each other
+_MAX_NODES = 24  # of the stretch that are looked at
+_SIDE = 0.5  # weight of a view along the rope, against an unhindered view
+_NEW = 0.3  # weight of a direction near an old camera's, against an unhindered view
 
 
-def find_best_camera(place: Array, strands: Sequence[Array], cameras: Array, radius: float) -> Array:
-    """Find the camera position that best sees a place.
+def find_weakest_place(lines: Sequence[Line]) -> Array:
+    """Return the node (3,) that fewest points support; the middle of the first line if that is unknown."""
+    weakest = [(int(one.points_seen.min()), k) for k, one in enumerate(lines) if one.points_seen is not None]
+    line = lines[min(weakest)[1]] if weakest else lines[0]
+    seen = line.points_seen
+    return np.asarray(line.points[len(line.points) // 2 if seen is None else int(seen.argmin())])
 
-    Strands near the place should hide each other as little as possible, and be seen from the side, not along
-    them, and from where no camera was yet.
 
-    Parameters
-    ----------
-    place : (3,) ndarray
-        World frame, metres.
-    strands : sequence of (M, 3) ndarray
-        All ropes' nodes in order, metres.
-    cameras : (V, 3) ndarray
-        Where the cameras were, metres.
-    radius : float
-        The ropes' radius, metres.
+def find_best_camera(place: Array, lines: Sequence[Line], cameras: Array) -> Array:
+    """Find the camera position (3,) that best sees a place among ropes, see `Model.next_view`.
 
-    Returns
-    -------
-    (3,) ndarray
-        World frame, metres; as far from the place as the cameras were, in the median.
-
-    Raises
-    ------
-    ValueError
-        If all cameras are at the place.
+    From there strands hide each other little, are seen from the side, and no camera (V, 3) has stood.
     """
+    radius = lines[0].radius
     offsets = cameras - place
     distances = np.linalg.norm(offsets, axis=1)
-    # a camera at the place saw it from no side
-    somewhere = np.isfinite(distances) & (distances > 0)
-    offsets, distances = offsets[somewhere], distances[somewhere]
+    # skip cameras at the place: they have no direction
+    kept = np.isfinite(distances) & (distances > 0)
+    offsets, distances = offsets[kept], distances[kept]
     if not len(offsets):
         raise ValueError("model: expected poses with cameras away from the ropes")
     seen_from = offsets / distances[:, None]
     up = seen_from.mean(axis=0)
     up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-6 else seen_from[0]
-    # a spiral of directions evenly over the cap
+    # a spiral of directions, evenly over a cap
     k = np.arange(_DIRECTIONS) + 0.5
-    cosine = 1.0 - k / _DIRECTIONS * (1.0 - np.cos(_WIDEST))
+    cosine = 1.0 - k / _DIRECTIONS * (1.0 - np.cos(_MAX_TURN))
     turn = np.pi * (1.0 + 5.0**0.5) * k
     sine = np.sqrt(1.0 - cosine**2)
     side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
@@ -65,6 +54,7 @@ def find_best_camera(place: Array, strands: Sequence[Array], cameras: Array, rad
         (sine * np.cos(turn))[:, None] * side + (sine * np.sin(turn))[:, None] * other + cosine[:, None] * up
     )
     value = -_NEW * (directions @ seen_from.T).max(axis=1)
+    strands = [line.points for line in lines]
     nodes = np.concatenate(strands)
     number = np.repeat(np.arange(len(strands)), [len(strand) for strand in strands])
     steps = [np.linalg.norm(np.diff(strand, axis=0), axis=1) for strand in strands]
@@ -74,7 +64,7 @@ def find_best_camera(place: Array, strands: Sequence[Array], cameras: Array, rad
     wanted = np.flatnonzero(np.linalg.norm(nodes - place, axis=1) < _STRETCH * radius)
     if not len(wanted):
         wanted = np.array([np.linalg.norm(nodes - place, axis=1).argmin()])
-    wanted = wanted[:: max(len(wanted) // 24, 1)]
+    wanted = wanted[:: max(len(wanted) // _MAX_NODES, 1)]
     for i in wanted:
         own = (number == number[i]) & (np.abs(along - along[i]) < _STRETCH * radius)
         between = nodes[~own] - nodes[i]

@@ -19,7 +19,7 @@ _MAX_NODES = 2000  # drawn in one plot
 _MAX_LINES = 20  # drawn in one plot
 
 
-def notebook_html(lines: Sequence[Line], text: Sequence[str], doubts: Sequence[Array] = ()) -> str:
+def make_html(lines: Sequence[Line], text: Sequence[str], doubts: Sequence[Array] = ()) -> str:
     """Return a plot of lines, seen along the world axis in which they extend least, above lines of text.
 
     Red rings mark the places (3,) of doubts.

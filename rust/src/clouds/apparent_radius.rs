@@ -1,7 +1,7 @@
-//! A rope's radius from how wide it looks to one camera.
+//! A rope's radius from its apparent width.
 //!
-//! Seen from its camera, a stretch of rope is a strip whose points lie between −r and r of its middle. Across the
-//! strip their variance is r² / 3, however large the noise along the viewing rays is.
+//! A camera sees a stretch of rope as a strip whose points lie between −r and r of its middle. Across the strip, their
+//! variance is r² / 3. Noise along the viewing rays does not change that.
 
 use rayon::prelude::*;
 
@@ -11,31 +11,31 @@ use crate::geometry::{Point, advance, cross, dot, normalized, sub};
 use crate::index::Grid;
 use crate::parallel;
 
-/// Patches grow until they are a strip: the larger of their variances is this many times the smaller.
+/// Ratio of a strip's variances at least; patches grow until they reach it.
 const ELONGATION: f64 = 6.0;
-/// Growth of a patch from one look to the next.
+/// Growth factor of a patch from one trial to the next.
 const GROWTH: f64 = 1.2;
-/// Fewest points of a strip.
-const FEWEST: usize = 24;
-/// How far from its seed the points of a patch may be, in largest radii: near ones first, as they are cheaper.
+/// Points of a strip at least.
+const MIN_POINTS: usize = 24;
+/// Largest distances of a patch's points from its seed, largest radii: first the near points, which cost less.
 const REACHES: [f64; 2] = [0.5, 2.5];
-/// Seeds worked on by one task; fixed, so that results do not depend on the number of threads.
+/// Seeds that one task works on; fixed, so that results do not depend on the number of threads.
 const SEEDS_PER_TASK: usize = 16;
 
-/// What a patch says of the rope around it.
+/// The rope's radius as one patch shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ApparentRadius {
     /// Half the strip's width, metres.
     pub radius: f64,
-    /// Side of the square that each point of the strip stands for, across the viewing ray, metres.
+    /// Side of the square, perpendicular to the viewing ray, that each point of the strip stands for, metres.
     pub footprint: f64,
 }
 
-/// Estimates the rope's radius at up to `seeds` points that one camera saw, spread over the cloud.
+/// Estimates the rope's radius at up to `seeds` points of one camera, spread over the cloud.
 ///
-/// Around each seed a patch grows, projected along the viewing ray, until it is longer than wide; half its width is
-/// √(3 λ), λ the smaller eigenvalue of its covariance. Seeds whose patches never become strips give no radius, nor do
-/// strips wider than `largest`. Strands side by side look like one wide strip: take the most frequent value.
+/// Around each seed a patch grows, projected along the viewing ray, until it is longer than wide. Half its width is √(3
+/// λ), where λ is the smaller eigenvalue of its covariance. Patches that never become strips, and strips wider than
+/// `largest`, give no radius. Strands side by side look like one wide strip, so callers take the most frequent value.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `largest` is not positive.
@@ -51,18 +51,18 @@ pub(crate) fn apparent_radii(
     Ok(parallel::run(|| {
         let grids = REACHES.map(|reach| Grid::new(points, reach * largest));
         let step = points.len().div_ceil(seeds.max(1)).max(1);
-        // the finer grid's order runs through the cloud from cell to cell, so every k-th point spreads over it
+        // the finer grid's order runs through the cloud cell by cell, so every k-th point spreads over it
         let chosen: Vec<Point> = (0..points.len()).step_by(step).map(|i| grids[0].point(i)).collect();
         let found: Vec<Vec<Option<ApparentRadius>>> = chosen
             .par_chunks(SEEDS_PER_TASK)
-            .map(|seeds| seeds.iter().map(|&seed| strip(seed, viewpoint, &grids)).collect())
+            .map(|seeds| seeds.iter().map(|&seed| find_strip(seed, viewpoint, &grids)).collect())
             .collect();
         found.into_iter().flatten().flatten().filter(|strip| strip.radius <= largest).collect()
     }))
 }
 
-/// The strip around a seed.
-fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentRadius> {
+/// Finds the strip around a seed.
+fn find_strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentRadius> {
     parallel::go_on();
     let ray = normalized(sub(seed, viewpoint));
     let range = dot(sub(seed, viewpoint), ray);
@@ -80,7 +80,7 @@ fn strip(seed: Point, viewpoint: Point, grids: &[Grid]) -> Option<ApparentRadius
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (mut sum, mut squares, mut next) = ([0.0; 2], [0.0; 3], 0.0);
         for (i, &(squared, [u, v])) in near.iter().enumerate() {
-            if squared > next && i >= FEWEST {
+            if squared > next && i >= MIN_POINTS {
                 let n = i as f64;
                 let (a, b, c) = (
                     squares[0] / n - (sum[0] / n).powi(2),

@@ -7,14 +7,14 @@ use crate::geometry::{Point, RigidMotion};
 use crate::parallel;
 use crate::simd::{LANES, kernel};
 
-/// Points looked at by one task.
+/// Points that one task works on.
 const POINTS_PER_TASK: usize = 16384;
-/// What rounding may do to a coordinate, in parts of the largest number that it is made of; with much to spare.
+/// Rounding error of a coordinate, with a wide margin, as a share of the largest number that it is computed from.
 const ROUNDING: f64 = 1e-12;
 
-/// The numbers of the points of a camera frame that lie in a box of the world frame, on its faces too, in their order.
+/// Returns the indices of the points of a camera frame that lie in a box of the world frame, faces included.
 ///
-/// Sides may be infinite; a coordinate that is NaN lies in no box.
+/// Sides may be infinite. A point with a NaN coordinate lies in no box.
 pub(crate) fn crop(points: &[Point], pose: &RigidMotion, [low, high]: [Point; 2]) -> Vec<usize> {
     let inside = |i: &usize| is_inside(pose.apply(points[*i]), [low, high]);
     parallel::run(|| (0..points.len()).into_par_iter().with_min_len(POINTS_PER_TASK).filter(inside).collect())
@@ -25,7 +25,7 @@ fn is_inside(world: Point, [low, high]: [Point; 2]) -> bool {
     (0..3).all(|k| world[k] >= low[k] && world[k] <= high[k])
 }
 
-/// A depth image, and where the camera stood.
+/// A depth image and its camera.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthView<'a> {
     /// Depths row by row, metres.
@@ -34,14 +34,14 @@ pub struct DepthView<'a> {
     pub width: usize,
     /// The camera.
     pub camera: Pinhole,
-    /// Camera frame to world frame.
+    /// Camera to world.
     pub pose: RigidMotion,
 }
 
-/// The points of depth images that lie in a box of the world frame, in their camera's frame.
+/// Returns the points of depth images that lie in a box of the world frame, in their camera's frame.
 ///
-/// One pass over the images: pixels outside the box are not un-projected. The box is closed; infinite bounds leave a side
-/// open.
+/// One pass over the images; pixels outside the box are not unprojected. The box includes its faces. Infinite bounds
+/// leave a side open.
 pub fn crop_images(views: &[DepthView], bounds: [Point; 2]) -> Vec<Vec<Point>> {
     let bands: Vec<(usize, usize, &[f64])> = views
         .iter()

@@ -1,4 +1,4 @@
-//! How densely points lie.
+//! The density of points.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
@@ -9,12 +9,12 @@ use crate::geometry::{Moments, Point, cell_of, eigen_symmetric, squared_distance
 use crate::index::Grid;
 use crate::parallel;
 
-/// Points of the sample that the median is taken over, evenly spaced among all.
+/// Points, evenly spaced in the input, of which the median is taken.
 const SAMPLE: usize = 250;
-/// Points of the sample that one task looks at.
+/// Points of the sample that one task works on.
 const POINTS_PER_TASK: usize = 25;
 
-/// The typical number of other points within `radius` of a point: the median over a sample of them, 0 for no points.
+/// Returns the typical number of other points within `radius` of a point: the median over a sample, 0 without points.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
@@ -39,7 +39,7 @@ pub(crate) fn typical_neighbors(points: &[Point], radius: f64) -> Result<usize> 
     Ok(if counts.is_empty() { 0 } else { *counts.select_nth_unstable(middle).1 })
 }
 
-/// How many voxels, cubes of an even lattice, hold points.
+/// Counts the voxels of a lattice that hold points; `side` is the edge of a voxel.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `side` is not positive.
@@ -52,7 +52,7 @@ pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
     let mut last = None;
     for &p in points.iter().copied().flatten() {
         let voxel = Some(cell_of(p, side));
-        // neighbours in an image are mostly in one voxel
+        // neighbours in an image mostly share a voxel
         if voxel != last {
             voxels.extend(voxel);
             last = voxel;
@@ -61,8 +61,8 @@ pub(crate) fn occupied_voxels(points: &[&[Point]], side: f64) -> Result<usize> {
     Ok(voxels.len())
 }
 
-/// The variances of the points within `reach` of each of some places along their principal axes, the least first, m²; NaN
-/// where there are fewer than `fewest`.
+/// Returns the variances along the principal axes of the points within `reach` of each place, ascending, m²; NaN where
+/// there are fewer than `fewest` points.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `reach` is not positive.

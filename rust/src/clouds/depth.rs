@@ -1,4 +1,4 @@
-//! Depth images as points.
+//! Depth images and the pinhole camera.
 
 use nalgebra::Vector3;
 
@@ -6,36 +6,36 @@ use crate::error::{Error, Result};
 use crate::geometry::median::median;
 use crate::geometry::{Point, RigidMotion};
 
-/// A pinhole camera, pixels.
+/// A pinhole camera. All numbers are pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pinhole {
     /// Focal lengths.
     pub focal: [f64; 2],
-    /// Where the optical axis meets the image; an integer pixel is a pixel's middle.
+    /// Principal point; integer coordinates are the middle of a pixel.
     pub center: [f64; 2],
 }
 
 impl Pinhole {
-    /// The point in the camera frame that a pixel of column `u` and row `v` sees at the depth `z`.
+    /// Returns the point of the camera frame that the pixel at column `u` and row `v` sees at the depth `z`.
     #[inline(always)]
     pub(crate) fn point(&self, u: f64, v: f64, z: f64) -> Point {
         [(u - self.center[0]) * z / self.focal[0], (v - self.center[1]) * z / self.focal[1], z]
     }
 
-    /// Column and row of the pixel that sees a point of the camera frame.
+    /// Returns the column and row at which a point of the camera frame is seen.
     #[inline(always)]
     pub(crate) fn pixel(&self, [x, y, z]: Point) -> [f64; 2] {
         [self.focal[0] * x / z + self.center[0], self.focal[1] * y / z + self.center[1]]
     }
 }
 
-/// Whether a pixel has a return.
+/// Returns whether a pixel has a return.
 #[inline(always)]
 pub(crate) fn has_return(z: f64) -> bool {
     z > 0.0 && z < f64::INFINITY
 }
 
-/// A depth image with 0 where pixels are NaN or infinite, as they have no return either; and how many are.
+/// Replaces NaN and infinite depths by 0, which also means no return; also returns how many it replaced.
 ///
 /// # Errors
 /// [`Error::InvalidArgument`] if a depth is negative or above `farthest`.
@@ -59,7 +59,7 @@ pub(crate) fn cleaned(mut depth: Vec<f64>, farthest: f64) -> Result<(Vec<f64>, u
     Ok((depth, dropped))
 }
 
-/// The points of a depth image in the camera frame, row by row, x = (u − cx) z / fx and y = (v − cy) z / fy.
+/// Returns the points of a depth image in the camera frame, row by row: x = (u − cx) z / fx, y = (v − cy) z / fy.
 pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Point> {
     let mut points = Vec::with_capacity(depth.len());
     for (v, row) in depth.chunks_exact(width.max(1)).enumerate() {
@@ -72,8 +72,10 @@ pub(crate) fn unproject(depth: &[f64], width: usize, camera: Pinhole) -> Vec<Poi
     points
 }
 
-/// How much farther along the camera's axis an image saw something than each of some points, metres: infinite where the
-/// point's pixel has no return, NaN where it has no pixel. Those less than `nearest` before the camera have none.
+/// Returns how much farther along the camera's axis an image saw a surface than each of some points, metres.
+///
+/// It is infinite where the point's pixel has no return, and NaN where the point has no pixel. Points less than
+/// `nearest` in front of the camera have no pixel.
 pub(crate) fn seen_behind(
     depth: &[f64],
     width: usize,
@@ -96,10 +98,10 @@ pub(crate) fn seen_behind(
     points.iter().map(behind).collect()
 }
 
-/// Medians of how far depths lie from the mean of their neighbours to both sides, times two, metres: in every so many rows of
-/// an image, and at the pixels of some points of the camera frame. 0 where no three neighbours have a return.
+/// Returns medians of twice the distance of depths from the mean of their left and right neighbours, metres.
 ///
-/// Slopes cancel in these second differences.
+/// One median is over every `every`-th row of an image, one over the pixels of some points of the camera frame. Both
+/// are 0 where no three neighbours have a return. Slopes cancel in these second differences.
 pub(crate) fn bends(
     depth: &[f64],
     width: usize,

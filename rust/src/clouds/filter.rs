@@ -1,4 +1,4 @@
-//! Outlier filter: drop points with too few neighbours within a searching radius (section IV-A).
+//! The outlier filter: drops points with too few neighbours within a searching radius (section IV-A).
 //!
 //! Sections and equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
@@ -12,13 +12,18 @@ use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{Singles, kernel};
 
-/// Which points have at least `min_neighbors` other points within `radius`.
+/// Returns which points have at least `min_neighbors` other points within `radius`, metres.
 ///
-/// A point on the boundary counts; coincident points count each other. An empty cloud gives an empty mask.
+/// Points on the boundary count, and coincident points count each other. An empty cloud gives an empty mask.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not
-/// positive.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or `radius` is not positive.
+///
+/// ```
+/// let points = [[0.0; 3], [0.01, 0.0, 0.0], [1.0, 0.0, 0.0]];
+/// assert_eq!(strand::radius_outlier_mask(&points, 0.02, 1)?, [true, true, false]);
+/// # Ok::<(), strand::Error>(())
+/// ```
 pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) -> Result<Vec<bool>> {
     check(points, radius)?;
     // the point itself is found as well
@@ -27,7 +32,7 @@ pub fn radius_outlier_mask(points: &[Point], radius: f64, min_neighbors: usize) 
     Ok(map(points, radius, known, |count| count >= wanted))
 }
 
-/// How many other points lie within `radius` of each point.
+/// Counts the other points within `radius` of each point.
 ///
 /// # Errors
 /// As [`radius_outlier_mask`].
@@ -42,12 +47,12 @@ fn check(points: &[Point], radius: f64) -> Result<()> {
     check_positive("radius", radius)
 }
 
-/// Cells to a radius.
+/// Width of a cell, radii.
 const CELLS: f64 = 1.0;
 
-/// `answer` for each point from how many points, itself included, lie within the radius.
+/// Answers for each point from the number of points within the radius, the point itself included.
 ///
-/// `known` may answer from a lower and an upper limit of that number.
+/// `known` may answer early from lower and upper limits of that number.
 fn map<T: Send + Copy + Default>(
     points: &[Point],
     radius: f64,
@@ -83,8 +88,8 @@ fn map<T: Send + Copy + Default>(
 }
 
 kernel! {
-    /// How many points are surely within a radius of each point of a batch, and how many may be; nothing where cells are
-    /// crowded.
+    /// For each point of a batch, counts the points that are certainly within a radius, and those that may be; None
+    /// where cells are crowded.
     fn count_around<S>(
         simd,
         cells: &Cells,
@@ -109,7 +114,7 @@ kernel! {
     }
 }
 
-/// The number of points within a radius, in double precision.
+/// Counts the points within a radius in double precision.
 #[cold]
 fn exactly(cells: &Cells, position: usize, radius: f64, around: &Around) -> usize {
     let center = cells.point(position);

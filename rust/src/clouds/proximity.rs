@@ -1,4 +1,4 @@
-//! How near other points are.
+//! Distances to the nearest of other points.
 
 use rayon::prelude::*;
 
@@ -8,10 +8,10 @@ use crate::geometry::{Point, squared_distance};
 use crate::index::hierarchy::Hierarchy;
 use crate::parallel;
 
-/// Points of one task.
+/// Points that one task works on.
 const POINTS_PER_TASK: usize = 1024;
 
-/// The squared distance of each point from the nearest of others; infinity where there are none.
+/// Returns the squared distance of each point to the nearest of `others`, m²; infinity if there are none.
 ///
 /// # Errors
 /// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite.

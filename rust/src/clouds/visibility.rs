@@ -1,4 +1,4 @@
-//! Space as the cameras saw it: a place is occupied, occluded by something in front of it, or free.
+//! Space as the cameras saw it: occupied, occluded or free.
 
 use std::collections::HashSet;
 
@@ -10,65 +10,66 @@ use crate::error::Result;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot, normalized, sub};
 use crate::parallel;
 
-/// Views are gridded by direction; a cell is as wide as this many points lie apart.
+/// Width of a cell of a view's grid of directions, spacings between neighbouring points.
 const CELL: f64 = 1.6;
-/// Directions farther than this from a view's middle, as tangents, are not gridded.
-const WIDEST: f64 = 3.0;
-/// How far beyond what will be asked for directions are gridded, as tangents.
+/// Directions farther than this from a view's middle are not gridded, tangents.
+const MAX_TANGENT: f64 = 3.0;
+/// Margin of the grid around the directions that callers ask about, tangents.
 const MARGIN: f64 = 0.1;
-/// How far in front of or behind a place something must be, in radii.
-const APART: f64 = 1.0;
-/// Views with fewer points, or with points so widely scattered that they make more cells, know nothing.
-const FEWEST: usize = 16;
-const MOST_CELLS: f64 = 4e7;
-/// Points projected by one task; fixed, so that results do not depend on the number of threads.
+/// Depth by which an obstacle must be in front of or behind a place, radii.
+const CLEARANCE: f64 = 1.0;
+/// Points of a view at least; a view with fewer knows nothing.
+const MIN_POINTS: usize = 16;
+/// Cells of a view at most; a view of more widely scattered points knows nothing.
+const MAX_CELLS: f64 = 4e7;
+/// Points that one task projects; fixed, so that results do not depend on the number of threads.
 const POINTS_PER_TASK: usize = 16384;
 
-/// What one view says of a tube around a place.
+/// What one view shows of a tube at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Occupancy {
-    /// No points in that direction.
+    /// The view has no points in that direction.
     Unknown,
-    /// All points in that direction lie in front of it.
+    /// All points in that direction lie in front of the tube.
     Occluded,
-    /// Points lie where its surface would be.
+    /// Points lie where the tube's surface would be.
     Occupied,
-    /// All points in that direction lie behind it: nothing is there.
+    /// All points in that direction lie behind the tube.
     Free,
 }
 
 /// One view, for [`Visibility::new`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct VisibilityView<'a> {
-    /// All that it saw, the background too: a ray that reached the table met nothing before.
+    /// All its data, background included: a ray that reached the table passed through free space.
     pub observed: Observed<'a>,
-    /// Points near all places that will be asked about: directions far from all of them are left out.
+    /// Points near all places that callers will ask about; directions far from all of them are dropped.
     pub about: &'a [Point],
     /// Camera to world.
     pub pose: RigidMotion,
 }
 
-/// What one camera saw.
+/// One camera's data.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Observed<'a> {
     /// Points in the camera frame, metres.
     Points(&'a [Point]),
-    /// A depth image: depths row by row, metres, how many make a row, and the camera.
+    /// A depth image: depths row by row, metres; pixels in a row; the camera.
     Image(&'a [f64], usize, Pinhole),
 }
 
-/// What all views saw of space, for questions about places.
+/// Free and occupied space as all views saw it.
 #[derive(Debug)]
 pub(crate) struct Visibility {
     views: Vec<(Point, Option<Buffer>)>,
 }
 
-/// Least distance of a view's points in each direction, seen from its camera.
+/// The least distance of a view's points in each direction from its camera.
 ///
-/// Directions are gridded on the plane at distance 1 before the camera, at a right angle to the third axis.
+/// Directions are gridded on the plane at distance 1 in front of the camera, perpendicular to the third axis.
 #[derive(Debug)]
 struct Buffer {
-    /// In the world frame.
+    /// World frame.
     axes: [Point; 3],
     cell: f64,
     low: [f64; 2],
@@ -76,7 +77,7 @@ struct Buffer {
     nearest: Vec<f32>,
 }
 
-/// A point as its camera sees it: a direction, and the square of the distance; single precision is finer than any pixel.
+/// A direction and a squared distance from the camera; single precision is finer than any pixel.
 #[derive(Clone, Copy)]
 struct Ray {
     flat: [f32; 2],
@@ -96,12 +97,12 @@ impl Visibility {
         Ok(Self { views: parallel::run(|| views.par_iter().map(of_view).collect()) })
     }
 
-    /// How many views there are.
+    /// The number of views.
     pub fn views(&self) -> usize {
         self.views.len()
     }
 
-    /// Says what one view saw of tubes of a radius around places of the world.
+    /// Returns what one view shows of tubes of a radius around places of the world.
     ///
     /// # Errors
     /// [`InvalidArgument`](crate::Error::InvalidArgument) if the radius is not positive.
@@ -115,7 +116,7 @@ impl Visibility {
         Ok(places.iter().map(state).collect())
     }
 
-    /// Whether the space at places is free: more views saw it free than occupied.
+    /// Returns whether the space at places is free: more views saw it free than occupied.
     ///
     /// # Errors
     /// As [`Visibility::states`].
@@ -129,7 +130,7 @@ impl Visibility {
         Ok(votes.into_iter().map(|vote| vote > 0).collect())
     }
 
-    /// Whether places are occluded from all views or outside what these saw.
+    /// Returns whether places are occluded in all views or outside their images.
     ///
     /// # Errors
     /// As [`Visibility::states`].
@@ -143,7 +144,7 @@ impl Visibility {
         Ok(occluded)
     }
 
-    /// Whether some view saw through the near side of a tube along `direction`, a unit vector, around places.
+    /// Returns whether a view saw through the near side of a tube along the unit vector `direction`, around places.
     ///
     /// # Errors
     /// As [`Visibility::states`].
@@ -155,7 +156,7 @@ impl Visibility {
                 let to_camera = sub(*camera, place);
                 let across = normalized(advance(to_camera, -dot(to_camera, direction), direction));
                 let surface = sub(advance(place, radius, across), *camera);
-                // the axis whose near side is there
+                // the axis of the tube whose near side is there
                 let within = advance(surface, radius, normalized(surface));
                 buffer.state(within, radius) == Occupancy::Free
             })
@@ -164,8 +165,8 @@ impl Visibility {
     }
 }
 
-/// Whether any of `others` occludes a stretch from a camera: it lies within `distance` of a line of sight, in front of the
-/// stretch or beside it.
+/// Returns whether any of `others` occludes a stretch from a camera. It does if it lies within `distance` of a line of
+/// sight, in front of the stretch or beside it.
 pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, distance: f64) -> bool {
     stretch.iter().any(|&place| {
         parallel::go_on();
@@ -179,7 +180,7 @@ pub(crate) fn occludes(others: &[Point], stretch: &[Point], camera: Point, dista
 }
 
 impl Observed<'_> {
-    /// The rays to all points that have one, task by task.
+    /// Makes the rays to all points that have one, task by task.
     fn rays(&self, ray: impl Fn(Point) -> Option<Ray> + Sync) -> Vec<Vec<Ray>> {
         match *self {
             Self::Points(points) => {
@@ -205,7 +206,7 @@ impl Observed<'_> {
 }
 
 impl Buffer {
-    /// Grids one view; none if it has hardly any points.
+    /// Grids one view; None if it has too few points.
     fn new(view: &VisibilityView) -> Option<Self> {
         let axes = axes_towards(view.about)?;
         let asked = bounds(view.about.iter().filter_map(|&p| Ray::to(p, &axes)))?;
@@ -213,7 +214,7 @@ impl Buffer {
         let near = |ray: &Ray| (0..2).all(|k| ray.flat[k] > low[k] && ray.flat[k] < high[k]);
         let rays = view.observed.rays(|p| Ray::to(p, &axes).filter(near));
         let count = rays.iter().map(Vec::len).sum();
-        if count < FEWEST {
+        if count < MIN_POINTS {
             return None;
         }
         let all = || rays.iter().flatten().copied();
@@ -221,7 +222,7 @@ impl Buffer {
         let cell = CELL * spacing(all, count, low, high);
         let grid = Cells::new(low, cell);
         let last = grid.of(high.map(|x| x as f32));
-        if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MOST_CELLS {
+        if (last[0] + 1) as f64 * (last[1] + 1) as f64 > MAX_CELLS {
             return None;
         }
         let shape = last.map(|x| x + 1);
@@ -238,11 +239,11 @@ impl Buffer {
         Some(Self { axes: turned, cell, low, shape, nearest })
     }
 
-    /// The state of a place, given relative to the view's camera.
+    /// Returns the state of a place, given relative to the view's camera.
     fn state(&self, offset: Point, radius: f64) -> Occupancy {
         let reach = dot(offset, offset).sqrt() - radius;
         let [x, y, depth] = self.axes.map(|axis| dot(axis, offset));
-        if depth <= reach.max(1e-12) / 1f64.hypot(WIDEST) {
+        if depth <= reach.max(1e-12) / 1f64.hypot(MAX_TANGENT) {
             return Occupancy::Unknown;
         }
         let place = [0, 1].map(|k| (([x, y][k] / depth - self.low[k]) / self.cell).floor());
@@ -252,9 +253,9 @@ impl Buffer {
         let nearest = f64::from(self.nearest[place[0] as usize * self.shape[1] + place[1] as usize]);
         if nearest == f64::INFINITY {
             Occupancy::Unknown
-        } else if nearest < reach - APART * radius {
+        } else if nearest < reach - CLEARANCE * radius {
             Occupancy::Occluded
-        } else if nearest > reach + APART * radius {
+        } else if nearest > reach + CLEARANCE * radius {
             Occupancy::Free
         } else {
             Occupancy::Occupied
@@ -263,12 +264,12 @@ impl Buffer {
 }
 
 impl Ray {
-    /// The ray to a point; none if it is behind the camera or far to the side.
+    /// Makes the ray to a point; None if the point is behind the camera or far to the side.
     #[inline]
     fn to(point: Point, axes: &[Point; 3]) -> Option<Self> {
         let depth = dot(point, axes[2]);
         let flat = [dot(point, axes[0]) / depth, dot(point, axes[1]) / depth];
-        (depth > 0.0 && flat[0].abs() < WIDEST && flat[1].abs() < WIDEST)
+        (depth > 0.0 && flat[0].abs() < MAX_TANGENT && flat[1].abs() < MAX_TANGENT)
             .then(|| Self { flat: flat.map(|x| x as f32), squared: dot(point, point) as f32 })
     }
 }
@@ -291,10 +292,11 @@ impl Cells {
     }
 }
 
-/// Unit vectors at right angles, the third towards the middle of points; none if these are few or all around.
+/// Returns orthogonal unit vectors, the third towards the middle of points; None for too few points or points all
+/// around.
 fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
     let ways: Vec<Point> = about.iter().filter(|&&p| p != [0.0; 3]).map(|&p| normalized(p)).collect();
-    if ways.len() < FEWEST {
+    if ways.len() < MIN_POINTS {
         return None;
     }
     let middle = crate::geometry::centroid(&ways);
@@ -307,7 +309,7 @@ fn axes_towards(about: &[Point]) -> Option<[Point; 3]> {
     Some([side, cross(forward, side), forward])
 }
 
-/// The corners of the box around directions; none for none.
+/// Returns the corners of the box around directions; None without directions.
 fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
     let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     let (low, high) = rays.fold(start, |(low, high), ray| {
@@ -319,7 +321,7 @@ fn bounds(rays: impl Iterator<Item = Ray>) -> Option<([f64; 2], [f64; 2])> {
     (low[0] <= high[0]).then_some((low, high))
 }
 
-/// Distance between neighbours among directions: the side of the area that each has to itself.
+/// Estimates the spacing of directions: the side of the area that each has to itself.
 fn spacing<I: Iterator<Item = Ray>>(
     rays: impl Fn() -> I,
     count: usize,
@@ -329,13 +331,13 @@ fn spacing<I: Iterator<Item = Ray>>(
     let extent: [f64; 2] = std::array::from_fn(|k| high[k] - low[k]);
     let longest = extent[0].max(extent[1]);
     let mut area = (extent[0] * extent[1]).max(1e-4 * longest * longest).max(1e-18);
-    // from the area of the box to that of the cells, a few points wide, that hold points
+    // refine from the area of the box to that of the cells with points, each a few points wide
     for _ in 0..2 {
         let cell = 3.0 * (area / count as f64).sqrt();
         let grid = Cells::new(low, cell);
         let last = grid.of(high.map(|x| x as f32));
         let cells = (last[0] as f64 + 1.0) * (last[1] as f64 + 1.0);
-        let taken = if cells > MOST_CELLS {
+        let taken = if cells > MAX_CELLS {
             rays().map(|ray| grid.of(ray.flat)).collect::<HashSet<_>>().len()
         } else {
             let mut taken = vec![false; (last[0] + 1) * (last[1] + 1)];

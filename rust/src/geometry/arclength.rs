@@ -1,12 +1,12 @@
-//! Arc length along a spline, by a table.
+//! Arc length along a spline, from a table.
 
 use super::spline::{Place, Spline};
 use super::vector::{Point, dot, normalized};
 
-/// Places in each span between which arc length is taken as linear in the parameter.
-const PLACES: f64 = 16.0;
+/// Table entries for each span; arc length is linear in the parameter between them.
+const ENTRIES_PER_SPAN: f64 = 16.0;
 
-/// A stretch of a spline whose places are told by arc length.
+/// A part of a spline that is parameterized by arc length.
 pub(crate) struct ByLength<'a> {
     spline: &'a Spline,
     start: f64,
@@ -16,9 +16,9 @@ pub(crate) struct ByLength<'a> {
 }
 
 impl<'a> ByLength<'a> {
-    /// The stretch between two parameters, the first below the second.
+    /// Tabulates the part between two parameters, `start` < `stop`.
     pub fn new(spline: &'a Spline, start: f64, stop: f64) -> Self {
-        let steps = (((stop - start) * PLACES) as usize).max(1);
+        let steps = (((stop - start) * ENTRIES_PER_SPAN) as usize).max(1);
         let step = (stop - start) / steps as f64;
         let pieces = spline.pieces();
         let speed = |u: f64| {
@@ -28,7 +28,7 @@ impl<'a> ByLength<'a> {
         let mut arc = vec![0.0];
         let (mut total, mut before) = (0.0, speed(start));
         for i in 0..steps {
-            // Simpson's rule between neighbouring places
+            // Simpson's rule between neighbouring entries
             let from = start + i as f64 * step;
             let after = speed(from + step);
             total += (before + 4.0 * speed(from + 0.5 * step) + after) / 6.0 * step;
@@ -38,17 +38,17 @@ impl<'a> ByLength<'a> {
         Self { spline, start, step, arc }
     }
 
-    /// Arc length from the start to each of the places between which it is linear.
+    /// Returns the table: arc length from the start to each entry, metres.
     pub fn into_table(self) -> Vec<f64> {
         self.arc
     }
 
-    /// All of it, metres.
+    /// The length of the part, metres.
     pub fn length(&self) -> f64 {
         self.arc[self.arc.len() - 1]
     }
 
-    /// Arc length at a parameter of the spline, held at the ends.
+    /// Returns the arc length at a parameter of the spline, limited to the part, metres.
     #[inline]
     pub fn arc_length(&self, parameter: f64) -> f64 {
         let last = self.arc.len() - 1;
@@ -57,7 +57,7 @@ impl<'a> ByLength<'a> {
         self.arc[i] + (place - i as f64) * (self.arc[i + 1] - self.arc[i])
     }
 
-    /// Parameter of the spline at an arc length, held at the ends.
+    /// Returns the spline's parameter at an arc length, limited to the part.
     pub fn parameter(&self, s: f64) -> f64 {
         let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
         let length = self.arc[i] - self.arc[i - 1];
@@ -65,20 +65,20 @@ impl<'a> ByLength<'a> {
         self.start + ((i - 1) as f64 + share) * self.step
     }
 
-    /// The place at an arc length.
+    /// Returns the place at an arc length.
     pub fn at(&self, s: f64) -> Place {
         self.spline.at(self.parameter(s))
     }
 
-    /// Arc lengths about `spacing` apart from end to end, at least two.
+    /// Returns evenly spaced arc lengths from end to end, about `spacing` apart, at least two.
     pub fn nodes(&self, spacing: f64) -> Vec<f64> {
         let count = (self.length() / spacing).round_ties_even().max(1.0);
         (0..=count as usize).map(|i| self.length() * i as f64 / count).collect()
     }
 }
 
-/// Unit tangent of a place.
-pub(crate) fn tangent(place: &Place) -> Point {
+/// Returns the unit tangent at a place.
+pub(crate) fn unit_tangent(place: &Place) -> Point {
     normalized(place.first)
 }
 

@@ -1,24 +1,24 @@
-//! Symmetric systems that are banded but for a few bordering unknowns.
+//! Symmetric linear systems that are banded except for a few bordering unknowns.
 //!
-//! A spline's normal equations couple a control point with three on each side; poses and radius are coupled with all of
-//! them. Eliminating the band first leaves a small dense system for the border, so the cost grows with the length of
-//! the rope and not with its square.
+//! A spline's normal equations couple a control point with three on each side. Poses and radius are coupled with all
+//! control points. The solver eliminates the band first and leaves a small dense system for the border. So the cost
+//! grows linearly with the length of the rope.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::simd::kernel;
 
-/// Entries of a row left of and on the diagonal: three control points and its own coordinates.
+/// Entries of a row up to its diagonal for nodes in space: three control points before it, and its own coordinates.
 pub const WIDTH: usize = 12;
-/// The same of nodes in a plane: three nodes before and its own coordinates.
+/// Entries of a row up to its diagonal for nodes in a plane: three nodes before it, and its own coordinates.
 pub const PLANAR: usize = 8;
 /// Rows that are factored together.
-const TOGETHER: usize = 4;
+const ROWS_AT_ONCE: usize = 4;
 
-/// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]], A banded with n rows, D dense with m.
+/// The lower half of a symmetric matrix [[A, C], [Cᵀ, D]]: A is banded with n rows, D is dense with m rows.
 #[derive(Debug, Clone)]
 pub struct Bordered<const W: usize = WIDTH> {
-    /// Row i of A: columns i + 1 − W to i.
+    /// Row i of A holds columns i + 1 − W to i.
     band: Vec<[f64; W]>,
     /// C, row by row.
     border: Vec<f64>,
@@ -31,23 +31,23 @@ pub struct Factor<const W: usize = WIDTH> {
     band: Vec<[f64; W]>,
     /// W = L⁻¹ C, row by row.
     border: Vec<f64>,
-    /// Of the Schur complement D − Wᵀ W.
+    /// Cholesky factor of the Schur complement D − Wᵀ W.
     corner: Cholesky<f64, Dyn>,
 }
 
 impl<const W: usize> Bordered<W> {
-    /// A zero matrix with `n` banded and `m` bordering rows.
+    /// Makes a zero matrix with `n` banded and `m` bordering rows.
     pub fn zeros(n: usize, m: usize) -> Self {
         Self { band: vec![[0.0; W]; n], border: vec![0.0; n * m], corner: DMatrix::zeros(m, m) }
     }
 
-    /// Adds to an entry of A; `row` ≥ `column` > `row` − W.
+    /// Adds to an entry of A, where `row` ≥ `column` > `row` − W.
     #[inline]
     pub fn add_band(&mut self, row: usize, column: usize, value: f64) {
         self.band[row][column + W - 1 - row] += value;
     }
 
-    /// Adds to neighbouring entries of a row of C, from a column on.
+    /// Adds to neighbouring entries of a row of C, starting at `column`.
     #[inline]
     pub fn add_border(&mut self, row: usize, column: usize, values: &[f64]) {
         let start = row * self.corner.nrows() + column;
@@ -62,10 +62,10 @@ impl<const W: usize> Bordered<W> {
         self.corner[(row, column)] += value;
     }
 
-    /// Cholesky factors; none if the matrix is not positive definite.
+    /// Factors the matrix by Cholesky; returns None if it is not positive definite.
     pub fn factor(mut self) -> Option<Factor<W>> {
         let m = self.corner.nrows();
-        // row by row
+        // row by row, m entries a row
         let mut taken = vec![0.0; m * m];
         if !eliminate(&mut self.band, &mut self.border, &mut taken) {
             return None;
@@ -79,9 +79,9 @@ impl<const W: usize> Bordered<W> {
     }
 }
 
-/// Turns A into L, C into W and adds the lower half of WᵀW to `product`; says whether A is positive definite.
+/// Turns A into L and C into W, and adds the lower half of WᵀW to `product`; returns whether A is positive definite.
 fn eliminate<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
-    // as flat numbers, so that the kernels need no width
+    // the kernels take flat slices because they have no width parameter
     match W {
         WIDTH => eliminate_wide(band.as_flattened_mut(), border, product),
         PLANAR => eliminate_planar(band.as_flattened_mut(), border, product),
@@ -106,9 +106,9 @@ kernel! {
 #[inline(always)]
 fn eliminate_rows<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], product: &mut [f64]) -> bool {
     let n = band.len();
-    let together = n / TOGETHER * TOGETHER;
-    for i in (0..together).step_by(TOGETHER) {
-        if !factor_rows::<TOGETHER, W>(band, i) {
+    let together = n / ROWS_AT_ONCE * ROWS_AT_ONCE;
+    for i in (0..together).step_by(ROWS_AT_ONCE) {
+        if !factor_rows::<ROWS_AT_ONCE, W>(band, i) {
             return false;
         }
     }
@@ -140,13 +140,13 @@ fn eliminate_rows<const W: usize>(band: &mut [[f64; W]], border: &mut [f64], pro
     true
 }
 
-/// Factors rows i to i + R, those above are; each alone would wait for its own last entry.
+/// Factors rows i to i + R, when those above are factored. Row by row, each would wait for its own last entry.
 #[inline(always)]
 fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) -> bool {
     const { assert!(R <= W, "rows that are factored together lie within each other's band") };
     let (above, rest) = band.split_at_mut(i);
     let rows = &mut rest[..R];
-    // by column: those of the rows above, from i + 1 − W on, and their own; zeros outside the band
+    // by column: first the columns of the rows above, from i + 1 − W on, then the rows' own; zeros outside the band
     let (mut old, mut own) = ([[0.0; R]; W], [[0.0; R]; R]);
     for r in 0..R {
         for c in r..W - 1 {
@@ -158,7 +158,7 @@ fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) 
     }
     let mut squares = [0.0; R];
     let first = (W - 1).saturating_sub(i);
-    // the diagonal holds reciprocals
+    // the diagonal holds reciprocals of L's
     let above = &above[i - (W - 1 - first)..];
     for c in first..W - 1 {
         let l = old[c].map(|x| x * above[c - first][W - 1]);
@@ -204,11 +204,11 @@ fn factor_rows<const R: usize, const W: usize>(band: &mut [[f64; W]], i: usize) 
 }
 
 impl<const W: usize> Factor<W> {
-    /// Solves for a right-hand side: the unknowns of the band, and those of the border.
+    /// Solves for a right-hand side; returns the unknowns of the band and those of the border.
     pub fn solve(&self, band: &[f64], border: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, m) = (band.len(), border.len());
         let mut x = band.to_vec();
-        // zeros before the first other entry stay zeros
+        // leading zeros of the right-hand side stay zero
         let start = x.iter().position(|&value| value != 0.0).unwrap_or(n);
         for k in start..n {
             x[k] *= self.band[k][W - 1];
@@ -239,15 +239,15 @@ impl<const W: usize> Factor<W> {
         (x, y.iter().copied().collect())
     }
 
-    /// The corner of the matrix' inverse.
+    /// Returns the border's block of the inverse.
     pub fn border_inverse(&self) -> DMatrix<f64> {
         self.corner.inverse()
     }
 
-    /// The inverse of the matrix: the entries where A has its band, laid out as A is, and the corner.
+    /// Returns the inverse: its entries inside the band, laid out as A is, and the border's block.
     ///
-    /// Of A alone by Takahashi's recurrence, which needs no entry outside the band; the border adds
-    /// (A⁻¹C) S⁻¹ (A⁻¹C)ᵀ, S the Schur complement.
+    /// Takahashi's recurrence inverts A without any entry outside the band. The border adds (A⁻¹C) S⁻¹ (A⁻¹C)ᵀ, where S
+    /// is the Schur complement.
     pub fn inverse(&self) -> (Vec<[f64; W]>, DMatrix<f64>) {
         let m = self.corner.l_dirty().nrows();
         let mut inverse = vec![[0.0; W]; self.band.len()];
@@ -270,7 +270,7 @@ impl<const W: usize> Factor<W> {
     }
 }
 
-/// The entries of (LLᵀ)⁻¹ inside the band, and L⁻ᵀW in the place of W.
+/// Computes the entries of (LLᵀ)⁻¹ inside the band, and replaces W by L⁻ᵀW.
 fn invert<const W: usize>(band: &[[f64; W]], inverse: &mut [[f64; W]], rows: &mut [f64]) {
     let n = band.len();
     let m = rows.len() / n.max(1);

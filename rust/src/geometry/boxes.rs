@@ -1,8 +1,8 @@
-//! A tree of boxes about segments, in their order: which segments come near a box.
+//! A tree of bounding boxes of ordered segments, which finds the segments near a box.
 
 use super::vector::Point;
 
-/// An axis-parallel box: its low and high corner.
+/// An axis-aligned box: its low and high corners.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounds {
     pub low: Point,
@@ -12,12 +12,12 @@ pub struct Bounds {
 impl Bounds {
     const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
 
-    /// The least box about some points.
+    /// Returns the smallest box around points.
     pub fn about(points: &[Point]) -> Self {
         points.iter().fold(Self::EMPTY, |all, &p| all.with(&Self { low: p, high: p }))
     }
 
-    /// The longest edge; 0 of nothing.
+    /// The longest edge; 0 without points.
     pub fn extent(&self) -> f64 {
         (0..3).map(|k| self.high[k] - self.low[k]).fold(0.0, f64::max)
     }
@@ -30,12 +30,12 @@ impl Bounds {
     }
 
     fn meets(&self, other: &Self) -> bool {
-        // no branches: three comparisons are cheaper than one that is guessed wrong
+        // no branches: three comparisons cost less than one mispredicted branch
         (0..3).fold(true, |meets, k| meets & (self.low[k] <= other.high[k]) & (other.low[k] <= self.high[k]))
     }
 }
 
-/// Boxes of the segments at the leaves, of both halves of a stretch in each node above.
+/// Boxes of the segments as leaves; each node above bounds its two children.
 pub struct BoxTree {
     leaves: usize,
     boxes: Vec<Bounds>,
@@ -54,7 +54,7 @@ impl BoxTree {
         Self { leaves, boxes }
     }
 
-    /// Makes the box of a segment reach a point too.
+    /// Extends the box of a segment to a point.
     pub fn stretch(&mut self, segment: usize, to: Point) {
         let mut k = self.leaves + segment;
         while k > 0 {
@@ -63,11 +63,11 @@ impl BoxTree {
         }
     }
 
-    /// Whether `is_hit` says so of a segment from number `first` on whose box meets `bounds`.
+    /// Returns whether `is_hit` holds for a segment, numbered `first` or higher, whose box meets `bounds`.
     pub fn any(&self, bounds: &Bounds, first: usize, mut is_hit: impl FnMut(usize) -> bool) -> bool {
         let mut k: usize = 1;
         loop {
-            // the last leaf below comes before the first that counts
+            // whether the node's last leaf comes before `first`
             let is_before =
                 first > 0 && ((k + 1) << (self.leaves.ilog2() - k.ilog2())) - self.leaves <= first;
             if !is_before && self.boxes[k].meets(bounds) {
@@ -79,7 +79,7 @@ impl BoxTree {
                     return true;
                 }
             }
-            // up from all right children, then to the right
+            // climb from right children, then go to the right sibling
             k >>= k.trailing_ones();
             if k == 0 {
                 return false;

@@ -1,22 +1,22 @@
-//! Curves over the gaps between stretches of rope.
+//! Curves that bridge gaps between pieces of rope.
 
 use super::polyline::arc_length;
 use super::vector::{Point, advance, cross, dot, sub};
 use crate::checks::check_positive;
 use crate::error::{Error, Result};
 
-/// Ends nearer than this touch or overlap, in radii.
+/// Ends nearer than this touch or overlap, radii.
 const TOUCHING: f64 = 1.2;
-/// A curve between two ends turns by at most this at each, radians.
-const MOST_TURN: f64 = 1.4;
+/// Largest turn of a joining curve at each of its ends, radians.
+const MAX_TURN: f64 = 1.4;
 
-/// Most nodes of a bridge.
-const MOST_NODES: f64 = 1e6;
+/// Nodes of a bridge at most.
+const MAX_NODES: f64 = 1e6;
 
-/// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it.
+/// Returns the unit vector out of the last node, over `span` of arc length that ends `skip` before it.
 ///
-/// A chain shorter than that gives the direction of the whole chain; a single node, or none, the zero vector.
-pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
+/// A shorter chain gives the direction of the whole chain. A single node, or none, gives the zero vector.
+pub(crate) fn find_end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
     let backwards: Vec<Point> = nodes.iter().rev().copied().collect();
     let Some(last) = nodes.len().checked_sub(1) else { return [0.0; 3] };
     let back = arc_length(&backwards);
@@ -30,10 +30,10 @@ pub(crate) fn end_direction(nodes: &[Point], skip: f64, span: f64) -> Point {
     if length > 0.0 { step.map(|x| x / length) } else { step }
 }
 
-/// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
+/// Returns the inner nodes of the cubic from the last node of `before` to the first node of `after`.
 ///
-/// The direction of each stretch is taken over `span` of it. `reach` holds the lengths of the tangents at the two ends, as
-/// parts of the gap.
+/// The direction at each end is taken over `span` of its piece. `reach` holds the lengths of the tangents at the two
+/// ends, as shares of the gap.
 ///
 /// # Errors
 /// [`InvalidArgument`](Error::InvalidArgument) if `spacing` is not positive, or too small for the gap.
@@ -49,15 +49,14 @@ pub(crate) fn bridge(
     let step = sub(stop, start);
     let gap = dot(step, step).sqrt();
     let nodes = gap / spacing;
-    if nodes.is_nan() || nodes > MOST_NODES {
-        let reason =
-            format!("expected a gap of less than {MOST_NODES:e} spacings, got {gap} m / {spacing} m");
+    if nodes.is_nan() || nodes > MAX_NODES {
+        let reason = format!("expected a gap of less than {MAX_NODES:e} spacings, got {gap} m / {spacing} m");
         return Err(Error::invalid("spacing", reason));
     }
     let count = nodes as usize + 1;
     let backwards: Vec<Point> = after.iter().rev().copied().collect();
-    let leave = end_direction(before, 0.0, span).map(|x| x * gap * reach[0]);
-    let arrive = end_direction(&backwards, 0.0, span).map(|x| -x * gap * reach[1]);
+    let leave = find_end_direction(before, 0.0, span).map(|x| x * gap * reach[0]);
+    let arrive = find_end_direction(&backwards, 0.0, span).map(|x| -x * gap * reach[1]);
     let hermite = |i: usize| {
         let t = i as f64 / count as f64;
         let (square, cube) = (t * t, t * t * t);
@@ -71,12 +70,13 @@ pub(crate) fn bridge(
     Ok((1..count).map(hermite).collect())
 }
 
-/// Cost of the curve that leaves the end p along `leave` and meets the end q, which points along `arrive`.
+/// Returns the cost of joining two ends by a curve that leaves p along `leave` and arrives at q, which points along
+/// `arrive`.
 ///
-/// For a gap L bent by the angles a and b at its two ends it is 2 (a² + b²), the bending energy of a cubic
-/// (8 r / L) (a² + b² − a b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways offset.
-/// Infinite where the curve would have to turn back.
-pub(crate) fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
+/// A gap L with the turns a and b at its ends costs 2 (a² + b²), the bending energy of a cubic (8 r / L) (a² + b² − a
+/// b), and 0.25 L / r. Ends that touch or overlap cost their turn and their sideways offset. The cost is infinite where
+/// the curve would have to turn back.
+pub(crate) fn price_join(p: Point, leave: Point, q: Point, arrive: Point, radius: f64) -> f64 {
     let angle = |a: Point, b: Point| dot(a, b).clamp(-1.0, 1.0).acos();
     let step = sub(q, p);
     let gap = dot(step, step).sqrt();
@@ -89,7 +89,7 @@ pub(crate) fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius:
     }
     let straight = step.map(|x| x / gap);
     let (a, b) = (angle(leave, straight), angle(onwards, straight));
-    if a.max(b) > MOST_TURN {
+    if a.max(b) > MAX_TURN {
         return f64::INFINITY;
     }
     let together = dot(cross(leave, straight), cross(straight, onwards));
@@ -97,8 +97,8 @@ pub(crate) fn join_cost(p: Point, leave: Point, q: Point, arrive: Point, radius:
     2.0 * (a * a + b * b) + energy + 0.25 * gap / radius
 }
 
-/// Bending energy of a polyline, ∫κ² ds, 1/m.
-pub(crate) fn bending(nodes: &[Point]) -> f64 {
+/// Returns the bending energy of a polyline, ∫κ² ds, 1/m.
+pub(crate) fn measure_bending(nodes: &[Point]) -> f64 {
     let steps: Vec<Point> = nodes.windows(2).map(|pair| sub(pair[1], pair[0])).collect();
     let lengths: Vec<f64> = steps.iter().map(|&step| dot(step, step).sqrt()).collect();
     let turn = |i: usize| {
@@ -121,7 +121,7 @@ mod tests {
         let nodes = bridge(&line(0.0, 1.0), &line(2.0, 3.0), 0.5, 0.1, [1.0, 1.0]).unwrap();
         assert_eq!(nodes.len(), 10);
         assert!(nodes.iter().all(|p| p[0] > 1.0 && p[0] < 2.0 && p[1] == 0.0 && p[2] == 0.0));
-        assert!(bending(&nodes) < 1e-12);
+        assert!(measure_bending(&nodes) < 1e-12);
     }
 
     #[test]
@@ -137,15 +137,15 @@ mod tests {
     fn a_direction_skips_what_it_is_told_to() {
         let mut nodes = line(0.0, 1.0);
         nodes.push([1.0, 0.1, 0.0]);
-        assert_eq!(end_direction(&nodes, 0.1, 0.3), [1.0, 0.0, 0.0]);
-        assert_eq!(end_direction(&nodes, 0.0, 0.1), [0.0, 1.0, 0.0]);
-        assert_eq!(end_direction(&nodes[..1], 0.0, 0.1), [0.0; 3]);
+        assert_eq!(find_end_direction(&nodes, 0.1, 0.3), [1.0, 0.0, 0.0]);
+        assert_eq!(find_end_direction(&nodes, 0.0, 0.1), [0.0, 1.0, 0.0]);
+        assert_eq!(find_end_direction(&nodes[..1], 0.0, 0.1), [0.0; 3]);
     }
 
     #[test]
     fn joins_cost_their_bends_and_none_turns_back() {
         let x = [1.0, 0.0, 0.0];
-        let cost = |q, arrive| join_cost([0.0; 3], x, q, arrive, 1.0);
+        let cost = |q, arrive| price_join([0.0; 3], x, q, arrive, 1.0);
         let ahead = cost([4.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
         assert!((ahead - 1.0).abs() < 1e-12);
         assert!(cost([4.0, 1.0, 0.0], [-1.0, 0.0, 0.0]) > ahead);

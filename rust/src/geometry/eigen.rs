@@ -6,7 +6,7 @@ use crate::simd::{Doubles, LANES};
 /// A symmetric 3x3 matrix as its upper triangle: xx, xy, xz, yy, yz, zz.
 pub type Symmetric3 = [f64; 6];
 
-/// Eigenvalues in ascending order and their unit eigenvectors.
+/// Eigenvalues in ascending order, and their unit eigenvectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eigen3 {
     /// λ₀ ≤ λ₁ ≤ λ₂.
@@ -15,17 +15,17 @@ pub struct Eigen3 {
     pub vectors: [Point; 3],
 }
 
-/// Eigenvalues and eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
+/// Finds the eigenvalues and eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
 ///
-/// Accurate to rounding for any finite matrix, also where eigenvalues coincide, and bounded in time
+/// The result is accurate to rounding for any finite matrix, even with equal eigenvalues, and the time is bounded
 /// (Golub and Van Loan, Matrix Computations, 8.5).
 pub fn eigen_symmetric(matrix: &Symmetric3) -> Eigen3 {
-    // relative to the largest entry, so that squares neither overflow nor vanish
+    // scale by the largest entry, so that squares neither overflow nor underflow
     let size = matrix.iter().fold(0.0, |size: f64, x| size.max(x.abs())).max(f64::MIN_POSITIVE);
     let [xx, xy, xz, yy, yz, zz] = matrix.map(|x| x / size);
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    // four sweeps reach rounding; more guard badly scaled matrices
+    // four sweeps reach rounding; the others are for badly scaled matrices
     for _ in 0..12 {
         let off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
         let diagonal = a[0][0] * a[0][0] + a[1][1] * a[1][1] + a[2][2] * a[2][2];
@@ -41,7 +41,7 @@ pub fn eigen_symmetric(matrix: &Symmetric3) -> Eigen3 {
     Eigen3 { values: order.map(|i| size * a[i][i]), vectors: order.map(|i| v[i]) }
 }
 
-/// One Jacobi rotation in the plane of axes p and q, which makes a[p][q] zero.
+/// Applies one Jacobi rotation in the plane of axes p and q, which makes a[p][q] zero.
 #[inline]
 fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
     if a[p][q] == 0.0 {
@@ -69,12 +69,13 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
     }
 }
 
-/// Unit eigenvectors of the smallest eigenvalues of eight positive semidefinite matrices, each one's share of the
-/// trace, and where both are known to rounding: where the two smallest eigenvalues are at least a thousandth of the
-/// largest apart and the steps below were enough.
+/// Finds the unit eigenvectors of the smallest eigenvalues of eight positive semidefinite matrices.
 ///
-/// Newton's iteration on the characteristic polynomial finds the eigenvalue from below, the adjugate of A − λ its
-/// vector, and two steps of Rayleigh's iteration, again by the adjugate, make both exact.
+/// Also returns each eigenvalue's share of the trace, and whether both are accurate to rounding. They are if the two
+/// smallest eigenvalues differ by at least a thousandth of the largest and the steps below sufficed.
+///
+/// Newton's iteration on the characteristic polynomial finds the eigenvalue from below. The adjugate of A − λ gives its
+/// eigenvector. Two steps of Rayleigh's iteration, again by the adjugate, make both exact.
 #[inline(always)]
 pub fn least_eigenvectors(matrices: &[Doubles; 6]) -> ([Doubles; 3], Doubles, [bool; LANES]) {
     let (mut vectors, mut shares, mut certain) = ([[0.0; LANES]; 3], [0.0; LANES], [false; LANES]);
@@ -125,7 +126,7 @@ pub fn least_eigenvectors(matrices: &[Doubles; 6]) -> ([Doubles; 3], Doubles, [b
     (vectors, shares, certain)
 }
 
-/// The adjugate of A − λ.
+/// Returns the adjugate of A − λ.
 #[inline(always)]
 fn adjugate(a: &Symmetric3, value: f64) -> Symmetric3 {
     let [xx, xy, xz, yy, yz, zz] = [a[0] - value, a[1], a[2], a[3] - value, a[4], a[5] - value];
@@ -139,7 +140,7 @@ fn adjugate(a: &Symmetric3, value: f64) -> Symmetric3 {
     ]
 }
 
-/// A v.
+/// Returns A v.
 #[inline(always)]
 fn times(a: &Symmetric3, v: Point) -> Point {
     [
@@ -190,7 +191,7 @@ mod tests {
             roots in prop::array::uniform8(prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0))),
             scale in -100i32..100, flat in 0.0f64..1.0,
         ) {
-            // B Bᵀ, with one direction as short as noise on a surface is
+            // B Bᵀ, where one direction may be as short as noise on a surface
             let squares = roots.map(|root| {
                 let b = Matrix3::from_fn(|i, j| root[i][j] * if j == 2 { flat } else { 1.0 });
                 b * b.transpose() * 10f64.powi(scale)
@@ -205,7 +206,7 @@ mod tests {
                 let [low, middle, high] = order.map(|i| eigen.eigenvalues[i]);
                 let gap = (middle - low) / high;
                 if !certain[l] {
-                    // a matrix of zeros has no gap
+                    // the gap of a zero matrix is NaN
                     prop_assert!(gap.is_nan() || gap < 0.3, "{gap} apart");
                     continue;
                 }

@@ -3,10 +3,9 @@
 use super::eigen::Symmetric3;
 use super::vector::Point;
 
-/// Sums of a neighbourhood from which mean and covariance follow.
+/// Sums over points that give their mean and covariance.
 ///
-/// Points are added relative to an origin near them, so that a cloud far from the world's origin loses
-/// nothing.
+/// Points are added relative to an origin near them, so that clouds far from the world's origin lose no precision.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Moments {
     count: usize,
@@ -30,12 +29,12 @@ impl Moments {
         self.second[5] += d[2] * d[2];
     }
 
-    /// How many points were added.
+    /// The number of points.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Σ (d − mean)(d − mean)ᵀ / count.
+    /// Returns Σ (d − mean)(d − mean)ᵀ / count.
     pub fn covariance(&self) -> Symmetric3 {
         let n = self.count.max(1) as f64;
         let [x, y, z] = self.first.map(|s| s / n);

@@ -15,15 +15,15 @@ pub struct RigidMotion {
 }
 
 impl RigidMotion {
-    /// The motion that moves nothing.
+    /// Returns the motion that changes nothing.
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
     }
 
-    /// Reads a 4x4 matrix, row by row.
+    /// Reads a 4x4 matrix, row by row, as a rigid motion.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if it is not finite, its last row is not (0, 0, 0, 1), or its 3x3 part
+    /// [`Error::InvalidArgument`] if the matrix is not finite, its last row is not (0, 0, 0, 1), or its 3x3 part
     /// scales, shears or mirrors by more than 1e-6.
     pub fn from_rows(rows: &[[f64; 4]; 4]) -> Result<Self> {
         let refuse =
@@ -42,7 +42,7 @@ impl RigidMotion {
         Ok(Self { rotation, translation: Vector3::new(rows[0][3], rows[1][3], rows[2][3]) })
     }
 
-    /// The 4x4 matrix, row by row.
+    /// Returns the 4x4 matrix, row by row.
     pub fn to_rows(&self) -> [[f64; 4]; 4] {
         let mut rows = [[0.0; 4]; 4];
         for i in 0..3 {
@@ -55,17 +55,18 @@ impl RigidMotion {
         rows
     }
 
-    /// R x + t.
+    /// Returns R x + t.
     #[inline]
     pub fn apply(&self, x: Point) -> Point {
         (self.rotation * Vector3::from(x) + self.translation).into()
     }
 
-    /// First `first`, then this one. The rotation is made orthonormal again, so that long products stay
-    /// rigid.
+    /// Returns the motion that applies `first` and then this one.
+    ///
+    /// The rotation is made orthonormal again, so that long products stay rigid.
     pub fn after(&self, first: &Self) -> Self {
         let product = self.rotation * first.rotation;
-        // Newton's step towards the nearest rotation: the error e becomes 3/4 e² (Higham 1986)
+        // Newton's step towards the nearest rotation: an error e becomes 3/4 e² (Higham 1986)
         let rotation = product * (Matrix3::identity() * 3.0 - product.transpose() * product) * 0.5;
         Self { rotation, translation: self.rotation * first.translation + self.translation }
     }

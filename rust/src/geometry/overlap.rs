@@ -1,21 +1,22 @@
-//! Places at which tubes would lie in each other.
+//! Overlaps of tubes.
 
 use super::vector::{Point, squared_distance};
 use crate::parallel::go_on;
 
-/// A place of a curve.
+/// A place on a curve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Along {
     /// Number of the curve.
     pub curve: usize,
     /// Arc length along it, metres.
     pub arc_length: f64,
-    /// Metres.
+    /// Position, metres.
     pub position: Point,
 }
 
-/// Whether each place is nearer than `distance` to one of another curve, or of its own at least `apart` along it.
-pub(crate) fn overlapping(places: &[Along], distance: f64, apart: f64) -> Vec<bool> {
+/// Returns whether each place lies nearer than `distance` to another curve, or to a place of its own curve at least
+/// `apart` along it.
+pub(crate) fn find_overlaps(places: &[Along], distance: f64, apart: f64) -> Vec<bool> {
     let overlap = |a: &Along, b: &Along| {
         squared_distance(a.position, b.position) < distance * distance
             && (a.curve != b.curve || (a.arc_length - b.arc_length).abs() >= apart)
@@ -35,8 +36,8 @@ mod tests {
     fn curves_overlap_others_and_themselves_farther_along() {
         let place = |curve, arc_length, x| Along { curve, arc_length, position: [x, 0.0, 0.0] };
         let places = [place(0, 0.0, 0.0), place(0, 1.0, 1.0), place(1, 0.0, 2.0)];
-        assert_eq!(overlapping(&places, 1.5, 5.0), [false, true, true]);
-        assert_eq!(overlapping(&places, 1.5, 1.0), [true, true, true]);
-        assert_eq!(overlapping(&places, 0.5, 1.0), [false; 3]);
+        assert_eq!(find_overlaps(&places, 1.5, 5.0), [false, true, true]);
+        assert_eq!(find_overlaps(&places, 1.5, 1.0), [true, true, true]);
+        assert_eq!(find_overlaps(&places, 0.5, 1.0), [false; 3]);
     }
 }

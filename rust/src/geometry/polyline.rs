@@ -1,6 +1,6 @@
-//! Ordered nodes in the image or in space.
+//! Polylines in the image or in space.
 
-/// Arc length from the first node to each.
+/// Returns the arc length from the first node to each node.
 pub fn arc_length<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
     let mut total = 0.0;
     let mut lengths = vec![0.0];
@@ -11,7 +11,7 @@ pub fn arc_length<const N: usize>(nodes: &[[f64; N]]) -> Vec<f64> {
     lengths
 }
 
-/// Nodes about `step` apart, at least two, from end to end.
+/// Resamples a polyline evenly from end to end: nodes about `step` apart, at least two.
 pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]> {
     let arc = arc_length(nodes);
     let length = arc[arc.len() - 1];
@@ -31,7 +31,7 @@ pub fn resampled<const N: usize>(nodes: &[[f64; N]], step: f64) -> Vec<[f64; N]>
         .collect()
 }
 
-/// Nodes smoothed by binomial weights so many times; the ends stay.
+/// Smooths nodes `times` times by binomial weights; the end nodes stay.
 pub fn smoothed<const N: usize>(nodes: &[[f64; N]], times: usize) -> Vec<[f64; N]> {
     let mut nodes = nodes.to_vec();
     for _ in 0..times {
@@ -46,8 +46,8 @@ pub fn smoothed<const N: usize>(nodes: &[[f64; N]], times: usize) -> Vec<[f64; N
     nodes
 }
 
-/// Unit directions by central differences, one-sided at the ends; 0 where nodes coincide.
-pub fn directions<const N: usize>(nodes: &[[f64; N]], into: &mut Vec<[f64; N]>) {
+/// Appends the unit directions at the nodes: by central differences, one-sided at the ends, 0 where nodes coincide.
+pub fn append_directions<const N: usize>(nodes: &[[f64; N]], into: &mut Vec<[f64; N]>) {
     let last = nodes.len().saturating_sub(1);
     into.extend((0..nodes.len()).map(|i| {
         let (a, b) = (nodes[i.saturating_sub(1)], nodes[(i + 1).min(last)]);
@@ -70,7 +70,7 @@ mod tests {
         assert_eq!(smoothed(&nodes, 2)[4], [3.0, 1.0]);
         assert_eq!(smoothed(&nodes, 1)[3], [2.75, 0.25]);
         let mut directed = Vec::new();
-        directions(&nodes, &mut directed);
+        append_directions(&nodes, &mut directed);
         assert_eq!(directed[4], [0.0, 1.0]);
     }
 }

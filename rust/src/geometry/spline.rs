@@ -7,17 +7,17 @@ use super::vector::{Point, dot, sub};
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
 
-/// Longest curve that a spline is fitted to, in spans: the fit is dense.
-const MOST_SPANS: f64 = 5e3;
+/// Spans of a fitted curve at most: the fit uses dense matrices.
+const MAX_SPANS: f64 = 5e3;
 
-/// A uniform cubic B-spline with n ≥ 4 control points; its parameter runs from 0 to n − 3.
+/// A uniform cubic B-spline with n ≥ 4 control points. Its parameter runs from 0 to n − 3.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
     /// Control points, metres.
     pub control: Vec<Point>,
 }
 
-/// A place of a curve, with its derivatives by the parameter.
+/// A place on a curve, with its derivatives by the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Position, metres.
@@ -28,14 +28,14 @@ pub struct Place {
     pub second: Point,
 }
 
-/// A spline as one cubic for each span: quicker at many places.
+/// A spline as one cubic polynomial for each span, which is quicker to evaluate at many places.
 pub(crate) struct Pieces {
-    /// Coefficients of 1, t, t² and t³, t running from 0 to 1 in each span.
+    /// Coefficients of 1, t, t² and t³, where t runs from 0 to 1 in each span.
     spans: Vec<[Point; 4]>,
 }
 
 impl Pieces {
-    /// Position and derivatives at a parameter.
+    /// Returns the position and derivatives at a parameter.
     #[inline]
     pub fn at(&self, u: f64) -> Place {
         let first = (u.max(0.0) as usize).min(self.spans.len() - 1);
@@ -48,7 +48,7 @@ impl Pieces {
         }
     }
 
-    /// The cubic of a span: coefficients of 1, t, t² and t³.
+    /// Returns the coefficients of 1, t, t² and t³ of a span.
     #[inline]
     pub fn span(&self, number: usize) -> [Point; 4] {
         self.spans[number]
@@ -61,14 +61,14 @@ impl Pieces {
     }
 }
 
-/// The first of the four control points that a parameter depends on, and the parameter within its span.
+/// Returns the first of the four control points that act at a parameter, and the parameter within its span.
 #[inline]
 fn span(u: f64, controls: usize) -> (usize, f64) {
     let first = (u.max(0.0) as usize).min(controls - 4);
     (first, u - first as f64)
 }
 
-/// Weights of the four control points.
+/// Returns the weights of the four control points.
 #[inline]
 fn weights(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
@@ -86,14 +86,21 @@ fn combine(control: &[Point], weights: [f64; 4]) -> Point {
 }
 
 impl Spline {
-    /// The curve of least squares through ordered nodes, with spans about `spacing` long, carried on straight by
-    /// `extension` at both ends.
+    /// Fits a curve to ordered nodes by least squares.
     ///
-    /// A small penalty on third differences keeps it determined where nodes are sparse.
+    /// Its spans are about `spacing` long. It continues straight by `extension` at both ends. A small penalty on third
+    /// differences keeps it determined where nodes are sparse.
     ///
     /// # Errors
-    /// [`Error::InvalidArgument`] if a coordinate is not finite or a length is out of range;
-    /// [`Error::NotEnoughData`] if there are fewer than two nodes or all are equal.
+    /// [`Error::InvalidArgument`] if a coordinate is not finite or a length is out of range; [`Error::NotEnoughData`]
+    /// if there are fewer than two nodes or all are equal.
+    ///
+    /// ```
+    /// let nodes: Vec<strand::Point> = (0..20).map(|i| [f64::from(i) * 0.01, 0.0, 0.0]).collect();
+    /// let curve = strand::Spline::through(&nodes, 0.02, 0.0)?;
+    /// assert!((curve.length() - 0.19).abs() < 1e-6);
+    /// # Ok::<(), strand::Error>(())
+    /// ```
     pub fn through(nodes: &[Point], spacing: f64, extension: f64) -> Result<Self> {
         const SMOOTHING: f64 = 1e-3;
         check_finite("nodes", nodes)?;
@@ -101,14 +108,11 @@ impl Spline {
         if !(0.0..1e6).contains(&extension) {
             return Err(Error::invalid("extension", format!("expected a length >= 0, got {extension}")));
         }
-        let nodes = extended(nodes, extension)?;
+        let nodes = extend(nodes, extension)?;
         let arc = arc_length(&nodes);
         let length = arc[arc.len() - 1];
-        if length > MOST_SPANS * spacing {
-            return Err(Error::invalid(
-                "spacing",
-                format!("gives more than {MOST_SPANS:e} spans: {spacing}"),
-            ));
+        if length > MAX_SPANS * spacing {
+            return Err(Error::invalid("spacing", format!("gives more than {MAX_SPANS:e} spans: {spacing}")));
         }
         let controls = ((length / spacing).ceil() as usize).max(2) + 3;
         let samples = ((5.0 * length / spacing) as usize).max(20).max(2 * controls);
@@ -143,7 +147,7 @@ impl Spline {
         Ok(Self { control: (0..controls).map(|i| std::array::from_fn(|k| solved[k][i])).collect() })
     }
 
-    /// The same curve, span by span.
+    /// Converts the curve to one polynomial for each span.
     pub(crate) fn pieces(&self) -> Pieces {
         let span = |c: &[Point]| {
             [[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]
@@ -158,7 +162,7 @@ impl Spline {
         (self.control.len() - 3) as f64
     }
 
-    /// Position and derivatives at a parameter.
+    /// Returns the position and derivatives at a parameter.
     #[inline]
     pub fn at(&self, u: f64) -> Place {
         let (first, t) = span(u, self.control.len());
@@ -179,18 +183,18 @@ impl Spline {
         }
     }
 
-    /// Parameters about `spacing` of arc length apart, from end to end, at least two.
+    /// Returns parameters about `spacing` of arc length apart, from end to end, at least two.
     pub fn parameters(&self, spacing: f64) -> Vec<f64> {
         let count = ((self.length() / spacing).ceil() as usize).max(1);
         (0..=count).map(|i| self.end() * i as f64 / count as f64).collect()
     }
 
-    /// Arc length from end to end, metres, by four-point Gauss–Legendre quadrature on each span.
+    /// Returns the arc length from end to end, metres, by four-point Gauss–Legendre quadrature on each span.
     pub fn length(&self) -> f64 {
         (0..self.control.len() - 3).map(|i| self.length_between(i as f64, i as f64 + 1.0)).sum()
     }
 
-    /// Arc length between two parameters less than about a span apart.
+    /// Returns the arc length between two parameters that differ by about one span at most, metres.
     pub fn length_between(&self, from: f64, to: f64) -> f64 {
         const PLACES: [(f64, f64); 4] = [
             (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
@@ -209,8 +213,8 @@ impl Spline {
     }
 }
 
-/// Nodes carried on straight at both ends.
-fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
+/// Continues nodes straight at both ends.
+fn extend(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
     let mut nodes = nodes.to_vec();
     nodes.dedup();
     if nodes.len() < 2 {
@@ -219,7 +223,7 @@ fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
     if by > 0.0 {
         let back = 3.min(nodes.len() - 1);
         let last = nodes.len() - 1;
-        // nodes may come back to where they were, or be too near for squares to tell
+        // nodes may return to where they were, or be too near for squares to differ
         let ahead = |end: usize, inner: &mut dyn Iterator<Item = usize>| -> Result<Point> {
             let from = inner.map(|i| sub(nodes[end], nodes[i])).find(|&d| dot(d, d) > 0.0);
             let d = from.ok_or_else(|| Error::not_enough("nodes", "expected nodes farther apart"))?;
@@ -234,7 +238,7 @@ fn extended(nodes: &[Point], by: f64) -> Result<Vec<Point>> {
     Ok(nodes)
 }
 
-/// The point of a polyline at an arc length.
+/// Returns the point of a polyline at an arc length.
 fn interpolate(nodes: &[Point], arc: &[f64], s: f64) -> Point {
     let i = arc.partition_point(|&a| a <= s).clamp(1, nodes.len() - 1);
     let step = arc[i] - arc[i - 1];

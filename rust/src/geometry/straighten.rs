@@ -1,4 +1,4 @@
-//! Corrects axis points for what an average over their neighbourhood does to bends.
+//! Corrects the bends of axis points that were averaged over their neighbourhood.
 //!
 //! Equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
 
@@ -9,14 +9,14 @@ use super::vector::{Point, advance, sub};
 use crate::checks::{check_finite, check_positive};
 use crate::error::Result;
 
-/// Undoes what the average over two radii (eq. 17–18) does to bends.
+/// Moves nodes outwards in bends, by as much as the average over two radii (eq. 17–18) moved them inwards.
 ///
-/// Around a point of a tube, the surface points within 2r reach s² ≤ 2 r² (1 + cos φ) along the axis at the angle φ about
-/// it. Their mean s² is 8/9 r², so the mean of their axis points lies 4/9 r² κ inside an axis whose curvature vector is
-/// κ: that of the parabola of least squares through the nodes within `span` along the chain.
+/// Around a point of a tube, the surface points within 2r reach s² ≤ 2 r² (1 + cos φ) along the axis, φ being the angle
+/// about it. Their mean s² is 8/9 r². So the mean of their axis points lies 4/9 r² κ inside the axis, where κ is the
+/// curvature vector. A parabola fitted to the nodes within `span` along the chain gives κ.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, or a length not positive.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite or a length is not positive.
 pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Result<Vec<Point>> {
     check_finite("nodes", nodes)?;
     check_positive("radius", radius)?;
@@ -24,14 +24,14 @@ pub(crate) fn straighten(nodes: &[Point], radius: f64, span: f64) -> Result<Vec<
     let s = arc_length(nodes);
     let straightened = |i: usize| {
         let (low, high) = (s.partition_point(|&t| s[i] - t > span), s.partition_point(|&t| t - s[i] <= span));
-        let bend = parabola(&s[low..high], &nodes[low..high], s[i], nodes[i], span);
+        let bend = fit_parabola(&s[low..high], &nodes[low..high], s[i], nodes[i], span);
         bend.map_or(nodes[i], |bend| advance(nodes[i], -4.0 / 9.0 * radius * radius, bend))
     };
     Ok((0..nodes.len()).map(straightened).collect())
 }
 
-/// Second derivative of the parabola of least squares through nodes; none if there are fewer than four.
-fn parabola(s: &[f64], nodes: &[Point], middle: f64, origin: Point, scale: f64) -> Option<Point> {
+/// Fits a parabola by least squares and returns its second derivative; None for fewer than four nodes.
+fn fit_parabola(s: &[f64], nodes: &[Point], middle: f64, origin: Point, scale: f64) -> Option<Point> {
     if s.len() < 4 {
         return None;
     }

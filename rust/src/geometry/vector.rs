@@ -3,45 +3,46 @@
 /// A point or vector: x, y, z.
 pub type Point = [f64; 3];
 
-/// a − b.
+/// Returns a − b.
 #[inline]
 pub fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// a · b.
+/// Returns a · b.
 #[inline]
 pub fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a × b.
+/// Returns a × b.
 #[inline]
 pub fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// a / |a|; a itself if it has no length.
+/// Returns a / |a|, or a itself if it has no length.
 #[inline]
 pub fn normalized(a: Point) -> Point {
     let length = dot(a, a).sqrt();
     if length > 0.0 { a.map(|x| x / length) } else { a }
 }
 
-/// p + s d.
+/// Returns p + s d.
 #[inline]
 pub fn advance(p: Point, s: f64, d: Point) -> Point {
     std::array::from_fn(|k| p[k] + s * d[k])
 }
 
-/// |a − b|².
+/// Returns |a − b|².
 #[inline]
 pub fn squared_distance(a: Point, b: Point) -> f64 {
     let d = sub(a, b);
     dot(d, d)
 }
 
-/// The cube of an even lattice that a place lies in. Cubes on faces below 0 begin one early; rounding down is a call.
+/// Returns the cell of a lattice around a place. Whole negative numbers fall into the cell below, which saves a call to
+/// floor.
 #[inline]
 pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     let inverse = 1.0 / cell;
@@ -51,9 +52,7 @@ pub fn cell_of(p: Point, cell: f64) -> [i64; 3] {
     })
 }
 
-/// Mean of points; the origin for none.
-///
-/// Summed in order, so the same points give the same bits.
+/// Returns the mean of points; the origin for none. It adds them in order, so equal input gives equal bits.
 pub fn centroid(points: &[Point]) -> Point {
     let mut sum = [0.0; 3];
     for p in points {

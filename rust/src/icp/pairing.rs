@@ -1,8 +1,8 @@
 //! Source points and their nearest target points, kept from pose to pose.
 //!
-//! A search also tells how near any other target point is at least. While the source point has moved by less than
-//! what that leaves, its partner stays the nearest. After that one of the few that were near may have become the
-//! nearest, and only where it has moved by more than what all others leave is searched again.
+//! A search for a partner also gives a lower bound of the distance to every other target point. While the source point
+//! has moved less than that bound allows, its partner stays the nearest. After that, the nearest may be one of a few
+//! listed target points. Only a source point that has moved farther than the bound of all others needs a new search.
 
 mod search;
 mod sums;
@@ -26,35 +26,35 @@ use search::search;
 pub use sums::Pairs;
 use sums::{TERMS, add_pairs};
 
-/// A cell is so wide that about this many target points are within its width of each.
+/// Target points within a cell's width of each target point, about.
 const NEAR: usize = 40;
-/// Most target points that are kept of a source point's surroundings.
+/// Near target points that are kept for a source point, at most.
 const LISTED: usize = 6;
-/// Batches that a task works through; fixed, so that sums do not depend on the number of threads.
+/// Batches that one task works on; fixed, so that sums do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 16;
-/// Up to this many lanes of a batch are searched for alone; if there are more, all are.
-const FEW: usize = 1;
-/// All lanes.
+/// Lanes of a batch, at most, that are searched alone; if more need a search, all are searched.
+const MAX_ALONE: usize = 1;
+/// The numbers of all lanes.
 const ALL: [usize; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
-/// No target point.
+/// Stands for no target point.
 const NONE: u32 = u32::MAX;
 
-/// Source points that are near each other.
+/// Source points near each other.
 struct Batch {
     count: usize,
-    /// In the source's frame; lanes without a point repeat the first.
+    /// Source frame; lanes without a point repeat the first.
     points: [[f64; BATCH]; 3],
-    /// Positions of the nearest target points in the order of the cells; none where they are out of reach.
+    /// Positions of the nearest target points in the cells' order; NONE if they are out of reach.
     partners: [u32; BATCH],
     /// All other target points are farther than this.
     others: [f64; BATCH],
-    /// Positions of target points that were near, the partner among them, and none behind the last.
+    /// Positions of near target points, the partner among them, padded with NONE.
     listed: [[u32; LISTED]; BATCH],
     /// All target points that are not listed are farther than this.
     beyond: [f64; BATCH],
 }
 
-/// Both clouds and the pairs.
+/// Two clouds and their pairs.
 pub struct Pairing {
     cells: Cells,
     /// The target in the order of the cells.
@@ -63,20 +63,20 @@ pub struct Pairing {
     batches: Vec<Batch>,
     source_points: usize,
     reach: f64,
-    /// Where the pairs were found.
+    /// The pose at which the pairs were found.
     pose: RigidMotion,
-    /// The source's middle, in its frame.
+    /// The middle of the source, in its frame.
     center: Point,
-    /// What rounding may move a point by.
+    /// Largest rounding error of a moved point.
     rounding: f64,
 }
 
 impl Pairing {
-    /// Sorts both clouds, which are not empty.
+    /// Sorts two clouds with points.
     pub fn new(source: &[Point], target: &[Point], options: &IcpOptions) -> Self {
         let cells = Cells::new(target, reach_of(target, NEAR));
         let sorted = cells.sorted();
-        // by where they are at first, because they will not go far
+        // sorted by their places at the start pose, because they will not move far
         let moved: Vec<Point> = source.par_iter().map(|&x| options.start.apply(x)).collect();
         let largest = |points: &[Point]| {
             let Bounds { low, high } = bounds(points);
@@ -147,7 +147,7 @@ impl Pairing {
         Pairs::new(sums, origin, self.source_points)
     }
 
-    /// Sums a matrix of the moved source point, the target point and its index over all pairs.
+    /// Sums a matrix over all pairs, computed from the moved source point, the target point and its index.
     pub fn sum<const R: usize, const C: usize>(
         &self,
         term: impl Fn(Point, Point, usize) -> SMatrix<f64, R, C> + Sync,
@@ -174,7 +174,7 @@ impl Pairing {
         parts.iter().sum()
     }
 
-    /// Makes the nearest of the listed points the partner; tells whether none of the others may be one instead.
+    /// Makes the nearest listed point the partner; returns whether no other point can be nearer.
     #[inline(always)]
     fn choose(&self, batch: &mut Batch, l: usize, moved: Point) -> bool {
         let (mut best, mut position, mut next) = (f64::INFINITY, NONE, f64::INFINITY);
@@ -192,7 +192,7 @@ impl Pairing {
         none || (position != NONE && is_below(best, batch.beyond[l]))
     }
 
-    /// The nearest target point by the tree, which is no farther than those in `known` positions.
+    /// Finds the nearest target point by the tree; it is no farther than those at the `known` positions.
     #[cold]
     fn search_tree(&self, moved: Point, known: [u32; 2]) -> (u32, f64) {
         let tree = self.tree.get_or_init(|| Hierarchy::new(self.sorted.iter().copied()));
@@ -201,7 +201,7 @@ impl Pairing {
             limit = limit.min(1.001 * squared_distance(*target, moved));
         }
         let nearest = tree.nearest(moved, limit);
-        // that others are farther than nothing is always true
+        // a lower bound of zero for the distance to others is always true
         (nearest.map_or(NONE, |position| position as u32), 0.0)
     }
 }
@@ -252,8 +252,8 @@ kernel! {
                 let sure = pairing.choose(batch, l, [moved[0][l], moved[1][l], moved[2][l]]);
                 open_count += usize::from(!sure);
             }
-            if open_count > FEW {
-                // then all of them: others would follow soon, and cost little more now
+            if open_count > MAX_ALONE {
+                // then search all lanes: the others would follow soon, and cost little more now
                 (left, count) = (ALL, batch.count);
                 (open, open_count) = (left, count);
             }
@@ -276,7 +276,7 @@ kernel! {
     }
 }
 
-/// Where a pose puts the points of a batch.
+/// Returns the points of a batch, moved by a pose.
 #[inline(always)]
 fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3] {
     let (r, t) = (&pose.rotation, &pose.translation);
@@ -293,7 +293,7 @@ fn moved_to(points: &[[f64; BATCH]; 3], pose: &RigidMotion) -> [[f64; BATCH]; 3]
     moved
 }
 
-/// Squared distances between the points of the lanes.
+/// Returns the squared distances between the points of the lanes.
 #[inline(always)]
 fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
     let mut squares = [0.0; BATCH];
@@ -304,7 +304,7 @@ fn squares(a: &[[f64; BATCH]; 3], b: &[[f64; BATCH]; 3]) -> [f64; BATCH] {
     squares
 }
 
-/// Whether a squared distance is below a distance, which may be negative.
+/// Returns whether a squared distance is below the square of a distance; false if that is negative.
 #[inline(always)]
 fn is_below(square: f64, distance: f64) -> bool {
     let distance = distance.max(0.0);

@@ -1,8 +1,8 @@
-//! A batch of points, each in a lane of its own, and all that lies around it.
+//! A batch of points, one in each lane, and all points around it.
 //!
-//! Distances are in single precision, relative to the batch and in units of the width of a cell; what rounding may
-//! have done to them is known, so that callers can tell which answers are sure. The points of a lane are met in the
-//! order of the cells, so sums are the same bits for any width of the instructions.
+//! Distances are in single precision, relative to the batch and in units of the width of a cell. The possible rounding
+//! error is known, so callers see which answers are certain. Each lane meets the points in the order of the cells, so
+//! sums are equal bit for bit for any instruction width.
 
 use super::CROWDED;
 use super::bounds::Bounds;
@@ -11,12 +11,12 @@ use super::cells::sweep::Sweep;
 use crate::geometry::Point;
 use crate::simd::{BATCH, Simd, Singles};
 
-/// Points around a batch, and what a task keeps from batch to batch.
+/// The points around a batch, and buffers that a task reuses from batch to batch.
 #[derive(Default)]
 pub struct Around {
     sweep: Sweep,
     near: [Vec<f32>; 3],
-    /// Their positions, as the bits of numbers.
+    /// Their positions, as the bits of floats.
     positions: Vec<f32>,
     count: usize,
     /// Their values, if they carry any.
@@ -24,41 +24,41 @@ pub struct Around {
     inside: Inside,
 }
 
-/// The frame that a batch's single precision coordinates are in.
+/// The frame of a batch's single-precision coordinates.
 #[derive(Clone, Copy)]
 pub struct Frame {
     /// Its origin.
     pub origin: Point,
     /// Its units in a metre.
     pub unit: f64,
-    /// What rounding may do to a squared distance up to the reach.
+    /// Largest rounding error of a squared distance up to the reach.
     pub rounding: f32,
-    /// How far apart points can be.
+    /// Largest distance between points.
     pub extent: f64,
 }
 
-/// Numbers of the lanes.
+/// The numbers of the lanes.
 const LANE_NUMBERS: [u32; BATCH] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
-/// The points that are surely within reach of all of a box: how many, and the sums of what they carry.
+/// The points that are certainly within reach of a whole box: their number, and the sums of the values that they carry.
 #[derive(Default, Clone, Copy)]
 pub struct Inside {
     pub count: usize,
     pub sums: Point,
 }
 
-/// What the points of a cloud carry, along each axis in the cells' order; each list longer than the points by a row.
+/// Values that the points of a cloud carry, axis by axis in the cells' order, each list padded by one row of lanes.
 pub type Carried = [Vec<f64>; 3];
 
 impl Around {
-    /// Finds what lies within `reach` of a box, and perhaps a little more; nothing where the cells there are crowded or
-    /// too wide.
+    /// Finds all points within `reach` of a box, and perhaps a few farther ones; returns None where the cells are
+    /// crowded or too wide.
     #[inline(always)]
     pub fn find<S: Simd>(&mut self, simd: S, cells: &Cells, bounds: &Bounds, reach: f64) -> Option<Frame> {
         self.find_few(simd, cells, bounds, reach, CROWDED)
     }
 
-    /// The same, or nothing where the cells there hold more than `most` points.
+    /// As [`Around::find`], but returns None if the cells hold more than `most` points.
     #[inline(always)]
     pub fn find_few<S: Simd>(
         &mut self,
@@ -76,8 +76,8 @@ impl Around {
         Some(frame)
     }
 
-    /// What lies there where the cells are not crowded, together with the places that points carry, relative to the frame; but what is surely within reach of
-    /// all of the box is only counted and summed.
+    /// As [`Around::find`], with the values that points carry, relative to the frame. Points that are certainly within
+    /// reach of the whole box are only counted and summed.
     #[inline(always)]
     pub fn find_carried<S: Simd>(
         &mut self,
@@ -95,7 +95,7 @@ impl Around {
         Some(frame)
     }
 
-    /// Gathers what the sweep found.
+    /// Gathers the points that the sweep found.
     #[inline(always)]
     fn gather<S: Simd, const CARRY: bool>(
         &mut self,
@@ -109,7 +109,7 @@ impl Around {
         let &Frame { origin, unit, .. } = frame;
         let (nearest, farthest) = frame.limits(reach);
         let (nearest, farthest) = (simd.splat(nearest), simd.splat(farthest));
-        // far from the world's origin the middle of a box is not known to be that
+        // far from the world's origin, rounding may move the middle of a box
         let side = |k: usize| ((bounds.high[k] - origin[k]).max(origin[k] - bounds.low[k]) * unit) as f32;
         let half = [simd.splat(side(0)), simd.splat(side(1)), simd.splat(side(2))];
         let most = self.sweep.runs.iter().map(|run| run.len() + BATCH).sum::<usize>();
@@ -125,7 +125,7 @@ impl Around {
         let mut inside = [[simd.splat_half(0.0); 2]; 3];
         let mut inside_count = 0;
         for run in &self.sweep.runs {
-            // whole rows: the lists are longer than the points by a row
+            // whole rows: the lists are padded by one
             let rows = run.start..run.start + run.len().next_multiple_of(BATCH);
             let [x, y, z] = [&from_x[rows.clone()], &from_y[rows.clone()], &from_z[rows.clone()]];
             let [x, y, z] = [x.as_chunks().0, y.as_chunks().0, z.as_chunks().0];
@@ -184,31 +184,31 @@ impl Around {
         self.inside = Inside { count: inside_count as usize, sums };
     }
 
-    /// What is surely within reach of all of the box, if points carry places.
+    /// Points that are certainly within reach of the whole box, if points carry values.
     #[inline(always)]
     pub fn inside(&self) -> Inside {
         self.inside
     }
 
-    /// The places that the points carry, relative to the frame.
+    /// The values that the points carry, relative to the frame.
     #[inline(always)]
     pub fn values(&self) -> &[Point] {
         &self.values[..self.count]
     }
 
-    /// How many points there are.
+    /// The number of points.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The positions of all.
+    /// The positions of the points.
     #[inline(always)]
     pub fn positions(&self) -> impl ExactSizeIterator<Item = usize> {
         self.positions[..self.count].iter().map(|number| number.to_bits() as usize)
     }
 
-    /// The positions of all, as the bits of numbers.
+    /// The positions of the points, as the bits of floats.
     #[inline(always)]
     pub fn numbers(&self) -> &[f32] {
         &self.positions[..self.count]
@@ -221,11 +221,11 @@ impl Around {
     }
 }
 
-/// Adds the places of a row of lanes, relative to an origin.
+/// Adds the values of a row of lanes, relative to an origin.
 #[inline(always)]
 fn add_row<S: Simd>(simd: S, sums: &mut [[S::D; 2]; 3], mask: S::M, places: [&[f64]; 3], origin: Point) {
     for k in 0..3 {
-        let ([low, high, ..], _) = places[k].as_chunks() else { unreachable!("lists end with a row more") };
+        let ([low, high, ..], _) = places[k].as_chunks() else { unreachable!("lists are padded by a row") };
         let origin = simd.splat_half(origin[k]);
         let (low, high) = (simd.load_half(low), simd.load_half(high));
         let [first, second] = &mut sums[k];
@@ -234,7 +234,7 @@ fn add_row<S: Simd>(simd: S, sums: &mut [[S::D; 2]; 3], mask: S::M, places: [&[f
     }
 }
 
-/// The squared distance along an axis from a box about the origin.
+/// Returns the squared distance along an axis from a box around the origin.
 #[inline(always)]
 fn gap<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
     let zero = simd.splat(0.0);
@@ -242,14 +242,14 @@ fn gap<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
     simd.mul(gap, gap)
 }
 
-/// The squared distance along an axis to the far side of a box about the origin.
+/// Returns the squared distance along an axis to the far side of a box around the origin.
 #[inline(always)]
 fn far<S: Simd>(simd: S, x: S::F, half: S::F) -> S::F {
     let far = simd.add(simd.max(x, simd.sub(simd.splat(0.0), x)), half);
     simd.mul(far, far)
 }
 
-/// Squared distances from a point to those of a batch.
+/// Returns the squared distances from a point to the points of a batch.
 #[inline(always)]
 pub fn squared_distances<S: Simd>(simd: S, x: f32, y: f32, z: f32, batch: [S::F; 3]) -> S::F {
     let [x, y, z] = [simd.splat(x), simd.splat(y), simd.splat(z)];
@@ -258,19 +258,19 @@ pub fn squared_distances<S: Simd>(simd: S, x: f32, y: f32, z: f32, batch: [S::F;
 }
 
 impl Frame {
-    /// About a box.
+    /// Makes the frame of a box.
     #[inline(always)]
     fn new(cells: &Cells, bounds: &Bounds, reach: f64) -> Self {
         let unit = 1.0 / cells.size();
         let origin: Point = std::array::from_fn(|k| 0.5 * (bounds.low[k] + bounds.high[k]));
         let extent = reach + bounds.diagonal();
-        // coordinates are up to the extent, and their rounding is felt in distances up to the reach, or is all of them
+        // rounding of coordinates up to the extent affects distances up to the reach; the floor is for tiny reaches
         let (reach_units, extent_units) = (reach * unit, extent * unit);
         let rounding = (1e-6 * reach_units * extent_units).max(1e-13 * extent_units * extent_units) as f32;
         Self { origin, unit, rounding, extent }
     }
 
-    /// Points in lanes; lanes without a point have the first one.
+    /// Converts points to lanes; lanes without a point repeat the first one.
     #[inline(always)]
     pub fn lanes(&self, points: impl ExactSizeIterator<Item = Point>) -> [Singles; 3] {
         let mut lanes = [[0.0; BATCH]; 3];
@@ -287,7 +287,8 @@ impl Frame {
         lanes
     }
 
-    /// Squared distances that are surely within a distance, and that may be.
+    /// Returns two limits of squared distances: below the first, a point is certainly within `distance`; above the
+    /// second, certainly not.
     #[inline(always)]
     pub fn limits(&self, distance: f64) -> (f32, f32) {
         let limit = (distance * self.unit).powi(2);

@@ -14,7 +14,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Around no points.
+    /// The box without points.
     pub const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
 
     /// Grows to hold a point.
@@ -32,10 +32,10 @@ impl Bounds {
         }
     }
 
-    /// The square of the distance to another box, and of that between places of both that are farthest apart.
+    /// Returns the square of the least distance to a place of another box.
     ///
-    /// Differences, squares and sums round monotonically, so what [`squared_distance`](crate::geometry::squared_distance) gives for points of both is
-    /// neither less nor more.
+    /// This and [`Bounds::squared_span`] bound the computed [`squared_distance`](crate::geometry::squared_distance) of
+    /// any two points of the boxes, because differences, squares and sums round monotonically.
     #[inline(always)]
     pub fn squared_gap(&self, other: &Self) -> f64 {
         let gap = |k: usize| (self.low[k] - other.high[k]).max(other.low[k] - self.high[k]).max(0.0);
@@ -44,13 +44,14 @@ impl Bounds {
     }
 
     #[inline(always)]
+    /// Returns the square of the largest distance to a place of another box.
     pub fn squared_span(&self, other: &Self) -> f64 {
         let span = |k: usize| (self.high[k] - other.low[k]).max(other.high[k] - self.low[k]);
         let span = [span(0), span(1), span(2)];
         dot(span, span)
     }
 
-    /// Its middle.
+    /// Returns its middle.
     #[inline(always)]
     pub fn middle(&self) -> Point {
         std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
@@ -62,7 +63,7 @@ impl Bounds {
     }
 }
 
-/// The box around points.
+/// Returns the box around points.
 pub fn bounds(points: &[Point]) -> Bounds {
     points
         .par_chunks(POINTS_PER_PART)

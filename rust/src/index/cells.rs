@@ -1,9 +1,9 @@
 //! Points sorted once by the cells of a uniform grid.
 //!
-//! Cells are kept sparse and in order of their key. Its least significant part is the number along the cloud's
-//! longest axis inside a block of cells, so neighbours along it are one run of points, and its most significant part
-//! the block, so what is near in space is near in memory. Coordinates are kept axis by axis, so that runs are copied
-//! and tested eight at a time.
+//! Only cells with points are kept, in order of their keys. The lowest part of a key is the cell's number along the
+//! cloud's longest axis inside a block of cells, so neighbours along that axis are one run of points. The highest part
+//! is the block, so points that are near in space are near in memory. Each axis has its own list of coordinates, so
+//! that runs are copied and tested eight at a time.
 
 pub mod batches;
 pub mod sweep;
@@ -16,46 +16,47 @@ use super::{CROWDED, POINTS_PER_PART, SHORTEST, WIDE};
 use crate::geometry::Point;
 use crate::simd::BATCH;
 
-/// Most bits of a cell's coordinate along one axis; three of them make a key.
+/// Bits of a cell's coordinate along one axis at most; three coordinates make a key.
 const AXIS_BITS: u32 = 19;
 /// Bits of the number of a cell inside a block.
 const BLOCK_BITS: u32 = 5;
 const IN_BLOCK: u64 = (1 << BLOCK_BITS) - 1;
-/// Bits of the number of a part of a cell along each axis, where points of a cell are in order of its parts.
+/// Bits of the number of a part of a cell along each axis, if the points of a cell are sorted by its parts.
 const PART_BITS: u32 = 2;
-/// All rows of cells are kept, those without points too, while there are at most this many for each point.
-const MOST_ROWS: usize = 2;
+/// Rows of cells for each point, at most, for which all rows are kept, even those without points.
+const MAX_ROWS_PER_POINT: usize = 2;
 
 /// Finite points in the order of their cells.
 pub struct Cells {
     low: Point,
     size: f64,
     inverse: f64,
-    /// Whether they are much wider than was asked for.
+    /// Whether cells are much wider than the caller asked for.
     wide: bool,
-    /// The axes of a key, the longest last, and the last cell along each.
+    /// The axes in the order of the key, the longest last, and the last cell along each.
     axes: [usize; 3],
     last: [u64; 3],
-    /// Where the first two axes and the block are in a key.
+    /// Bit positions in a key of the first two axes and the block.
     shifts: [u32; 3],
-    /// Keys of the cells that hold points, ascending, and where each one's points start.
+    /// Keys of the cells that hold points, ascending, and where the points of each start.
     keys: Vec<u64>,
     starts: Vec<u32>,
-    /// All rows of cells, block by block; none where there are too many.
+    /// All rows of cells, block by block; empty if there are too many.
     rows: Vec<Row>,
-    /// Coordinates in order of the cells, each list longer than the points by a row of lanes, and each point's
-    /// index in the input.
+    /// Coordinates in the order of the cells, each list padded by one row of lanes, and each point's index in the
+    /// input.
     pub coordinates: [Vec<f64>; 3],
     order: Vec<u32>,
 }
 
 impl Cells {
-    /// Sorts finite points by cells that are `size` > 0 wide, or wider where that makes too many.
+    /// Sorts finite points into cells that are `size` > 0 wide, or wider if there would be too many.
     pub fn new(points: &[Point], size: f64) -> Self {
         Self::with_parts::<0>(points, size)
     }
 
-    /// The same, the points of a cell in order of its parts: batches are smaller where cells hold many of them.
+    /// As [`Cells::new`], with the points of a cell sorted by its parts: this makes batches smaller where cells are
+    /// full.
     pub fn new_in_parts(points: &[Point], size: f64) -> Self {
         Self::with_parts::<PART_BITS>(points, size)
     }
@@ -153,7 +154,7 @@ impl Cells {
         let Some(count) = a
             .checked_mul(b)
             .and_then(|count| count.checked_mul(((c - 1) >> BLOCK_BITS) + 1))
-            .filter(|&count| count <= MOST_ROWS * self.order.len() + 1024)
+            .filter(|&count| count <= MAX_ROWS_PER_POINT * self.order.len() + 1024)
         else {
             return;
         };
@@ -169,13 +170,13 @@ impl Cells {
         }
     }
 
-    /// The index of a row.
+    /// Returns the index of a row.
     #[inline(always)]
     fn row(&self, block: u64, a: u64, b: u64) -> usize {
         ((block * (self.last[0] + 1) + a) * (self.last[1] + 1) + b) as usize
     }
 
-    /// The numbers of a cell along the axes of its key.
+    /// Returns the numbers of a cell along the axes of its key.
     #[inline(always)]
     fn numbers(&self, key: u64) -> [u64; 3] {
         let part = |shift: u32, bits: u32| (key >> shift) & ((1 << bits) - 1);
@@ -183,12 +184,12 @@ impl Cells {
         [part(a, block - a), part(b, a - b), (part(block, u64::BITS - block - 1) << BLOCK_BITS) | part(0, b)]
     }
 
-    /// Whether cells are wide, or one holds very many points: then those that follow each other are not near.
+    /// Whether cells are wide or one holds very many points, so that consecutive points need not be near each other.
     pub fn is_crowded(&self) -> bool {
         self.wide || self.starts.windows(2).any(|pair| (pair[1] - pair[0]) as usize > CROWDED / 8)
     }
 
-    /// How many points there are.
+    /// The number of points.
     pub fn len(&self) -> usize {
         self.order.len()
     }
@@ -198,24 +199,24 @@ impl Cells {
         self.size
     }
 
-    /// The index in the input of the point at a position of the cells' order.
+    /// Returns the index in the input of the point at a position in the cells' order.
     #[inline(always)]
     pub fn input_index(&self, position: usize) -> usize {
         self.order[position] as usize
     }
 
-    /// The point at a position of the cells' order.
+    /// Returns the point at a position in the cells' order.
     #[inline(always)]
     pub fn point(&self, position: usize) -> Point {
         std::array::from_fn(|k| self.coordinates[k][position])
     }
 
-    /// The points in the cells' order.
+    /// Returns the points in the cells' order.
     pub fn sorted(&self) -> Vec<Point> {
         fill(self.len(), |position| self.point(position))
     }
 
-    /// Three numbers of each point put in the cells' order, each list longer than the points by a row of lanes.
+    /// Puts three numbers of each point in the cells' order, each list padded by one row of lanes.
     pub fn gather_axes(&self, value: impl Fn(usize) -> Point + Sync) -> [Vec<f64>; 3] {
         let mut lists: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.len() + BATCH));
         let [x, y, z] = lists
@@ -237,7 +238,7 @@ impl Cells {
         lists
     }
 
-    /// The box around the points of some positions.
+    /// Returns the box around the points at some positions.
     #[inline(always)]
     pub fn bounds(&self, positions: &[u32]) -> Bounds {
         let mut bounds = Bounds::NONE;
@@ -247,7 +248,8 @@ impl Cells {
         bounds
     }
 
-    /// The number along an axis of the key of the cell at a distance from the lowest place, the nearest if there is none.
+    /// Returns the number of the cell at a distance from the lowest place along an axis of the key, limited to the
+    /// grid.
     #[inline(always)]
     fn number_along(&self, axis: usize, from_low: f64) -> u64 {
         // a cast to an integer saturates
@@ -260,16 +262,16 @@ impl Cells {
 struct Row {
     /// Its first cell.
     first: u32,
-    /// Which cells hold points.
+    /// A bit for each cell that holds points.
     occupied: u32,
 }
 
-/// The lowest three bits, with room for those of two other numbers between them.
+/// Spreads the lowest three bits, leaving room for those of two other numbers between them.
 fn spread(x: u64) -> u64 {
     (x & 1) | ((x & 2) << 2) | ((x & 4) << 4)
 }
 
-/// Values by their index.
+/// Makes values from their indices.
 fn fill<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(POINTS_PER_PART).map(&value).collect()
 }

@@ -1,4 +1,4 @@
-//! What lies within a radius of single points, in double precision.
+//! A uniform grid that finds the points within a radius of single points, in double precision.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -10,34 +10,34 @@ use super::hierarchy::Hierarchy;
 use super::sort::sort_words;
 use crate::geometry::{Point, squared_distance};
 
-/// Bits of a cell's coordinate along one axis; three of them make a key.
+/// Bits of a cell's coordinate along one axis; three coordinates make a key.
 const AXIS_BITS: u32 = 21;
 
-/// Cells that are this many times as wide as the radius would hold many points that are not in reach.
+/// Wider cells would hold many points out of reach, radii.
 const WIDE: f64 = 2.0;
 
-/// Points sorted by the cells of a uniform grid, whose cells are at least one search radius wide.
+/// Points sorted by the cells of a uniform grid. Cells are at least one search radius wide.
 ///
-/// Cells are kept sparse and in order of their key (x major, z minor), so three cells in a row along z are
-/// one run of points, and memory does not grow with the empty space between points.
+/// Only cells with points are kept, in order of their key (x major, z minor). So three cells in a row along z are one
+/// run of points, and memory does not grow with the empty space between points.
 pub struct Grid {
     radius: f64,
     low: Point,
     inverse_cell: f64,
-    /// Keys of the cells that hold points, ascending, and where each one's points start.
+    /// Keys of the cells that hold points, ascending, and where the points of each start.
     keys: Vec<u64>,
     starts: Vec<usize>,
-    /// The points in order of their cells, or of the hierarchy's boxes where cells are wide, and each one's index in
-    /// the input.
+    /// The points in order of their cells, and each one's index in the input. In order of the hierarchy's boxes where
+    /// cells are wide.
     points: Vec<Point>,
     order: Vec<u32>,
-    /// Whether cells are much wider than the radius; then there are none, and the hierarchy is searched.
+    /// Whether cells are much wider than the radius; then there are no cells, and searches use the hierarchy.
     wide: bool,
-    /// Of the points in the grid's order.
+    /// The hierarchy of the points in the grid's order.
     hierarchy: OnceLock<Hierarchy>,
 }
 
-/// Where the points around a cell are: at most nine runs of the grid's sorted points.
+/// The points around a cell: at most nine runs of the grid's sorted points.
 #[derive(Clone, Default)]
 struct Runs {
     runs: [Range<usize>; 9],
@@ -51,8 +51,8 @@ pub struct Neighborhood<'a> {
 }
 
 impl Neighborhood<'_> {
-    /// Calls `visit` with each point within the grid's radius (boundary included): its position in the
-    /// grid's order, itself and its squared distance. Stops when `visit` returns false.
+    /// Calls `visit` with each point within the grid's radius, boundary included: its position in the grid's order, the
+    /// point, and its squared distance. Stops when `visit` returns false.
     #[inline(always)]
     pub fn visit(&self, mut visit: impl FnMut(usize, Point, f64) -> bool) {
         let limit = self.grid.radius * self.grid.radius;
@@ -79,8 +79,8 @@ impl Grid {
             }
         }
         let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
-        // a little wider than the radius, so that rounding never puts two neighbours two cells apart; and
-        // wide enough that the cells of the longest axis can be numbered, and that 1 / cell is finite
+        // a little wider than the radius, so that rounding never puts two neighbours two cells apart; and wide enough
+        // that the cells of the longest axis have numbers, and that 1 / cell is finite
         let cell = (radius * (1.0 + 1e-6))
             .max(extent / f64::from(1u32 << (AXIS_BITS - 2)))
             .max(4.0 * f64::MIN_POSITIVE);
@@ -116,7 +116,7 @@ impl Grid {
         grid
     }
 
-    /// The keys of the points' cells and their indices, in order; `high` are the greatest coordinates.
+    /// Returns the keys of the points' cells and the points' indices, in order; `high` holds the greatest coordinates.
     fn sorted(&self, points: &[Point], high: Point) -> Vec<(u64, u32)> {
         let keyed = || points.iter().zip(0u32..).map(|(&p, i)| (self.cell(p), i));
         let bits = |number: u64| u64::BITS - number.leading_zeros();
@@ -128,7 +128,7 @@ impl Grid {
             sorted.par_sort_unstable();
             return sorted;
         }
-        // a cell and an index in one word
+        // a key and an index in one word
         let words = keyed()
             .map(|([x, y, z], i)| (((((x << y_bits) | y) << z_bits) | z) << index_bits) | u64::from(i));
         let part = |word: u64, shift: u32, bits: u32| (word >> shift) & ((1 << bits) - 1);
@@ -141,40 +141,39 @@ impl Grid {
         sort_words(words.collect(), index_bits, key_bits).into_iter().map(split).collect()
     }
 
-    /// Values of the points, put in the grid's order.
+    /// Reorders values of the points into the grid's order.
     pub fn gather<T: Copy>(&self, values: &[T]) -> Vec<T> {
         self.order.iter().map(|&i| values[i as usize]).collect()
     }
 
-    /// The points in a hierarchy, by their positions in the grid's order.
+    /// Returns a hierarchy of the points, numbered by their positions in the grid's order.
     pub fn hierarchy(&self) -> &Hierarchy {
         self.hierarchy.get_or_init(|| Hierarchy::new(self.points.iter().copied()))
     }
 
-    /// Whether searches may meet very many points, in the radius or out of it.
+    /// Whether searches may meet very many points, within the radius or beyond it.
     pub fn is_crowded(&self) -> bool {
         self.wide || self.starts.windows(2).any(|pair| pair[1] - pair[0] > CROWDED / 8)
     }
 
-    /// The index in the input of the point at a position of the grid's order.
+    /// Returns the index in the input of the point at a position in the grid's order.
     pub fn input_index(&self, position: usize) -> usize {
         self.order[position] as usize
     }
 
-    /// The point at a position of the grid's order.
+    /// Returns the point at a position in the grid's order.
     pub fn point(&self, position: usize) -> Point {
         self.points[position]
     }
 
-    /// Positions of one point in each voxel of side `size` that holds points of a choice: the first in the grid's
-    /// order.
+    /// Samples one chosen point in each voxel of side `size`: returns the positions of the first in the grid's order.
     pub fn sample(&self, size: f64, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
         let voxel = |p: Point| -> [i64; 3] { std::array::from_fn(|k| ((p[k] - self.low[k]) / size) as i64) };
         let mut seen = rustc_hash::FxHashSet::default();
         let mut last = None;
         let mut is_new = |p: Point| {
             let found = voxel(p);
-            // points in a row mostly share a voxel, and need no look-up then
+            // points in a row mostly share a voxel, and then need no look-up
             let is_new = last != Some(found) && seen.insert(found);
             last = Some(found);
             is_new
@@ -182,8 +181,8 @@ impl Grid {
         (0..self.points.len()).filter(|&i| chosen(i) && is_new(self.points[i])).collect()
     }
 
-    /// Calls `visit` with each point within the radius of one of the grid's points, given by its position,
-    /// as [`Neighborhood::visit`] does.
+    /// Calls `visit` with each point within the radius of the grid's point at a position, as [`Neighborhood::visit`]
+    /// does.
     pub fn visit_around(&self, position: usize, visit: impl FnMut(usize, Point, f64) -> bool) {
         let center = self.points[position];
         let (few, many);
@@ -197,7 +196,7 @@ impl Grid {
         Neighborhood { grid: self, center, runs }.visit(visit);
     }
 
-    /// Calls `visit` with each point within the radius of a place anywhere, as [`Neighborhood::visit`] does.
+    /// Calls `visit` with each point within the radius of any place, as [`Neighborhood::visit`] does.
     pub fn visit_near(&self, center: Point, visit: impl FnMut(usize, Point, f64) -> bool) {
         let cells = |k: usize| (center[k] - self.low[k]) * self.inverse_cell;
         let (few, many);
@@ -205,7 +204,7 @@ impl Grid {
             many = self.hierarchy().runs_near(center, self.radius * self.radius);
             &many[..]
         } else {
-            // farther outside than a cell there are no neighbours, nor a number for the cell
+            // more than a cell outside the grid there are no neighbours, and the cell has no number
             if (0..3).any(|k| !(cells(k) > -1.0 && cells(k) < f64::from(1u32 << (AXIS_BITS - 1)))) {
                 return;
             }
@@ -216,21 +215,21 @@ impl Grid {
         Neighborhood { grid: self, center, runs }.visit(visit);
     }
 
-    /// The cell of a point inside the grid's extent; numbered from 2, so that places one cell outside have
-    /// neighbours on all sides.
+    /// Returns the cell of a point inside the grid's extent. Numbers start at 2, so that places one cell outside still
+    /// have neighbours on all sides.
     fn cell(&self, p: Point) -> [u64; 3] {
         std::array::from_fn(|k| 2 + ((p[k] - self.low[k]) * self.inverse_cell) as u64)
     }
 }
 
-/// Key of a cell: x, y and z in order of weight.
+/// Returns the key of a cell: x, y and z from the highest bits down.
 fn key([x, y, z]: [u64; 3]) -> u64 {
     (x << (2 * AXIS_BITS)) | (y << AXIS_BITS) | z
 }
 
-/// Nine cursors over a grid's cells, one for each column of cells around the current one.
+/// Nine cursors over a grid's cells, one for each column of cells around the current cell.
 ///
-/// Cells are asked for in ascending order, so each cursor moves on from where it was.
+/// Callers ask for cells in ascending order, so each cursor continues from where it was.
 #[derive(Default)]
 struct Sweep {
     cursors: Option<[usize; 9]>,

@@ -1,10 +1,10 @@
 //! A tree of boxes of points, for clouds that do not suit a grid.
 //!
-//! Where very many points are near each point, a box that lies entirely within reach counts as a whole. Where a cloud is so
-//! large that its cells are wide, the boxes are still as narrow as the points in them.
+//! Where each point has very many neighbours, a box that lies entirely within reach counts as a whole. Where a cloud is
+//! so large that its cells are wide, the boxes are still as narrow as the points in them.
 //!
-//! The answers equal those of a test point by point, rounding included. Differences, squares and sums round monotonically,
-//! so the nearest and the farthest place of a box bound the computed distances of its points.
+//! The answers equal those of a test point by point, rounding included. Differences, squares and sums round
+//! monotonically. So the nearest and the farthest place of a box bound the computed distances of its points.
 
 use std::ops::Range;
 
@@ -18,17 +18,17 @@ pub mod remaining;
 mod tests;
 
 /// Boxes of at most this many points are not divided.
-const MIN_DIVIDED: usize = 8;
-/// While more points than this are sorted, the caller may have given up.
+const LEAF_POINTS: usize = 8;
+/// Sorts of more points than this check whether the caller has given up.
 const LONG_SORT: usize = 4096;
-/// Depth of the tree at most. Boxes are halved, so even 2³² points are not as deep.
+/// Depth of the tree at most: boxes are halved, so even 2³² points are not as deep.
 const MAX_DEPTH: usize = 40;
 
 /// A binary tree of boxes around finite points, halved across their longest side.
 pub struct Hierarchy {
-    /// Each box's first half follows it.
+    /// The first half of each box follows it.
     nodes: Vec<Node>,
-    /// The points, those of a box one behind the other, and each one's index in the input.
+    /// The points, grouped by box, and each one's index in the input.
     points: Vec<Point>,
     order: Vec<u32>,
 }
@@ -37,18 +37,18 @@ struct Node {
     bounds: Bounds,
     first: u32,
     end: u32,
-    /// The second half; 0 where the box is not divided.
+    /// The number of the second half; 0 if the box is not divided.
     second: u32,
 }
 
 impl Node {
-    /// Positions of its points.
+    /// Positions of its points in the order of the boxes.
     #[inline(always)]
     fn positions(&self) -> Range<usize> {
         self.first as usize..self.end as usize
     }
 
-    /// Whether all of its points are in one place.
+    /// Whether all its points coincide.
     #[inline(always)]
     fn is_one_place(&self) -> bool {
         self.bounds.low == self.bounds.high
@@ -67,13 +67,13 @@ impl Hierarchy {
         Self { nodes, points, order }
     }
 
-    /// Indices of the points in the order of the boxes: what is near in space is mostly near in it.
+    /// Indices of the points in the order of the boxes, in which near points are mostly near each other.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
-    /// Calls `settle` with the numbers of boxes that are not `out`, from the whole down, until it tells that no more need
-    /// be known of a box.
+    /// Visits boxes from the whole down, skipping those that are `out`. Calls `settle` with the number of each; a box
+    /// is divided further until `settle` returns true.
     #[inline]
     fn divide_by(&self, out: impl Fn(&Bounds) -> bool, mut settle: impl FnMut(usize) -> bool) {
         let mut left = [0; MAX_DEPTH];
@@ -99,8 +99,8 @@ impl Hierarchy {
         std::mem::replace(&mut self.order, (0..count).collect())
     }
 
-    /// Runs of positions in the order of the boxes that hold all points within a distance, given its square, of a place,
-    /// ascending, and few others.
+    /// Returns runs of positions, ascending, that hold all points within a distance of a place, given its square, and
+    /// few others.
     pub fn runs_near(&self, center: Point, limit: f64) -> Vec<Range<usize>> {
         let place = Bounds { low: center, high: center };
         let mut runs: Vec<Range<usize>> = Vec::new();
@@ -122,12 +122,12 @@ impl Hierarchy {
         runs
     }
 
-    /// The nearest point within a distance, given its square, of a place: its index, of equals the least.
+    /// Returns the index of the nearest point within a distance, given its square; the lowest index among equals.
     pub fn nearest(&self, center: Point, limit: f64) -> Option<usize> {
         self.nearest_of(center, limit, |_| true, |_| true)
     }
 
-    /// The nearest of the points at some positions, in some boxes.
+    /// Finds the nearest of the points that satisfy `is_one`, in boxes that satisfy `has_some`.
     #[inline]
     fn nearest_of(
         &self,
@@ -147,8 +147,8 @@ impl Hierarchy {
             while nearest <= best.0 && has_some(number) {
                 let node = &self.nodes[number];
                 if node.second == 0 {
-                    // points in one place are taken together, and the first in the input comes first
-                    let few = if node.is_one_place() { 1 } else { MIN_DIVIDED };
+                    // points that coincide count as one, the first in the input
+                    let few = if node.is_one_place() { 1 } else { LEAF_POINTS };
                     for i in node.positions().take(few) {
                         let squared = squared_distance(self.points[i], center);
                         let index = self.order[i] as usize;
@@ -173,7 +173,7 @@ impl Hierarchy {
         (best.1 != usize::MAX).then_some(best.1)
     }
 
-    /// Boxes of at most so many points, or of points in one place, that hold all.
+    /// Divides all points into boxes of at most `most` points, or of points that coincide; returns the boxes' numbers.
     fn groups(&self, most: usize) -> Vec<usize> {
         let mut groups = Vec::new();
         self.divide_by(
@@ -191,7 +191,7 @@ impl Hierarchy {
     }
 }
 
-/// Puts points in order of their boxes.
+/// Sorts points into boxes, recursively.
 fn divide(points: &mut [(Point, u32)], first: u32, nodes: &mut Vec<Node>) {
     if points.len() > LONG_SORT {
         go_on();
@@ -206,13 +206,13 @@ fn divide(points: &mut [(Point, u32)], first: u32, nodes: &mut Vec<Node>) {
     if low == high {
         points.sort_unstable_by_key(|&(_, i)| i);
     }
-    if points.len() <= MIN_DIVIDED || low == high {
+    if points.len() <= LEAF_POINTS || low == high {
         return;
     }
     let side = |k: usize| high[k] - low[k];
     let longest = (1..3).fold(0, |longest, k| if side(k) > side(longest) { k } else { longest });
     let middle = points.len() / 2;
-    // of equals the first in the input, so that the order is the same whatever the selection did
+    // equals go by their index in the input, so that the order does not depend on the selection
     points.select_nth_unstable_by(middle, |a, b| a.0[longest].total_cmp(&b.0[longest]).then(a.1.cmp(&b.1)));
     let (one, other) = points.split_at_mut(middle);
     divide(one, first, nodes);

@@ -1,4 +1,4 @@
-//! How far from each other the points of a cloud are.
+//! How far apart the points of a cloud are.
 
 use rayon::prelude::*;
 
@@ -6,22 +6,22 @@ use super::{POINTS_PER_PART, SHORTEST};
 use crate::geometry::{Point, squared_distance};
 use crate::simd::kernel;
 
-/// Points from which distances between neighbours are estimated.
+/// Points at which the distance between neighbours is estimated.
 const SEEDS: usize = 16;
-/// The part of the cloud that neighbours are sought in is an eighth, but at least and at most so many points.
+/// Fewest and most points of the part of the cloud, an eighth of it, in which neighbours are sought.
 const PART: [usize; 2] = [1024, 4096];
 
-/// About how far from a point its `k`-th neighbour is, the point itself the first; above zero.
+/// Estimates how far a point's `k`-th neighbour is, the point itself being the first; above zero.
 ///
-/// From a few of the points: the distance that is nearly enough in a part of the cloud, and how many of all points lie
-/// within it, a cloud taken for a surface.
+/// At a few seeds, it finds the distance to enough points of a part of the cloud. Then it counts how many of all points
+/// lie within that distance, and scales the distance as for a surface.
 pub fn reach_of(points: &[Point], k: usize) -> f64 {
     let every = |count: usize| {
         let step = points.len().div_ceil(count).max(1);
         points.iter().step_by(step).copied().collect::<Vec<Point>>()
     };
     let (seeds, part) = (every(SEEDS), every((points.len() / 8).clamp(PART[0], PART[1])));
-    // k points of all are as many of a part
+    // in the part, this many points stand for k of all
     let few = (k * part.len()).div_ceil(points.len()).clamp(2.min(part.len()), part.len());
     let mut squares: Vec<f64> = seeds
         .iter()
@@ -30,7 +30,7 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
             *squares.select_nth_unstable_by(few - 1, f64::total_cmp).1
         })
         .collect();
-    // a ball that holds many more than k points may hold more than a piece of surface: then a smaller one
+    // a ball of many more than k points may hold more than one piece of surface, so the first round aims at 2 k
     let rounds = if part.len() < points.len() { 2 } else { 1 };
     for round in 1..=rounds {
         let counts =
@@ -47,12 +47,12 @@ pub fn reach_of(points: &[Point], k: usize) -> f64 {
         }
     }
     squares.sort_unstable_by(f64::total_cmp);
-    // of coincident points any distance will do
+    // if points coincide, any distance will do
     squares[squares.len() / 2].sqrt().max(SHORTEST)
 }
 
 kernel! {
-    /// How many points lie within each seed's distance, squared.
+    /// Counts the points within each seed's squared distance.
     fn count_below<S>(_, points: &[Point], seeds: &[Point], squares: &[f64]) -> Vec<u64> {
         let mut counts = vec![0; seeds.len()];
         for points in points.chunks(256) {

@@ -1,23 +1,23 @@
-//! Sorting by a part of a word, in parallel.
+//! Parallel sorting by some bits of a word.
 
 use rayon::prelude::*;
 
 use super::POINTS_PER_PART;
 use crate::parallel::Slots;
 
-/// Most bits of a digit of the sort.
-const DIGIT_BITS: u32 = 10;
-/// So few words are sorted in one go.
-const FEW: usize = 2048;
+/// Bits of a digit of the sort at most.
+const MAX_DIGIT_BITS: u32 = 10;
+/// Fewer words are sorted in one go.
+const MIN_RADIX_WORDS: usize = 2048;
 
-/// Sorts words by `bits` bits above the `shift` lowest, equal ones in their order.
+/// Sorts words by `bits` bits above the `shift` lowest; equal ones keep their order.
 pub fn sort_words(mut words: Vec<u64>, shift: u32, bits: u32) -> Vec<u64> {
-    if words.len() <= FEW {
-        // the words are in order of their low bits
+    if words.len() <= MIN_RADIX_WORDS {
+        // the words are already in order of their lower bits
         words.sort_unstable();
         return words;
     }
-    let passes = bits.div_ceil(DIGIT_BITS);
+    let passes = bits.div_ceil(MAX_DIGIT_BITS);
     let mut other = vec![0u64; words.len()];
     for pass in 0..passes {
         let (from, to) = (bits * pass / passes, bits * (pass + 1) / passes);

@@ -1,4 +1,4 @@
-//! The nearest points, whatever their scale.
+//! A k-d tree that finds nearest points at any scale.
 
 use std::cmp::Ordering;
 use std::num::NonZeroUsize;
@@ -7,15 +7,15 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use crate::geometry::Point;
 
-/// A k-d tree over the places of finite points: points in one place share it, however many they are.
+/// A k-d tree over the distinct places of finite points. Any number of points may share a place.
 ///
-/// Of points at the same distance, which one is found depends on the points alone and not on the number of threads.
+/// Among points at the same distance, the choice depends on the points alone, not on the number of threads.
 pub struct Tree {
     /// None without points.
     places: Option<ImmutableKdTree<f64, 3>>,
-    /// Indices of the points, those in one place one behind the other.
+    /// Indices of the points, grouped by place.
     order: Vec<u32>,
-    /// Where those of each place begin; the number of points follows.
+    /// Where the group of each place begins, and the number of points at the end.
     starts: Vec<u32>,
 }
 
@@ -39,8 +39,8 @@ impl Tree {
         Self { places, order, starts }
     }
 
-    /// The `count` nearest points to a place, nearest first: their indices; fewer if there are not as many whose squared
-    /// distance is not above `limit`.
+    /// Returns the indices of the `count` nearest points to a place, nearest first; fewer if there are not as many
+    /// whose squared distance is at most `limit`.
     pub fn nearest(&self, center: Point, count: NonZeroUsize, limit: f64) -> impl Iterator<Item = usize> {
         let found = self.places.as_ref().map(|places| {
             let found =
@@ -50,7 +50,7 @@ impl Tree {
         found.into_iter().flatten().take(count.get())
     }
 
-    /// Indices of the points in a place.
+    /// Returns the indices of the points at a place.
     fn at(&self, place: impl Into<u64>) -> impl Iterator<Item = usize> {
         let place = place.into() as usize;
         let range = self.starts[place] as usize..self.starts[place + 1] as usize;
@@ -92,7 +92,7 @@ mod tests {
             prop_assert_eq!(limited.len(), found.len());
             let limited: Vec<f64> = limited.iter().map(|&i| squared_distance(points[i], center)).collect();
             prop_assert_eq!(&limited, &squares);
-            // none twice
+            // no point twice
             let distinct: std::collections::BTreeSet<usize> = found.iter().copied().collect();
             prop_assert_eq!(distinct.len(), found.len());
             let nearest = expected[0];
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_tree_of_many_points_finds_the_nearest() {
-        // low-discrepancy points on a wavy sheet
+        // low-discrepancy points on a wavy surface
         let at = |i: u32, step: f64| 4.0 * (f64::from(i) * step).fract();
         let points: Vec<Point> = (0..20_000)
             .map(|i| (at(i, 0.754_877_666), at(i, 0.569_840_291)))

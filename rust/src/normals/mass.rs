@@ -1,12 +1,11 @@
-//! Points summed up so that sums can be put together.
+//! Sums over points that can be combined.
 
 use crate::geometry::{Point, Symmetric3, advance, sub};
 use crate::index::hierarchy::crowded::Sum;
 
-/// How many points, their mean, and the sums of the products of their differences from it.
+/// The number of points, their mean, and the sums of products of their differences from it.
 ///
-/// These lose nothing where the points are near each other, and far from the one whose neighbours they are or from the
-/// world's origin.
+/// These stay accurate for points near each other and far from the origin.
 #[derive(Clone, Copy)]
 pub(super) struct Mass {
     count: usize,
@@ -21,14 +20,14 @@ impl Mass {
         Self { count: 1, base: point, mean: [0.0; 3], spread: [0.0; 6] }
     }
 
-    /// The covariance, or zeros where there are too few for a plane.
+    /// Returns the covariance, or zeros if there are too few points for a plane.
     pub(super) fn covariance(&self) -> Symmetric3 {
         if self.count < 3 { [0.0; 6] } else { self.spread.map(|x| x / self.count as f64) }
     }
 }
 
 impl Sum for Mass {
-    /// By Chan, Golub and LeVeque 1979.
+    /// Combines two by the formula of Chan, Golub and LeVeque (1979).
     fn and(self, other: Self) -> Self {
         let count = self.count + other.count;
         let share = other.count as f64 / count as f64;

@@ -1,4 +1,4 @@
-//! Planes through the k nearest points.
+//! Planes fitted to the k nearest points.
 
 use std::num::NonZeroUsize;
 use std::sync::OnceLock;
@@ -13,17 +13,18 @@ use crate::index::reach::reach_of;
 use crate::parallel;
 use crate::simd::{BATCH, Simd, Singles, kernel};
 
-/// The width of a cell, and how far is looked at first, in distances that the k-th neighbour has.
+/// Width of a cell, distances of the k-th neighbour.
 const WIDTH: f64 = 1.3;
+/// Reach of the first search, distances of the k-th neighbour.
 const FIRST_REACH: f64 = 1.3;
-/// The search goes up to this many cells far, and while it meets at most this many points for each neighbour. Points that
-/// are much sparser or denser than most are left to the tree.
-const FARTHEST: f64 = 8.0;
-const MOST: usize = 64;
-/// Most rounds of the search for the k-th distance.
-const ROUNDS: usize = 24;
+/// Reach of the last search, cells; the tree finds the neighbours of much sparser points.
+const MAX_REACH: f64 = 8.0;
+/// Points that a search meets at most, for each neighbour; the tree finds the neighbours of much denser points.
+const MAX_MET: usize = 64;
+/// Rounds of the search for the k-th distance at most.
+const MAX_ROUNDS: usize = 24;
 
-/// Fits a plane to the `k` nearest points of each.
+/// Fits a plane to the `k` nearest points of each point.
 pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
     let count = NonZeroUsize::new(k)
         .filter(|k| k.get() >= 3)
@@ -48,12 +49,12 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
                 search.left.extend(batch);
                 let mut reach = FIRST_REACH / WIDTH * cells.size();
                 while !search.left.is_empty()
-                    && reach <= FARTHEST * cells.size()
+                    && reach <= MAX_REACH * cells.size()
                     && search.widen(&cells, k, reach, &mut covariances)
                 {
                     reach *= 1.5;
                 }
-                // the last point's neighbours are neighbours of the next one, though farther away
+                // the last point's neighbours are also near the next point, though farther away
                 let mut known: Option<(Point, f64)> = None;
                 for &position in &search.left {
                     let tree: &Tree = tree.get_or_init(|| Tree::new(points));
@@ -78,7 +79,7 @@ pub(super) fn fit(points: &[Point], k: usize, answers: &Answers) -> Result<()> {
     Ok(())
 }
 
-/// What a task keeps from batch to batch.
+/// Buffers that a task reuses from batch to batch.
 #[derive(Default)]
 struct Search {
     /// Positions of points whose neighbours are not found yet.
@@ -89,19 +90,19 @@ struct Search {
     guess: f32,
 }
 
-/// What is known of the k nearest points of one.
+/// Whether the k nearest points of a point are known.
 #[derive(Clone, Copy, PartialEq)]
 enum Cut {
-    /// They are all that is within the lane's limit.
+    /// They are the points within the lane's limit.
     Clear,
-    /// Single precision does not tell which they are.
+    /// Single precision does not decide which they are.
     Close,
-    /// There may be nearer ones beyond the reach.
+    /// There may be nearer points beyond the reach.
     Beyond,
 }
 
 impl Search {
-    /// Looks for the nearest points of those that are left, up to a reach; tells whether there are not too many already.
+    /// Searches for the neighbours of the remaining points up to a reach; returns false if there are too many points.
     fn widen(&mut self, cells: &Cells, k: usize, reach: f64, covariances: &mut Covariances) -> bool {
         let Some(cuts) = sum_nearest(self, cells, k, reach) else { return false };
         let Self { left, around, sums, .. } = self;
@@ -127,7 +128,7 @@ impl Search {
 }
 
 kernel! {
-    /// Sums over the nearest points of each that is left, up to a reach; nothing where there are too many.
+    /// Sums over the nearest points of each remaining point, up to a reach; None if there are too many points.
     fn sum_nearest<S>(
         simd,
         search: &mut Search,
@@ -137,7 +138,7 @@ kernel! {
     ) -> Option<[Cut; BATCH]> {
         let Search { left, around, sums, guess } = search;
         let frame = around.find(simd, cells, &cells.bounds(left), reach)?;
-        if around.count() > MOST * k {
+        if around.count() > MAX_MET * k {
             return None;
         }
         if around.count() < k {
@@ -152,8 +153,9 @@ kernel! {
     }
 }
 
-/// Looks in each lane for a number between the k-th and the next of the squared distances by counting those below it:
-/// false position, with halving where that is slow. `guess` is where it was for other points.
+/// Finds in each lane a number between the k-th and the next squared distance, by counting those below it.
+///
+/// Uses false position, with halving where that is slow. `guess` is the answer for other points.
 #[inline(always)]
 fn cut<S: Simd>(
     simd: S,
@@ -168,7 +170,7 @@ fn cut<S: Simd>(
     let mut at = [if *guess > 0.0 && *guess < farthest { *guess } else { 0.5 * farthest }; BATCH];
     let beyond = high_count.map(|count| count < k);
     let mut count = [0.0; BATCH];
-    for round in 0..ROUNDS {
+    for round in 0..MAX_ROUNDS {
         count = sums.count_below(simd, &at);
         let mut open = 0;
         for l in 0..BATCH {
@@ -190,7 +192,7 @@ fn cut<S: Simd>(
         }
     }
     *guess = at[0];
-    // a gap of twice the rounding on one side tells
+    // a gap of twice the rounding error on one side decides
     let above = sums.count_below(simd, &at.map(|at| at + 2.0 * rounding));
     let below = sums.count_below(simd, &at.map(|at| at - 2.0 * rounding));
     let cuts = std::array::from_fn(|l| {
@@ -205,8 +207,8 @@ fn cut<S: Simd>(
     (at, cuts)
 }
 
-/// The covariance of the k nearest points in double precision, of equals the first in the cells' order; none if points
-/// beyond the reach may be nearer.
+/// Returns the covariance of the k nearest points in double precision, the first in the cells' order among equals; None
+/// if points beyond the reach may be nearer.
 #[cold]
 fn exactly(cells: &Cells, position: usize, k: usize, reach: f64, around: &Around) -> Option<Symmetric3> {
     let center = cells.point(position);
@@ -216,7 +218,7 @@ fn exactly(cells: &Cells, position: usize, k: usize, reach: f64, around: &Around
     if last.0 > reach * reach {
         return None;
     }
-    // in order, so that the sums are the same whatever the selection did
+    // in order, so that the sums do not depend on the selection
     near[..k].sort_unstable_by_key(|&(_, i)| i);
     let mut moments = Moments::default();
     for &(_, i) in &near[..k] {

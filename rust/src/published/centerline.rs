@@ -14,27 +14,26 @@ use crate::parallel;
 use crate::parallel::Slots;
 use crate::simd::{BATCH, Doubles, LANES, kernel};
 
-/// Cells to the reach of the average.
+/// Cells within the reach of the average.
 const CELLS: f64 = 2.0;
 
-/// Points of the rope's axis.
+/// Points on the rope's axis.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Centerline {
     /// c̄, the averaged axis points, metres.
     pub points: Vec<Point>,
-    /// Which input point each of them was computed at.
+    /// The index of the input point that each was computed at.
     pub indices: Vec<usize>,
 }
 
-/// Moves every surface point inwards by the rope's radius, c_i = p_i − r n_i (eq. 16), and averages: where at
-/// least `min_neighbors` points p_j lie within 2r of p_i (p_i itself is one), c̄_i is the mean of their c_j
-/// (eq. 17–18).
+/// Moves surface points inwards by the rope's radius and averages them: c_i = p_i − r n_i (eq. 16).
 ///
-/// Points whose normal is the zero vector take no part.
+/// Where at least `min_neighbors` points p_j, p_i included, lie within 2r of p_i, the axis point c̄_i is the mean of
+/// their c_j (eq. 17–18). Points with a zero normal take no part.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, a normal is neither of
-/// unit length nor zero, the lengths of the arrays differ, or `radius` is not positive.
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, a normal is neither of unit length
+/// nor zero, the lengths of the arrays differ, or `radius` is not positive.
 pub fn centerline(
     points: &[Point],
     normals: &[Point],
@@ -46,7 +45,7 @@ pub fn centerline(
     check_normals("normals", normals)?;
     check_positive("radius", radius)?;
     let partial = normals.contains(&[0.0; 3]);
-    // which points take part, if not all do
+    // the indices of the points that take part, if not all do
     let taking: Vec<u32> = match partial {
         true => (0..points.len()).filter(|&i| normals[i] != [0.0; 3]).map(|i| i as u32).collect(),
         false => Vec::new(),
@@ -100,8 +99,8 @@ pub fn centerline(
 }
 
 kernel! {
-    /// How many points are within a reach of each point of a batch, and the means of their axis points; nothing where
-    /// cells are crowded.
+    /// For each point of a batch, counts the points within reach and averages their axis points; None where cells are
+    /// crowded.
     fn average<S>(
         simd,
         cells: &Cells,
@@ -149,8 +148,7 @@ kernel! {
     }
 }
 
-/// The mean of some axis points, from one of the surface points on: far from the origin coordinates are too coarse to add a
-/// small share to.
+/// A mean of axis points, relative to one of the surface points: coordinates far from the origin would be too coarse.
 #[derive(Clone, Copy)]
 struct Mean {
     count: usize,
@@ -167,8 +165,8 @@ impl Sum for Mean {
     }
 }
 
-/// The number of points within a reach, of those that may be beyond, and the sum of their axis points, with distances
-/// in double precision.
+/// Counts the points within reach, of those that may be beyond it, and sums their axis points, with distances in double
+/// precision.
 #[cold]
 fn exactly(cells: &Cells, position: usize, reach: f64, around: &Around) -> (usize, Point) {
     let center = cells.point(position);

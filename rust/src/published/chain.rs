@@ -8,19 +8,26 @@ use crate::index::Grid;
 use crate::index::hierarchy::remaining::Remaining;
 use crate::parallel;
 
-/// Traces chains of nodes through axis points, grown from both sides of a base point.
+/// Traces chains of nodes through axis points, from both sides of a base point.
 ///
-/// Every point is a target at first. From the base point, all within `near` (r_n) of the current node stop
-/// being targets, the nearest target within `far` (r_f) is the next node, and so on until there is none; then the
-/// other side of the base grows in the same way. What targets remain give a new chain. Each chain is a list of
-/// indices from end to end, in the order in which they were found.
+/// At first every point is a target. From the base point on, all points within `near` (r_n) of the current node stop
+/// being targets, and the nearest target within `far` (r_f) becomes the next node. When none is left within `far`, the
+/// other side of the base grows in the same way. The remaining targets form further chains. Each chain is a list of
+/// indices from end to end; chains are in the order in which they were found.
 ///
-/// The first chain's base is `start`; without it, and for the chains after, the base is the target farthest from
-/// the cloud's centroid: a rule that depends neither on the frame nor on the points' order.
+/// The base of the first chain is `start`. Without it, and for later chains, the base is the target farthest from the
+/// cloud's centroid. This rule depends neither on the frame nor on the order of the points.
 ///
 /// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, `near` is not positive, `far` is
-/// not above `near`, or `start` is not an index of a point.
+/// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, `near` is not positive, `far` is not
+/// above `near`, or `start` is not the index of a point.
+///
+/// ```
+/// let points: Vec<strand::Point> = (0..10).map(|i| [f64::from(i) * 0.01, 0.0, 0.0]).collect();
+/// let chains = strand::trace_chains(&points, 0.015, 0.035, None)?;
+/// assert_eq!(chains, [[0, 2, 4, 6, 8]]);
+/// # Ok::<(), strand::Error>(())
+/// ```
 pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>) -> Result<Vec<Vec<usize>>> {
     check_finite("points", points)?;
     check_positive("near", near)?;
@@ -38,7 +45,7 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
     let center = centroid(points);
     let remoteness: Vec<f64> =
         (0..points.len()).map(|i| squared_distance(points[grid.input_index(i)], center)).collect();
-    // of positions in the grid's order, the farthest from the centroid is the first
+    // positions in the grid's order, the farthest from the centroid first
     let farther = |&a: &usize, &b: &usize| {
         remoteness[b].total_cmp(&remoteness[a]).then(grid.input_index(a).cmp(&grid.input_index(b)))
     };
@@ -50,7 +57,7 @@ pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>)
     let remaining = grid.is_crowded().then(|| Remaining::new(grid.hierarchy()));
     let mut tracer = Tracer { grid: &grid, target: vec![true; points.len()], near, far, remaining };
     let mut chains = vec![tracer.chain(first)];
-    // the first chain takes most of them
+    // the first chain takes most points
     let mut bases: Vec<usize> = (0..points.len()).filter(|&position| tracer.target[position]).collect();
     bases.sort_unstable_by(farther);
     for base in bases {
@@ -66,12 +73,12 @@ struct Tracer<'a> {
     target: Vec<bool>,
     near: f64,
     far: f64,
-    /// The targets, where there may be very many around a node.
+    /// The targets, where a node may have very many around it.
     remaining: Option<Remaining<'a>>,
 }
 
 impl Tracer<'_> {
-    /// Input indices of the nodes that grow from both sides of a base.
+    /// Returns the indices of the nodes that grow from both sides of a base.
     fn chain(&mut self, base: usize) -> Vec<usize> {
         let mut chain = self.grow(base);
         chain.reverse();
@@ -81,7 +88,7 @@ impl Tracer<'_> {
         chain.into_iter().map(|position| self.grid.input_index(position)).collect()
     }
 
-    /// Nodes from `base` on until no target is within reach; the base is the first.
+    /// Returns the nodes from `base` on, until no target is within reach.
     fn grow(&mut self, base: usize) -> Vec<usize> {
         let mut nodes = vec![base];
         let mut current = Some(base);
@@ -92,7 +99,7 @@ impl Tracer<'_> {
         nodes
     }
 
-    /// Clears the targets within `near` of a node and finds the nearest of the others within reach.
+    /// Clears the targets within `near` of a node and returns the nearest other target within reach.
     fn next(&mut self, node: usize) -> Option<usize> {
         parallel::go_on();
         let Self { grid, target, near, far, remaining } = self;

@@ -118,7 +118,7 @@ pub(super) fn overlapping<'py>(
         .collect();
     // each with each
     let effort = places.len().saturating_mul(places.len() / 64);
-    list(py, released_if_many(py, effort, move || overlap::overlapping(&places, distance, apart))?)
+    list(py, released_if_many(py, effort, move || overlap::find_overlaps(&places, distance, apart))?)
 }
 
 /// Find all pairs of segments that cross in a plan, exactly.
@@ -167,7 +167,7 @@ pub(super) fn crossed_segments<'py>(
     let segments = segments.ok_or_else(|| {
         PyValueError::new_err(format!("segments: expected numbers of {} nodes", places.len()))
     })?;
-    let found = released_if_many(py, segments.len(), move || plan::crossed(&places, &segments))?;
+    let found = released_if_many(py, segments.len(), move || plan::find_crossings(&places, &segments))?;
     let found = found.map_err(|_| PyMemoryError::new_err("segments: no memory for all that cross"))?;
     let pairs = found.iter().flat_map(|each| each.pair.map(|k| k as i64)).collect();
     let shares = found.iter().flat_map(|each| each.shares).collect();
@@ -204,7 +204,8 @@ pub(super) fn end_direction<'py>(
     span: f64,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
-    let direction = released_if_many(py, nodes.len(), move || bridge::end_direction(&nodes, skip, span))?;
+    let direction =
+        released_if_many(py, nodes.len(), move || bridge::find_end_direction(&nodes, skip, span))?;
     list(py, direction.to_vec())
 }
 
@@ -248,7 +249,7 @@ pub(super) fn straightened<'py>(
 #[pyfunction]
 pub(super) fn bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
-    released_if_many(py, nodes.len(), move || bridge::bending(&nodes))
+    released_if_many(py, nodes.len(), move || bridge::measure_bending(&nodes))
 }
 
 /// Cost of the curve that leaves the end `p` along `leave` and meets the end `q`, which points along `arrive`.
@@ -265,7 +266,7 @@ pub(super) fn join_cost(
     let [p, leave, q, arrive] =
         [("p", p), ("leave", leave), ("q", q), ("arrive", arrive)].map(|(name, value)| point(name, value));
     let (p, leave, q, arrive) = (p?, leave?, q?, arrive?);
-    guarded(|| bridge::join_cost(p, leave, q, arrive, radius))
+    guarded(|| bridge::price_join(p, leave, q, arrive, radius))
 }
 
 /// A spline of checked control points.

@@ -2,7 +2,7 @@
 
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
-use crate::geometry::arclength::{ByLength, tangent};
+use crate::geometry::arclength::{ByLength, unit_tangent};
 use crate::geometry::median::median;
 use crate::geometry::{Point, advance, dot, sub};
 use crate::tubes::tubefit::Tube;
@@ -45,7 +45,8 @@ pub(crate) struct OnTubes<'a> {
 /// counts all points.
 ///
 /// # Errors
-/// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too long for it.
+/// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too
+/// long for it.
 pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],
@@ -173,7 +174,7 @@ impl Strands {
         for (number, (curve, &radius)) in curves.iter().zip(&radii_of).enumerate() {
             for s in curve.nodes(0.25 * radius) {
                 let place = curve.at(s);
-                let (position, tangent) = (place.position, tangent(&place));
+                let (position, tangent) = (place.position, unit_tangent(&place));
                 nodes.push(Node { curve: number, s, position, tangent, radius });
             }
         }

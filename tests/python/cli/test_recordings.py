@@ -128,7 +128,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
     ("arguments", "code", "said"),
     [
         (["no.bag"], 3, "no.bag: No such file or directory"),
-        (["empty.mcap"], 1, "empty.mcap: truncated, damaged or no bag"),
+        (["empty.mcap"], 1, "empty.mcap: truncated, damaged or not a bag"),
         (
             ["rope.bag", "--topic", "/no"],
             2,

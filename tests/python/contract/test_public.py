@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,17 @@ import pytest
 import strand
 from shared.ropes import R, draw_circle
 from strand.geometry.curve import Curve
+
+PACKAGE = Path(strand.__file__).parent
+EXAMPLES = [path for path in sorted(PACKAGE.rglob("*.py")) if ">>>" in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_in_docstrings_run(path):
+    module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+    result = doctest.testmod(importlib.import_module(module))
+    assert result.attempted > 0
+    assert result.failed == 0
 
 
 def test_only_public_names_are_shown():

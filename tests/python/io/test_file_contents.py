@@ -107,7 +107,7 @@ def test_a_model(tmp_path):
         ("empty.npz", FileFormatError, "the file is empty"),
         ("empty.json", FileFormatError, "truncated, or not JSON"),
         ("empty.ply", FileFormatError, "the file is empty"),
-        ("empty.mcap", FileFormatError, "truncated, damaged or no bag"),
+        ("empty.mcap", FileFormatError, "truncated, damaged or not a bag"),
         ("empty.html", FileFormatError, "expected a folder with a scene.toml"),
     ],
 )

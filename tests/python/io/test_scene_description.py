@@ -115,7 +115,7 @@ def test_turntable_may_give_its_pose_as_a_matrix(tmp_path):
         ("", IDENTITY + "turntable_deg = 3", "view 0: expected one pose"),
         ("", "turntable_deg = 3", r"view 0: turntable_deg needs a \[turntable\] table"),
         ("[turntable]\ncenter = [0, 0, 0]", "turntable_deg = 3", "turntable: expected either pose"),
-        ("[turntable]\ncenter = [0, 0, 0]", "turntable_deg = 3", "turntable: unknown key center; .*centre"),
+        ("[turntable]\ncentre = [0, 0, 0]", "turntable_deg = 3", "turntable: unknown key centre; .*center"),
         (f"[turntable]\naxis = [0, 0, 0]\n{IDENTITY}", "turntable_deg = 3", "axis: expected a direction"),
         ("", "angles_deg = [1, 2]\norigin = [1, 2, 3]", r"view 0\.angles_deg: expected three angles"),
         ("", "angles_deg = [1, 2, 3]\norigin = [1, 2]", "origin: expected shape"),

@@ -1,4 +1,4 @@
-"""Recordings: ROS 1 and ROS 2 bags and MCAP files, read frame by frame without ROS."""
+"""Read ROS 1 bags, ROS 2 bags and MCAP files frame by frame, without ROS."""
 
 from strand.io.recordings.bags import is_recording
 from strand.io.recordings.recording import Frame, Recording

@@ -1,4 +1,4 @@
-"""Depth images of sensor_msgs: Image, and CompressedImage with a PNG in it."""
+"""Decode depth images from sensor_msgs: Image, and CompressedImage with a PNG."""
 
 from __future__ import annotations
 
@@ -11,26 +11,20 @@ from numpy.typing import NDArray
 from strand.io.budget import MAX_BYTES, Budget
 from strand.io.images import decode_depth_png
 
-MILLIMETRE = 0.001  # REP 118: depth of 16 bits is in millimetres
-TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
-_CODEC = struct.Struct("<iff")  # before the PNG: a number, and the two of the quantisation
+MILLIMETER = 0.001  # metres: the unit of 16-bit depth, by REP 118
+TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}  # NumPy's type of each encoding
+_CODEC = struct.Struct("<iff")  # header before the PNG: format, and the quantisation's a and b
 
 
 def is_depth(message: Any) -> bool:
-    """Whether an Image or CompressedImage says that it holds depth."""
+    """Whether an Image or CompressedImage declares depth."""
     if hasattr(message, "encoding"):
         return message.encoding in ("16UC1", "32FC1")
     return message.format.partition(";")[0].strip() in ("16UC1", "32FC1")
 
 
 def decode_image(message: Any) -> NDArray[Any]:
-    """(H, W) Numbers of a sensor_msgs/Image: uint16 in its unit, or float32 in metres.
-
-    Raises
-    ------
-    ValueError
-        If the encoding is none of depth's, or height, width, step and data do not fit together.
-    """
+    """Return the (H, W) depths of an Image: uint16 in its unit, or float32 in metres."""
     if message.encoding not in TYPES:
         known = ", ".join(TYPES)
         raise ValueError(f"encoding: expected depth ({known}), got {message.encoding[:40]!r}")
@@ -49,15 +43,10 @@ def decode_image(message: Any) -> NDArray[Any]:
 
 
 def decode_compressed_image(message: Any, max_bytes: int = MAX_BYTES) -> NDArray[Any]:
-    """(H, W) Numbers of a sensor_msgs/CompressedImage: uint16 in its unit, or float32 in metres.
+    """Return the (H, W) depths of a CompressedImage: uint16 in its unit, or floats in metres.
 
-    A "compressedDepth" message has 12 bytes before its PNG. Depth of floats is quantised there:
-    z = a / (v - b) of the pixel's number v, which is 0 without a return.
-
-    Raises
-    ------
-    ValueError
-        If it holds no depth, is not compressed as a PNG, or is damaged.
+    A "compressedDepth" message has 12 bytes before its PNG. Float depth z is quantised as the pixel v:
+    z = a / (v - b). A pixel of 0 has no return.
     """
     encoding, _, how = message.format.partition(";")
     encoding = encoding.strip()

@@ -1,4 +1,4 @@
-"""What a bag may take while rosbags reads it: bytes of the file, and bytes that it decompresses to."""
+"""Bound the bytes that rosbags reads from a bag, and the bytes that it decompresses."""
 
 from __future__ import annotations
 
@@ -11,29 +11,30 @@ from typing import Any
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError, open_file
 
-CHUNK_BYTES = 1 << 30  # recorders write chunks of one to a few megabytes
-YAML_BYTES = 1 << 18  # of a metadata.yaml
-_LINE = 64
-_SLACK = 1 << 20
+CHUNK_BYTES = 1 << 30  # largest decompressed chunk, bytes; recorders write a few megabytes
+YAML_BYTES = 1 << 18  # largest metadata.yaml, bytes
+_MAX_LINE = 64  # longest first line, bytes
+_SLACK = 1 << 20  # bytes that may be read beyond four times the file's size
+_READ_COST = 8  # bytes that each read counts as, as empty reads take time too
 
 
-class GuardedPath(type(Path())):  # type: ignore[misc]  # pathlib says only at run time which class it is
-    """A path whose file rosbags may read as it is: a regular one, and never more than it holds."""
+class GuardedPath(type(Path())):  # type: ignore[misc]  # pathlib chooses the class at run time
+    """A path that opens its file as a `GuardedFile`, and only if it is a regular file."""
 
     def open(self, mode: str = "r", *more: Any, **options: Any) -> Any:
-        """Open the file for reading: guarded, unless it is text."""
+        """Open the file for reading; text files are not guarded."""
         if mode != "rb":
             return super().open(mode, *more, **options)
         if self.suffix == ".zstd":
-            reason = "compressed as a whole; expected chunks or messages that are, or: decompress it first"
+            reason = "the file is compressed as a whole; decompress it first (compressed chunks are fine)"
             raise FileFormatError(self, reason)
         return GuardedFile(self)
 
 
 class GuardedFile:
-    """A file that reads no more at once than there is, nor, until it is `indexed`, many times over.
+    """A file that never allocates more than its size, nor reads forever while rosbags reads its index.
 
-    A damaged or hostile file says any size, and an index may lead to the same place again and again.
+    A damaged or hostile file may declare any size, and its index may lead to the same place again and again.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,37 +43,31 @@ class GuardedFile:
         self._left: float = 4 * self._size + _SLACK
         self.seek, self.tell, self.close = self._file.seek, self._file.tell, self._file.close
 
-    def indexed(self) -> None:
-        """Let the file be read as often as it is gone through."""
+    def lift_limit(self) -> None:
+        """Allow any number of reads, once the index was read."""
         self._left = float("inf")
 
     def read(self, size: int = -1) -> bytes:
-        """Return the next bytes, fewer at the end."""
+        """Return the next bytes, or fewer at the end of the file."""
         data = self._file.read(min(size, self._size))
-        self._left -= len(data) + 8  # that nothing is read takes time too
+        self._left -= len(data) + _READ_COST
         if self._left < 0:
-            raise FileFormatError(self._path, "damaged: its index leads to the same places again and again")
+            raise FileFormatError(self._path, "damaged: the index leads to the same places again and again")
         return data
 
     def readline(self) -> bytes:
-        """Return the first line, or the beginning of it."""
-        return self._file.readline(_LINE)
+        """Return the first line, or its beginning."""
+        return self._file.readline(_MAX_LINE)
 
 
 def decompress(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes:
-    """Return what compressed bytes hold, if that is no more than so many bytes.
-
-    Raises
-    ------
-    ValueError
-        If it is more.
-    """
+    """Return the decompressed bytes; raise ValueError if they are more than `most`."""
     out = b""
     while data:
         one = decompressor()
         out += one.decompress(data, max_length=most + 1 - len(out))
         if len(out) > most:
-            raise ValueError(f"decompresses to more than the {most} bytes that it may take")
+            raise ValueError(f"decompresses to more than {most} bytes, the limit")
         if not one.eof:
             raise ValueError("truncated compressed data")
         data = one.unused_data or b""
@@ -80,24 +75,24 @@ def decompress(decompressor: Callable[[], Any], data: bytes, most: int) -> bytes
 
 
 def decompress_zstd(data: bytes, most: int) -> bytes:
-    """Return what bytes that zstd compressed hold, if that is no more than so many bytes."""
+    """Return the decompressed bytes of zstd data; raise ValueError if they are more than `most`."""
     return decompress(import_extra("rosbags.rosbag2.storage_mcap").zstd.ZstdDecompressor, data, most)
 
 
 def bound_mcap() -> None:
-    """Make rosbags decompress a chunk of an MCAP file to no more than the size that it declares."""
+    """Make rosbags bound each chunk of an MCAP file by the size that the chunk declares."""
     storage = import_extra("rosbags.rosbag2.storage_mcap")
 
-    def sized(decompress: Callable[[bytes, int], bytes]) -> Callable[[bytes, int], bytes]:
-        return lambda data, size: decompress(data, min(size, CHUNK_BYTES))
+    def limit(method: Callable[[bytes, int], bytes]) -> Callable[[bytes, int], bytes]:
+        return lambda data, size: method(data, min(size, CHUNK_BYTES))
 
     lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
-    storage.DECOMPRESSORS["lz4"] = sized(lambda data, most: decompress(lz4, data, most))
-    storage.DECOMPRESSORS["zstd"] = sized(decompress_zstd)
+    storage.DECOMPRESSORS["lz4"] = limit(lambda data, most: decompress(lz4, data, most))
+    storage.DECOMPRESSORS["zstd"] = limit(decompress_zstd)
 
 
 def bound_rosbag1(reader: Any, max_bytes: int) -> None:
-    """Make an open reader of a ROS 1 bag decompress each chunk to no more than so many bytes."""
+    """Make an open reader of a ROS 1 bag bound each decompressed chunk by `max_bytes`."""
     known = import_extra("rosbags.rosbag1.reader").decompressors
     lz4 = import_extra("lz4.frame").LZ4FrameDecompressor
     bounds = {
@@ -109,7 +104,7 @@ def bound_rosbag1(reader: Any, max_bytes: int) -> None:
 
 
 def count_open_bytes(chunks: Iterable[Any]) -> int:
-    """Bytes of the chunks of an MCAP file that are open at the same time, as their index says."""
+    """Return the most decompressed bytes of MCAP chunks that overlap in time, by their index."""
     steps = []
     for chunk in chunks:
         steps.append((chunk.message_start_time, 0, chunk.uncompressed_size))

@@ -1,4 +1,4 @@
-"""Points and colours of sensor_msgs/PointCloud2."""
+"""Decode points and colours from sensor_msgs/PointCloud2."""
 
 from __future__ import annotations
 
@@ -9,19 +9,13 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array
 
-_FLOATS = {7: "f4", 8: "f8"}  # the constants FLOAT32 and FLOAT64 of PointField
-_PACKED = (6, 7)  # UINT32 and FLOAT32: four bytes with blue, green, red
-_ORDER = {True: ">", False: "<"}
+_FLOATS = {7: "f4", 8: "f8"}  # NumPy's type of PointField's FLOAT32 and FLOAT64
+_PACKED = (6, 7)  # PointField's UINT32 and FLOAT32, which hold a packed colour: bytes blue, green, red
+_ORDER = {True: ">", False: "<"}  # NumPy's mark of the byte order, by is_bigendian
 
 
 def decode_points(message: Any) -> tuple[Array, NDArray[np.uint8] | None]:
-    """(N, 3) Points, metres, with NaN where there is no return, and their (N, 3) colours if it has them.
-
-    Raises
-    ------
-    ValueError
-        If it has no x, y and z of floats, or its sizes do not fit together.
-    """
+    """Return (N, 3) points, metres, with NaN without a return, and their (N, 3) colours or None."""
     fields = {field.name: field for field in message.fields}
     missing = [axis for axis in "xyz" if axis not in fields or fields[axis].datatype not in _FLOATS]
     if missing:

@@ -1,4 +1,4 @@
-"""Recordings: frames of one or several depth cameras from a bag, one in memory at a time."""
+"""Read frames of one or several depth cameras from a bag, one in memory at a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from strand.io.budget import MAX_BYTES
 from strand.io.recordings.bags import Bag, Message
 from strand.io.recordings.message_views import make_view
 from strand.io.recordings.synchronization import match_messages
-from strand.io.recordings.topics import choose_topics, read_camera
+from strand.io.recordings.topics import choose_topics, read_depth_topic
 from strand.io.recordings.transforms import TF_KINDS, Transforms, read_stamp
 from strand.support.checks import (
     Array,
@@ -33,23 +33,22 @@ from strand.support.files import FileFormatError
 from strand.support.lazy import lazy_property
 from strand.views.view import View
 
-TOLERANCE = 0.02
-"""How far apart in time the views of a frame may be, seconds: half a frame at 25 Hz."""
+TOLERANCE = 0.02  # seconds between the views of a frame, at most: half a frame at 25 Hz
 
-_SECOND = 10**9
-_LONG = 1e9  # seconds; longer ones are no different, and nanoseconds have to fit in 64 bits
+_SECOND = 10**9  # nanoseconds
+_MAX_TOLERANCE = 1e9  # seconds: its nanoseconds fit in 64 bits
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What the cameras saw at one time.
+    """The views of all cameras at one time.
 
     Attributes
     ----------
     number : int
-        Which frame of the recording it is, from 0.
+        Number of the frame in the recording, from 0.
     stamp : int
-        When the first camera saw it, nanoseconds since 1970, as ROS has it.
+        Time stamp of the first camera's message, nanoseconds since 1970.
     views : tuple of View
         One for each topic, in the order of `Recording.topics`.
     """
@@ -66,12 +65,12 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class UndecodedFrame:
-    """A frame whose messages were read, but not decoded.
+    """A frame whose messages are not decoded yet.
 
     Attributes
     ----------
     number : int
-        Which frame of the recording it is, from 0.
+        Number of the frame in the recording, from 0.
     messages : tuple of Message
         One for each topic.
     """
@@ -81,61 +80,58 @@ class UndecodedFrame:
 
 
 class Recording:
-    """A ROS 1 bag, ROS 2 bag or MCAP file, read frame by frame; a context that closes the file.
+    """A ROS 1 bag, ROS 2 bag or MCAP file, read frame by frame; use it in a `with` statement.
 
-    Each message of the first topic makes a frame, together with the messages of the other topics that are
-    nearest in time. Iteration gives the frames in the order of the first topic; only messages of the topics
-    are decoded, and one frame is in memory at a time. ROS is not needed; rosbags is.
+    Each message of the first topic makes a frame with the nearest message in time of every other topic.
+    Iteration yields the frames in the order of the first topic, and holds one in memory. strand reads the
+    file with rosbags; ROS is not needed.
 
     Parameters
     ----------
     path : str or path-like
-        A `.bag` file of ROS 1 (RealSense's recordings are such), an `.mcap` or `.db3` file, or the folder of
-        a ROS 2 bag.
+        A `.bag` file of ROS 1 (RealSense records these), an `.mcap` or `.db3` file, or the folder of a ROS
+        2 bag.
     topics : sequence of str, optional
-        Topics with depth, one for each camera: Image (16UC1, 32FC1), CompressedImage ("compressedDepth"
-        with a PNG) or PointCloud2. `*` stands for any text, `?` for a letter. If not given, the only one that
-        shows depth: depth images before points.
+        One topic with depth for each camera: Image (16UC1, 32FC1), CompressedImage ("compressedDepth" with
+        a PNG) or PointCloud2. `*` matches any text, `?` any letter. By default, the only topic that shows
+        depth; depth images are preferred to points.
     world : str, optional
-        The TF frame that is the world frame. Frames at times at which TF does not say where all cameras were
-        are left out.
+        The TF frame that becomes the world frame. Frames for which TF lacks the pose of a camera are dropped.
     poses : sequence of (4, 4) array_like, optional
-        Camera-to-world poses that do not change, one for each topic, instead of TF. With neither, the
-        only camera's frame is the world frame.
+        One fixed camera-to-world pose for each topic, instead of TF. Without `world` and `poses`, the frame
+        of the only camera is the world frame.
     tolerance : float
-        How far apart in time the views of a frame may be, and how long TF's first and last transforms hold
-        before and after them, seconds; 0.02 if not given.
+        Largest difference in time between the views of a frame, seconds; 0.02 by default. TF's first and last
+        transforms hold this long before and after them.
     intrinsics : (3, 3) array_like, optional
-        The pinhole matrix of all depth images, pixels; if not given, each topic's CameraInfo beside it says
-        it. Rectified images ("image_rect") are seen by P, others by K.
+        The pinhole matrix of all depth images, pixels. By default, each topic's CameraInfo gives it: P for
+        rectified images ("image_rect"), K for others.
     depth_scale : float, optional
-        Metres for each unit of depth images of 16 bits; if not given, what a file of RealSense's says, and
-        else 0.001.
+        Metres per unit of 16-bit depth images. By default, the unit in a RealSense file, else 0.001.
     ignore_distortion : bool
-        Take images of lenses that distort as they are. They are refused otherwise.
+        Whether to use images of lenses with distortion as they are; by default, they raise an error.
     max_bytes : int
-        How much of the file may be in memory at once, and how much a depth image may take; 4 GiB if not
-        given.
+        Memory limit for the data of the file at any time, and for a depth image, bytes; 4 GiB by default.
 
     Attributes
     ----------
     path : Path
     topics : tuple of str
     files : tuple of Path
-        What it is read from.
+        The files of the recording.
 
     Raises
     ------
     OSError
         If the file is missing or cannot be opened.
     strand.FileFormatError
-        If it is truncated, damaged, not indexed or no bag, has no depth, or a camera's CameraInfo is missing
-        or no pinhole. While frames are read: if a message is damaged.
+        If the file is truncated, damaged, not indexed or not a bag, has no depth, or a CameraInfo is
+        missing or not a pinhole. While frames are read: if a message is damaged.
     TypeError, ValueError
-        If an argument is of the wrong kind or out of range; there is no such topic or TF frame, or several
-        topics and nothing says where their cameras are. The message lists what there is.
+        If an argument is of the wrong type or out of range, a topic or TF frame does not exist, or several
+        cameras have no poses. The message lists the topics or frames that exist.
     ImportError
-        If rosbags, or for compressed depth Pillow, is not installed.
+        If rosbags is not installed, or Pillow for compressed depth.
     """
 
     def __init__(
@@ -151,10 +147,10 @@ class Recording:
         ignore_distortion: bool = False,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        self._tolerance = round(min(check_nonnegative("tolerance", tolerance), _LONG) * _SECOND)
+        self._tolerance = round(min(check_nonnegative("tolerance", tolerance), _MAX_TOLERANCE) * _SECOND)
         self._world = None if world is None else check_text("world", world)
         if world is not None and poses is not None:
-            raise ValueError("poses: expected none along with world, which takes them from TF")
+            raise ValueError("poses: expected either poses, or world to take them from TF, got both")
         patterns = (
             None
             if topics is None
@@ -169,9 +165,9 @@ class Recording:
         try:
             self.files = self._bag.files
             self.topics = choose_topics(self._bag, patterns)
-            self._poses = _fixed(poses, self.topics, world)
+            self._poses = _check_poses(poses, self.topics, world)
             self._cameras = {
-                topic: read_camera(self._bag, topic, camera, scale, ignore) for topic in self.topics
+                topic: read_depth_topic(self._bag, topic, camera, scale, ignore) for topic in self.topics
             }
             if self._world is not None:
                 self._require_frames(self._world)
@@ -190,38 +186,38 @@ class Recording:
         self._bag.close()
 
     def __len__(self) -> int:
-        """How many frames there are; the time stamps of the whole file are read once for it."""
+        """Return the number of frames; the first call reads the time stamps of the whole file."""
         return len(self.stamps)
 
     @property
     def most_frames(self) -> int:
-        """How many frames there are at most: messages of the first topic, as the index counts them."""
+        """Upper bound of the number of frames: messages of the first topic, by the index."""
         return self._bag.counts[self.topics[0]]
 
     @property
     def stamps(self) -> NDArray[np.int64]:
-        """(F,) Time stamps of the frames, nanoseconds since 1970; the whole file is read once for them."""
+        """(F,) Time stamps of the frames, nanoseconds since 1970; the first access reads the whole file."""
         return self._plan[0]
 
     def __iter__(self) -> Iterator[Frame]:
         return self.read()
 
     def read(self, start: int = 0, stop: int | None = None, step: int = 1) -> Iterator[Frame]:
-        """Go through some of the frames; the others are not decoded.
+        """Yield some of the frames; the others are not decoded.
 
         Parameters
         ----------
         start : int
             The first frame.
         stop : int, optional
-            The frame before which to end; if not given, the last one is read too.
+            The frame after the last one, as in `range`; by default, the end of the recording.
         step : int
-            Every how many frames one is read.
+            The difference between two frames.
 
         Raises
         ------
         TypeError, ValueError
-            If a number is none, is negative, or `step` is 0.
+            If an argument is not a whole number, is negative, or `step` is 0.
         strand.FileFormatError
             If a message of a frame is damaged.
         """
@@ -230,36 +226,26 @@ class Recording:
     def read_undecoded(
         self, start: int = 0, stop: int | None = None, step: int = 1
     ) -> Iterator[UndecodedFrame]:
-        """Go through some of the frames before they are decoded: what is damaged in one spoils no other.
+        """Yield some of the frames as `read` does, but not decoded: a damaged message spoils only its frame.
 
-        Parameters
-        ----------
-        start, stop, step : int
-            As for `read`.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As `read`.
-        strand.FileFormatError
-            If the file itself is damaged.
+        FileFormatError is raised only if the file itself is damaged.
         """
         start, step = check_integer("start", start), check_integer("step", step, 1)
         stop = None if stop is None else check_integer("stop", stop)
         if len(self.topics) == 1 and self._world is None:
-            return self._each(start, stop, step)
-        return self._planned(range(len(self))[start:stop:step])
+            return self._read_single_topic(start, stop, step)
+        return self._read_planned(range(len(self))[start:stop:step])
 
-    def _each(self, start: int, stop: int | None, step: int) -> Iterator[UndecodedFrame]:
-        """Frames of one topic, without a look at the whole file first."""
+    def _read_single_topic(self, start: int, stop: int | None, step: int) -> Iterator[UndecodedFrame]:
+        """Yield frames of one topic without a plan, which would read the whole file first."""
         for number, message in enumerate(self._bag.read_messages(self.topics)):
             if stop is not None and number >= stop:
                 return
             if number >= start and (number - start) % step == 0:
                 yield UndecodedFrame(number, (message,))
 
-    def _planned(self, numbers: range) -> Iterator[UndecodedFrame]:
-        """Frames of which is known what they consist of; messages are held until their last frame is made."""
+    def _read_planned(self, numbers: range) -> Iterator[UndecodedFrame]:
+        """Yield planned frames; a message is held until the last frame that needs it."""
         parts = self._plan[1]
         left = Counter((k, int(n)) for number in numbers for k, n in enumerate(parts[number]))
         held: dict[tuple[int, int], Message] = {}
@@ -272,7 +258,7 @@ class Recording:
             while not all(key in held for key in needed):
                 message = next(messages, None)
                 if message is None:
-                    raise FileFormatError(self.path, "messages are gone that were there before")
+                    raise FileFormatError(self.path, "the file changed: a message is missing")
                 k = self.topics.index(message.topic)
                 key = (k, counts[k])
                 counts[k] += 1
@@ -280,7 +266,7 @@ class Recording:
                     held[key] = message
                     size += len(message.data)
                 if size > self._max_bytes:
-                    reason = f"views of one time lie more than max_bytes={self._max_bytes} apart in the file"
+                    reason = f"views of one frame are more than max_bytes={self._max_bytes} apart in the file"
                     raise FileFormatError(self.path, reason, message.place)
             frame = UndecodedFrame(number, tuple(held[key] for key in needed))
             for key in needed:
@@ -291,60 +277,54 @@ class Recording:
             number = next(due, None)
 
     def decode(self, frame: UndecodedFrame) -> Frame:
-        """Decode a frame.
-
-        Raises
-        ------
-        strand.FileFormatError
-            If one of its messages is damaged.
-        """
+        """Decode a frame; raise FileFormatError if one of its messages is damaged."""
         decoded = [self._bag.decode(message) for message in frame.messages]
         views = []
         for k, (message, seen) in enumerate(zip(frame.messages, decoded, strict=True)):
             camera = self._cameras[message.topic]
-            pose = self._pose(k, seen.header.frame_id, self._stamp(message, seen))
+            pose = self._find_pose(k, seen.header.frame_id, self._get_stamp(message, seen))
             try:
-                view = make_view(seen, camera.pinhole, pose, camera.depth_scale, self._max_bytes)
+                view = make_view(seen, camera.calibration, pose, camera.depth_scale, self._max_bytes)
             except (TypeError, ValueError) as error:
                 raise FileFormatError(self.path, str(error), message.place) from error
             views.append(view)
-        return Frame(frame.number, self._stamp(frame.messages[0], decoded[0]), tuple(views))
+        return Frame(frame.number, self._get_stamp(frame.messages[0], decoded[0]), tuple(views))
 
-    def _pose(self, k: int, frame: str, stamp: int) -> Array | None:
+    def _find_pose(self, k: int, frame: str, stamp: int) -> Array | None:
         if self._world is None:
             return self._poses[k]
         return self._transforms.find_pose(self._world, frame, stamp)
 
     @staticmethod
-    def _stamp(message: Message, decoded: Any) -> int:
-        """When it was seen; when it was recorded, if the message does not say that."""
+    def _get_stamp(message: Message, decoded: Any) -> int:
+        """Return the time stamp of a message, or its time of recording if the stamp is 0."""
         return read_stamp(decoded.header) or message.time
 
     @lazy_property
     def _plan(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(F,) Time stamps of the frames, and (F, T) numbers of the messages that each consists of."""
+        """(F,) Time stamps of the frames, and (F, T) numbers of the messages of each frame."""
         times: dict[str, list[int]] = {topic: [] for topic in self.topics}
         frames: dict[str, list[str]] = {topic: [] for topic in self.topics}
         for message in self._bag.read_messages(self.topics):
             decoded = self._bag.decode(message)
-            times[message.topic].append(self._stamp(message, decoded))
+            times[message.topic].append(self._get_stamp(message, decoded))
             frames[message.topic].append(decoded.header.frame_id)
         stamps = [np.array(times[topic], dtype=np.int64) for topic in self.topics]
         parts = match_messages(stamps, self._tolerance)
         if not len(parts):
-            reason = f"no frame: never were messages of all topics within {self._tolerance / _SECOND:g} s"
+            reason = f"no frame: messages of all topics are never within {self._tolerance / _SECOND:g} s"
             raise FileFormatError(self.path, reason, ", ".join(self.topics))
         if self._world is not None:
             placed = [
                 all(
-                    self._pose(k, frames[topic][n], times[topic][n]) is not None
+                    self._find_pose(k, frames[topic][n], times[topic][n]) is not None
                     for k, (topic, n) in enumerate(zip(self.topics, row, strict=True))
                 )
                 for row in parts.tolist()
             ]
             parts = parts[np.array(placed, dtype=bool)]
             if not len(parts):
-                reason = f"no frame: TF says at none of {len(placed)} times where all cameras were"
+                reason = f"no frame: TF lacks the pose of a camera at all of {len(placed)} times"
                 raise FileFormatError(self.path, reason, ", ".join(self.topics))
         kept = stamps[0][parts[:, 0]]
         kept.setflags(write=False)
@@ -361,7 +341,7 @@ class Recording:
         return found
 
     def _require_frames(self, world: str) -> None:
-        """Refuse a world frame that TF does not lead to from every camera."""
+        """Raise ValueError if TF does not connect the world frame with every camera."""
         for topic in self.topics:
             first = self._bag.read_first(topic)
             if first is not None:
@@ -373,12 +353,14 @@ class Recording:
                     raise ValueError(f"world: {self.path}: {topic}: {error}") from error
 
 
-def _fixed(poses: Sequence[ArrayLike] | None, topics: Sequence[str], world: str | None) -> list[Array | None]:
-    """Poses that do not change, one for each topic."""
+def _check_poses(
+    poses: Sequence[ArrayLike] | None, topics: Sequence[str], world: str | None
+) -> list[Array | None]:
+    """Return one fixed pose for each topic; None for the only camera, or if TF gives the poses."""
     if poses is None:
         if len(topics) > 1 and world is None:
             raise ValueError(
-                f"world: {len(topics)} cameras need a TF frame (--world) or poses= to say where they are"
+                f"world: {len(topics)} cameras need poses: give world, a TF frame (--world), or poses"
             )
         return [None] * len(topics)
     given = check_sequence("poses", poses, "matrices")

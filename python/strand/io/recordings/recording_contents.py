@@ -1,4 +1,4 @@
-"""What a recording holds, from its index and the first messages of each camera and of TF."""
+"""Find out what a recording contains, from its index and the first messages of cameras and TF."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.message_views import make_view
-from strand.io.recordings.topics import choose_topics, find_depth_topics, read_camera
+from strand.io.recordings.topics import choose_topics, find_depth_topics, read_depth_topic
 from strand.io.recordings.transforms import TF_KINDS, Transforms
 from strand.io.view_summary import ViewSummary, summarize_view
 from strand.support.files import FileFormatError
 
-# cameras that are looked at, and messages of each topic of TF
-_CAMERAS, _TRANSFORMS = 32, 100
+_MAX_CAMERAS = 32  # cameras whose first message is decoded
+_MAX_TRANSFORMS = 100  # messages that are decoded from each topic of TF
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,11 @@ class Topic:
     ----------
     topic : str
     kind : str
-        The type of its messages.
+        The type of the messages.
     messages : int
+        Number of messages.
     rate : float or None
-        Messages a second; None if there are fewer than two.
+        Messages per second; None for fewer than two.
     """
 
     topic: str
@@ -47,14 +48,15 @@ class CameraContents:
     ----------
     topic : str
     messages : int
+        Number of messages.
     frame : str or None
-        The TF frame of its first message; None without a message.
+        The TF frame of the first message; None without a message.
     size : (int, int) or None
-        Width and height of its images, pixels; None if they are not known before decompression, or of points.
-    view : Seen or None
-        What its first message shows; None if strand cannot read it.
+        Width and height of the images, pixels; None for points and compressed images.
+    view : ViewSummary or None
+        The content of the first message; None if strand cannot read it.
     trouble : str or None
-        Why not.
+        Why strand cannot read it.
     """
 
     topic: str
@@ -67,24 +69,24 @@ class CameraContents:
 
 @dataclass(frozen=True, eq=False)
 class RecordingContents:
-    """What a recording holds.
+    """The content of a recording.
 
     Attributes
     ----------
     format : str
         "ROS 1 bag", "ROS 2 bag", "MCAP file" or "SQLite file of a ROS 2 bag".
     start : int or None
-        When the first message was recorded, nanoseconds since 1970; None without a message.
+        Time of the first message, nanoseconds since 1970; None without a message.
     seconds : float
-        From the first message to the last one.
+        Time from the first message to the last.
     topics : tuple of Topic
         In alphabetical order.
     cameras : tuple of CameraContents
-        The topics that show depth: those that were asked for, or else all.
+        The topics that show depth, all or those that the caller asked for.
     tf_frames : tuple of str
-        The frames that the first messages of TF name.
+        The frames in the first messages of TF.
     tf_trouble : str or None
-        What is wrong with these messages.
+        The error in these messages.
     """
 
     format: str
@@ -97,21 +99,21 @@ class RecordingContents:
 
 
 def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_bytes: int) -> RecordingContents:
-    """Return what a recording holds; arguments and errors are those of `strand.Recording`."""
+    """Return the content of a recording; `patterns` select topics as in `strand.Recording`."""
     bag = Bag(path, max_bytes)
     try:
         topics = find_depth_topics(bag) if patterns is None else choose_topics(bag, patterns)
-        frames, trouble = _tf_frames(bag, max_bytes)
+        frames, trouble = _read_tf_frames(bag, max_bytes)
         start, seconds = bag.span
         return RecordingContents(
             bag.format,
             start,
             seconds,
             tuple(
-                Topic(topic, kind, bag.counts[topic], _rate(bag.counts[topic], seconds))
+                Topic(topic, kind, bag.counts[topic], _compute_rate(bag.counts[topic], seconds))
                 for topic, kind in sorted(bag.topics.items())
             ),
-            tuple(_camera(bag, topic, max_bytes) for topic in topics[:_CAMERAS]),
+            tuple(_read_camera(bag, topic, max_bytes) for topic in topics[:_MAX_CAMERAS]),
             frames,
             trouble,
         )
@@ -119,19 +121,19 @@ def read_recording_contents(path: Path, patterns: Sequence[str] | None, max_byte
         bag.close()
 
 
-def _rate(count: int, seconds: float) -> float | None:
+def _compute_rate(count: int, seconds: float) -> float | None:
     return (count - 1) / seconds if count > 1 and seconds > 0.0 else None
 
 
-def _camera(bag: Bag, topic: str, max_bytes: int) -> CameraContents:
+def _read_camera(bag: Bag, topic: str, max_bytes: int) -> CameraContents:
     message = bag.read_first(topic)
     if message is None:
         return CameraContents(topic, 0, None, None, None, "the topic has no messages")
     decoded = bag.decode(message)
-    frame, size, count = decoded.header.frame_id, _size(decoded), bag.counts[topic]
+    frame, size, count = decoded.header.frame_id, _get_size(decoded), bag.counts[topic]
     try:
-        camera = read_camera(bag, topic, None, None, False)
-        view = make_view(decoded, camera.pinhole, None, camera.depth_scale, max_bytes)
+        camera = read_depth_topic(bag, topic, None, None, False)
+        view = make_view(decoded, camera.calibration, None, camera.depth_scale, max_bytes)
     except FileFormatError as error:
         return CameraContents(topic, count, frame, size, None, error.reason)
     except (TypeError, ValueError) as error:
@@ -139,16 +141,16 @@ def _camera(bag: Bag, topic: str, max_bytes: int) -> CameraContents:
     return CameraContents(topic, count, frame, size, summarize_view(view), None)
 
 
-def _size(message: Any) -> tuple[int, int] | None:
-    """Width and height that an Image says it has; None of points and of compressed images."""
+def _get_size(message: Any) -> tuple[int, int] | None:
+    """Return the width and height that an Image declares; None for points and compressed images."""
     return (int(message.width), int(message.height)) if hasattr(message, "encoding") else None
 
 
-def _tf_frames(bag: Bag, max_bytes: int) -> tuple[tuple[str, ...], str | None]:
-    """Return the frames that TF names at first, and what is wrong with it."""
+def _read_tf_frames(bag: Bag, max_bytes: int) -> tuple[tuple[str, ...], str | None]:
+    """Return the frames in the first messages of TF, and the error in them or None."""
     found = Transforms(0, max_bytes)
     for topic in bag.find_topics(*TF_KINDS):
-        for message in islice(bag.read_messages([topic]), _TRANSFORMS):
+        for message in islice(bag.read_messages([topic]), _MAX_TRANSFORMS):
             try:
                 found.add(bag.decode(message), static=topic.endswith("tf_static"))
             except ValueError as error:

@@ -1,4 +1,4 @@
-"""Which messages of several cameras were taken at the same time."""
+"""Match the messages of several cameras by their times."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ Times = NDArray[np.int64]
 
 
 def match_messages(times: Sequence[Times], tolerance: int) -> NDArray[np.int64]:
-    """(F, T) Numbers of the messages of T topics that belong together, one row for each frame.
+    """Return (F, T) message numbers: one row for each frame, one column for each of T topics.
 
-    Each message of the first topic makes a frame with the message of every other topic that is nearest in
-    time, of two as near the earlier; without one within the tolerance it makes none. Messages may be used
-    twice.
+    Each message of the first topic makes a frame with the nearest message in time of every other topic;
+    with two equally near, the earlier. If one is farther away than the tolerance, there is no frame. A
+    message may be in several frames.
 
     Parameters
     ----------
     times : sequence of (N,) ndarray
         Time stamps of each topic's messages, nanoseconds, in any order.
     tolerance : int
-        How far apart two may be, nanoseconds.
+        Nanoseconds.
     """
     first = times[0]
     rows = [np.arange(len(first))]

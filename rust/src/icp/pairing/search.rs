@@ -1,4 +1,4 @@
-//! The nearest target points to some of a batch.
+//! The nearest target points of some lanes of a batch.
 
 use super::{Batch, LISTED, NONE, Pairing};
 use crate::geometry::{Point, squared_distance};
@@ -7,13 +7,14 @@ use crate::index::bounds::Bounds;
 use crate::index::cells::Cells;
 use crate::simd::{BATCH, Simd, Singles};
 
-/// The points that are kept are on a surface within this many cells of the nearest.
+/// Listed points lie within this distance of the nearest, cells.
 const SPREAD: f64 = 0.35;
-/// The search goes up to this many cells far, and while it meets at most this many points; the rest is left to the tree.
-const FARTHEST: f64 = 2.0;
-const MOST: usize = 2048;
-/// Most points in the cells that reach into the search, for each that it may meet.
-const LOOKED_AT: usize = 4;
+/// Reach of the search, cells; the tree finds farther partners.
+const MAX_REACH: f64 = 2.0;
+/// Points that a search meets at most; the tree finds partners in denser places.
+const MAX_MET: usize = 2048;
+/// Points in the cells that a search touches, at most, for each point that it may meet.
+const MAX_EXAMINED: usize = 4;
 
 /// Finds the partners of some lanes of a batch.
 #[inline(always)]
@@ -27,7 +28,7 @@ pub(super) fn search<S: Simd>(
 ) {
     let Pairing { cells, sorted, reach, .. } = pairing;
     let moved = |l: usize| -> Point { [moved[0][l], moved[1][l], moved[2][l]] };
-    // to there all is listed
+    // all points up to there are listed
     let spread = SPREAD * cells.size();
     let farthest = reach.hypot(spread);
     let mut left = [0; BATCH];
@@ -35,7 +36,7 @@ pub(super) fn search<S: Simd>(
     let mut count = lanes.len();
     let mut search_reach = 0.0;
     for &l in lanes {
-        // what was the nearest is not farther than the nearest
+        // the last partner is an upper bound of the distance to the nearest
         let known = match sorted.get(batch.partners[l] as usize) {
             Some(&partner) => 1.001 * (squared_distance(partner, moved(l)) + spread * spread).sqrt(),
             None => cells.size(),
@@ -48,12 +49,13 @@ pub(super) fn search<S: Simd>(
         for &l in &left[..count] {
             bounds.add(moved(l));
         }
-        let near = search_reach.min(FARTHEST * cells.size());
-        let found = around.find_few(simd, cells, &bounds, near, LOOKED_AT * MOST);
-        // points of a wide batch are too far apart for single precision to tell what is in reach
+        let near = search_reach.min(MAX_REACH * cells.size());
+        let found = around.find_few(simd, cells, &bounds, near, MAX_EXAMINED * MAX_MET);
+        // in a wide batch, single precision cannot decide which points are within reach
         let tells = |frame: &Frame| f64::from(frame.rounding) <= 0.01 * (spread * frame.unit).powi(2);
-        let suits =
-            |frame: &Frame| search_reach <= FARTHEST * cells.size() && around.count() <= MOST && tells(frame);
+        let suits = |frame: &Frame| {
+            search_reach <= MAX_REACH * cells.size() && around.count() <= MAX_MET && tells(frame)
+        };
         let Some(frame) = found.filter(suits) else {
             let mut last = NONE;
             for &l in &left[..count] {
@@ -89,7 +91,7 @@ pub(super) fn search<S: Simd>(
             } else if second[i] - first[i] > 2.0 * frame.rounding {
                 (batch.partners[l], batch.others[l]) = (batch.listed[l][0], surely(second[i]));
             } else if !pairing.choose(batch, l, moved(l)) {
-                // too many are as near as the nearest
+                // too many points are as near as the nearest
                 let (square, position, apart) = exact_two(cells, around, moved(l));
                 let found = square <= search_reach * search_reach;
                 batch.partners[l] = if found { position } else { NONE };
@@ -102,17 +104,17 @@ pub(super) fn search<S: Simd>(
     }
 }
 
-/// The nearest points around for each lane.
+/// The nearest points around, for each lane.
 struct Nearest {
     /// Their numbers, the nearest first.
     numbers: [Singles; LISTED],
-    /// Squared distances of the first, of the second, and of the next one after the last.
+    /// Squared distances of the first, of the second, and of the one after the last listed.
     first: Singles,
     second: Singles,
     next: Singles,
 }
 
-/// Finds the nearest points around for each lane.
+/// Finds the nearest points around, for each lane.
 #[inline(always)]
 fn nearest<S: Simd>(simd: S, around: &Around, points: &[Singles; 3]) -> Nearest {
     let lanes = [simd.load(&points[0]), simd.load(&points[1]), simd.load(&points[2])];
@@ -144,8 +146,8 @@ fn nearest<S: Simd>(simd: S, around: &Around, points: &[Singles; 3]) -> Nearest 
     }
 }
 
-/// The squared distance and position of the nearest point around, of equals the first in the cells' order, and the squared
-/// distance of the next, in double precision.
+/// Returns the squared distance and position of the nearest point around, the first in the cells' order among equals,
+/// and the squared distance of the next, in double precision.
 #[cold]
 fn exact_two(cells: &Cells, around: &Around, moved: Point) -> (f64, u32, f64) {
     let (mut best, mut position, mut second) = (f64::INFINITY, NONE, f64::INFINITY);

@@ -1,21 +1,21 @@
-//! Sums over pairs, from which the pose follows.
+//! Sums over pairs, which give the pose.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::Point;
 use crate::simd::{BATCH, Doubles, LANES};
 
-/// Sums over pairs: 1, squared distance, source point, target point, and their outer product; points relative to
-/// an origin.
+/// Sums over pairs: 1, squared distance, source point, target point, and the points' outer product; points are relative
+/// to an origin.
 #[derive(Clone, Copy)]
 pub struct Pairs {
     sums: [f64; TERMS],
-    /// Near the middle of the source points.
+    /// A place near the middle of the source points.
     pub origin: Point,
     source_points: usize,
 }
 
-/// How many numbers they are.
+/// The number of summed terms.
 pub(super) const TERMS: usize = 17;
 
 impl Pairs {
@@ -23,7 +23,7 @@ impl Pairs {
         Self { sums, origin, source_points }
     }
 
-    /// How many pairs there are.
+    /// The number of pairs.
     pub fn count(&self) -> f64 {
         self.sums[0]
     }
@@ -33,18 +33,18 @@ impl Pairs {
         self.sums[0] / self.source_points as f64
     }
 
-    /// The root mean square distance, 0 if there are no pairs.
+    /// The root mean square distance; 0 if there are no pairs.
     pub fn rmse(&self) -> f64 {
         if self.sums[0] > 0.0 { (self.sums[1] / self.sums[0]).sqrt() } else { 0.0 }
     }
 
-    /// Means of the paired source and target points, relative to the origin.
+    /// Returns the means of the paired source and target points, relative to the origin.
     pub fn means(&self) -> (Vector3<f64>, Vector3<f64>) {
         let at = |first: usize| Vector3::from_fn(|k, _| self.sums[first + k] / self.sums[0]);
         (at(2), at(5))
     }
 
-    /// Σ (target − mean) (source − mean)ᵀ.
+    /// Returns Σ (target − mean) (source − mean)ᵀ.
     pub fn cross_covariance(&self) -> Matrix3<f64> {
         let (from, to) = self.means();
         Matrix3::from_fn(|i, j| self.sums[8 + 3 * i + j]) - to * from.transpose() * self.sums[0]

@@ -6,7 +6,7 @@ use super::equations::{Columns, Residual, Sums};
 use super::grid::Grid;
 use super::{HIDES, MIXED, MIXES, Place2, RopeView, STEP, Sensor};
 use crate::geometry::median::upper_median;
-use crate::geometry::polyline::directions;
+use crate::geometry::polyline::append_directions;
 use crate::geometry::{Point, cross, dot};
 
 /// How many pixels of edge err alike, and by how much ropes are not round, radii.
@@ -72,8 +72,8 @@ impl Seen {
         self.directions.clear();
         self.spatial.clear();
         for chain in &curves.chains {
-            directions(&self.image[chain.clone()], &mut self.directions);
-            directions(&self.places[chain.clone()], &mut self.spatial);
+            append_directions(&self.image[chain.clone()], &mut self.directions);
+            append_directions(&self.places[chain.clone()], &mut self.spatial);
         }
         // the radius is known at the mask's median depth
         let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();

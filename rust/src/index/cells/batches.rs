@@ -1,4 +1,4 @@
-//! Points of cells in batches that are near each other.
+//! The points of cells in batches of near points.
 
 use std::ops::Range;
 
@@ -10,15 +10,15 @@ use super::{Cells, fill, spread};
 use crate::index::sort::sort_words;
 use crate::simd::BATCH;
 
-/// Most cells along an axis that a batch of points comes from.
+/// Cells along an axis that a batch takes points from, at most.
 const BATCH_CELLS: u64 = 4;
-/// Batches that a task works through; fixed, so that results do not depend on the number of threads.
+/// Batches that one task works on; fixed, so that results do not depend on the number of threads.
 const BATCHES_PER_TASK: usize = 64;
 
 impl Cells {
-    /// All points in batches of at most [`BATCH`] that are near each other.
+    /// Divides all points into batches of at most [`BATCH`] near points.
     pub fn batches(&self) -> Batches {
-        // cells in order of cubes of eight along each axis, in a cube by the bits of their numbers, interleaved
+        // cells in order of cubes of eight along each axis, and inside a cube by their interleaved bits
         let bits = self.last.map(|last| (u64::BITS - last.leading_zeros()).saturating_sub(3));
         let index_bits = usize::BITS - self.keys.len().leading_zeros();
         let key_bits = bits.iter().sum::<u32>() + 9;
@@ -67,19 +67,19 @@ impl Cells {
     }
 }
 
-/// Points that are near each other, in batches.
+/// Batches of near points.
 pub struct Batches {
     positions: Vec<u32>,
     starts: Vec<u32>,
 }
 
 impl Batches {
-    /// The positions of each batch.
+    /// Iterates over the positions of each batch.
     pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
         self.starts.windows(2).map(|pair| &self.positions[pair[0] as usize..pair[1] as usize])
     }
 
-    /// Calls `task` with every task's batches of positions, in parallel.
+    /// Calls `task` with the batches of each task, in parallel.
     pub fn for_each_task<'a>(&'a self, task: impl Fn(&mut dyn Iterator<Item = &'a [u32]>) + Sync + Send) {
         let ranges: Vec<Range<u32>> = self.starts.windows(2).map(|pair| pair[0]..pair[1]).collect();
         ranges.par_chunks(BATCHES_PER_TASK).for_each(|ranges| {

@@ -1,4 +1,4 @@
-//! What lies around a box, as runs of the cells' points.
+//! The points around a box, as runs of the cells' points.
 
 use std::ops::Range;
 
@@ -7,34 +7,34 @@ use crate::geometry::Point;
 use crate::index::SHORTEST;
 use crate::index::bounds::Bounds;
 
-/// Most rows of cells that are looked at around a box.
-const MOST_ROWS: u64 = 1 << 12;
+/// Rows of cells that are examined around a box, at most.
+const MAX_ROWS: u64 = 1 << 12;
 
-/// Finds the runs of points around boxes. Boxes that are asked for one after the other should be near each other.
+/// Finds the runs of points around boxes. Consecutive boxes should be near each other.
 #[derive(Default)]
 pub struct Sweep {
-    /// Where the last box found each of its rows of cells.
+    /// Where the search for the last box found each of its rows of cells.
     hints: Vec<usize>,
-    /// What was found: positions of points that may be in reach.
+    /// The result: runs of positions of points that may be within reach.
     pub runs: Vec<Range<usize>>,
 }
 
 impl Sweep {
-    /// Finds the runs of points, at least all those within `reach` of a box; tells whether the cells suit that: where
-    /// they are too wide, or hold more than `most` points, it finds nothing.
+    /// Finds runs that hold all points within `reach` of a box. Returns false, and finds nothing, if the cells are too
+    /// wide or hold more than `most` points.
     #[inline(always)]
     pub fn find(&mut self, cells: &Cells, bounds: &Bounds, reach: f64, most: usize) -> bool {
         let reach = (reach * (1.0 + 1e-12)).max(SHORTEST);
         self.runs.clear();
         let [a, b, c] = cells.axes;
-        // relative to the cells, as what is added to coordinates far from the origin may be lost
+        // relative to the cells: small differences would be lost in coordinates far from the origin
         let low: Point = std::array::from_fn(|k| bounds.low[k] - cells.low[k]);
         let high: Point = std::array::from_fn(|k| bounds.high[k] - cells.low[k]);
         let wider = reach + 1e-9 * cells.size;
         let range = |axis: usize, k: usize| {
             (cells.number_along(axis, low[k] - wider), cells.number_along(axis, high[k] + wider))
         };
-        // how far a slab of cells is from the box; a little less, for what rounding does to a cell's number
+        // the distance of a slab of cells from the box, less a little for the rounding of cells' numbers
         let gap = |number: u64, k: usize| {
             let from = number as f64 * cells.size;
             (from - high[k]).max(low[k] - from - cells.size) - 1e-6 * cells.size
@@ -45,13 +45,13 @@ impl Sweep {
         let (first_c, last_c) = range(2, c);
         let blocks = (last_c >> BLOCK_BITS) - (first_c >> BLOCK_BITS) + 1;
         // each is below 2²⁰
-        if cells.wide || (last_a - first_a + 1) * (last_b - first_b + 1) * blocks > MOST_ROWS {
+        if cells.wide || (last_a - first_a + 1) * (last_b - first_b + 1) * blocks > MAX_ROWS {
             return false;
         }
         let mut row = 0;
         let mut points = 0;
         for block in first_c >> BLOCK_BITS..=last_c >> BLOCK_BITS {
-            // the part of its rows that is in reach
+            // the cells of its rows that are within reach
             let first_in_block = block << BLOCK_BITS;
             let inside = (first_c.saturating_sub(first_in_block), (last_c - first_in_block).min(IN_BLOCK));
             let these = ((1u64 << (inside.1 + 1)) - (1u64 << inside.0)) as u32;
@@ -105,7 +105,7 @@ impl Sweep {
     }
 }
 
-/// The first of ascending keys that is not below `key`, searched for from a hint on.
+/// Returns the position of the first of ascending keys that is not below `key`, searching from a hint on.
 #[inline(always)]
 fn seek(keys: &[u64], hint: usize, key: u64) -> usize {
     if hint >= keys.len() {

@@ -1,4 +1,4 @@
-//! Sums over all points within reach of each point, where many points are.
+//! Sums over all points within reach of each point, for crowded places.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -10,36 +10,36 @@ use crate::parallel::go_on;
 
 /// Points that are answered together at most.
 const GROUP: usize = 32;
-/// Groups of one task.
+/// Groups that one task works on.
 const GROUPS_PER_TASK: usize = 16;
 
-/// Sums over boxes and points that make one sum.
+/// A sum that can be combined with another.
 pub trait Sum: Copy {
-    /// Two sums in one.
+    /// Combines two sums.
     fn and(self, other: Self) -> Self;
 }
 
-/// A number of points.
+/// A count of points.
 impl Sum for usize {
     fn and(self, other: Self) -> Self {
         self + other
     }
 }
 
-/// A hierarchy whose points carry something that can be summed.
+/// A hierarchy whose points carry values that can be summed.
 pub struct Summed<S> {
     hierarchy: Hierarchy,
-    /// Of each point, in the order of the boxes, and of each box.
+    /// The value of each point, in the order of the boxes, and the sum of each box.
     points: Vec<S>,
     nodes: Vec<S>,
 }
 
 impl<S: Sum> Summed<S> {
-    /// Sums what points carry, given by their indices in the input.
+    /// Sums the values that `carried` gives for each index of the input.
     pub fn new(points: impl Iterator<Item = Point>, carried: impl Fn(usize) -> S) -> Self {
         let hierarchy = Hierarchy::new(points);
         let points: Vec<S> = hierarchy.order.iter().map(|&i| carried(i as usize)).collect();
-        // halves come behind what they are halves of
+        // in reverse, so that both halves of a box come before it
         let mut nodes: Vec<S> = Vec::new();
         let count = hierarchy.nodes.len();
         for (number, node) in hierarchy.nodes.iter().enumerate().rev() {
@@ -53,10 +53,11 @@ impl<S: Sum> Summed<S> {
         Self { hierarchy, points, nodes }
     }
 
-    /// Answers for points that are near each other: `answer` makes something of the sum over what lies within a distance,
-    /// given its square, of a point, and `put` gets it with the point's index.
+    /// Answers for the points of one group.
     ///
-    /// What is decided for all points of a group at once is summed once.
+    /// `answer` turns the sum over all points within a distance of a point into an answer. `limit` is the square of
+    /// that distance. `put` gets the point's index and the answer. Boxes that lie within reach of the whole group are
+    /// summed once.
     fn answer<A>(
         &self,
         group: usize,
@@ -108,19 +109,20 @@ impl<S: Sum> Summed<S> {
     }
 }
 
-/// Points of a cloud that are left open because the cells around them are crowded.
+/// Points of a cloud that still need an answer, because the cells around them are crowded.
 #[derive(Default)]
 pub struct Crowded(Mutex<Vec<u32>>);
 
 impl Crowded {
-    /// Leaves points open, given by their indices.
+    /// Adds points, given by their indices.
     #[cold]
     pub fn add(&self, indices: impl Iterator<Item = usize>) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(indices.map(|i| i as u32));
     }
 
-    /// Makes an answer for each from the sum over what lies within a radius of it, in parallel; `put` gets it with the
-    /// point's index, once.
+    /// Answers for each point from the sum over all points within `radius` of it, in parallel.
+    ///
+    /// `put` gets each point's index and answer once.
     pub fn answer<S: Sum + Send + Sync, A>(
         self,
         points: &[Point],

@@ -1,20 +1,19 @@
 //! A hierarchy from which points are taken.
-
 use super::super::bounds::Bounds;
 use super::Hierarchy;
 use crate::geometry::{Point, squared_distance};
 
-/// Points of a hierarchy that are left, from which some are taken.
+/// The points of a hierarchy that have not been taken.
 pub struct Remaining<'a> {
     hierarchy: &'a Hierarchy,
-    /// How many of each box's points are left; not kept true inside of boxes of which none is.
+    /// How many of each box's points are left; not kept up to date inside empty boxes.
     nodes: Vec<u32>,
-    /// Whether points are left, in the order of the boxes.
+    /// Whether each point is left, in the order of the boxes.
     points: Vec<bool>,
 }
 
 impl<'a> Remaining<'a> {
-    /// All points.
+    /// Starts with all points.
     pub fn new(hierarchy: &'a Hierarchy) -> Self {
         Self {
             hierarchy,
@@ -23,7 +22,7 @@ impl<'a> Remaining<'a> {
         }
     }
 
-    /// Takes all points within a distance, given its square, of a place; calls `taken` with the index of each.
+    /// Takes all points within a distance of a place, given its square; calls `taken` with the index of each.
     pub fn take(&mut self, center: Point, limit: f64, mut taken: impl FnMut(usize)) {
         if !self.nodes.is_empty() {
             self.take_of(0, center, limit, &mut taken);
@@ -53,8 +52,8 @@ impl<'a> Remaining<'a> {
         }
     }
 
-    /// The nearest of the points that are left within a distance, given its square, of a place: its index, of equals the
-    /// least.
+    /// Returns the index of the nearest point that is left within a distance, given its square; the lowest index among
+    /// equals.
     pub fn nearest(&self, center: Point, limit: f64) -> Option<usize> {
         self.hierarchy.nearest_of(center, limit, |number| self.nodes[number] > 0, |i| self.points[i])
     }

@@ -154,7 +154,9 @@ def test_what_is_missing_or_no_file(tmp_path):
 
 def test_bags_that_are_compressed_as_a_whole_are_refused(tmp_path):
     path = write(tmp_path / "bag", "sqlite3", film(SCENE, 2), "file")
-    with pytest.raises(FileFormatError, match=r"\.zstd: compressed as a whole; .* decompress it first"):
+    with pytest.raises(
+        FileFormatError, match=r"\.zstd: the file is compressed as a whole; decompress it first"
+    ):
         Recording(path)
 
 
@@ -174,7 +176,7 @@ def test_chunks_of_mcap_that_become_too_large_are_refused(tmp_path):
         ("lz4", lz4.frame.compress(bytes(BOMB))),
     ):
         limits.bound_mcap()
-        with pytest.raises(ValueError, match="more than the 1000 bytes"):
+        with pytest.raises(ValueError, match="more than 1000 bytes"):
             storage_mcap.DECOMPRESSORS[compression](bomb, 1000)
         with pytest.raises(ValueError, match="truncated"):
             storage_mcap.DECOMPRESSORS[compression](bomb[:-5], 2 * BOMB)
@@ -200,7 +202,7 @@ def test_chunks_of_rosbags_that_become_too_large_are_refused(tmp_path, compressi
     packed = bomb.ljust(chunk.datasize, b"\0")
     assert len(packed) == chunk.datasize
     file.write_bytes(data[: chunk.datapos] + packed + data[chunk.datapos + chunk.datasize :])
-    with pytest.raises(FileFormatError, match="more than the 1048576 bytes"):
+    with pytest.raises(FileFormatError, match="more than 1048576 bytes"):
         bag.read_first("/depth")
     bag.close()
 
@@ -208,7 +210,7 @@ def test_chunks_of_rosbags_that_become_too_large_are_refused(tmp_path, compressi
 def test_messages_that_become_too_large_are_refused(tmp_path):
     bomb = storage_mcap.zstd.compress(bytes(BOMB))
     assert len(bomb) < 10_000
-    with pytest.raises(ValueError, match=f"more than the {LIMIT} bytes"):
+    with pytest.raises(ValueError, match=f"more than {LIMIT} bytes"):
         limits.decompress_zstd(bomb, LIMIT)
     assert (
         limits.decompress_zstd(storage_mcap.zstd.compress(b"a") + storage_mcap.zstd.compress(b"b"), 2)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lib.bag_files import Messages
-from strand.io.recordings.camera_info import is_rectified, name_info_topic, name_units_topic, read_pinhole
+from strand.io.recordings.camera_info import is_rectified, name_info_topic, name_units_topic, read_calibration
 
 K = np.array([[200.0, 0, 79.5], [0, 210.0, 59.5], [0, 0, 1]])
 
 
 def read(info, rectified=False, ignore=False):
-    return read_pinhole(info, rectified=rectified, ignore_distortion=ignore)
+    return read_calibration(info, rectified=rectified, ignore_distortion=ignore)
 
 
 @pytest.mark.parametrize("ros1", [False, True])

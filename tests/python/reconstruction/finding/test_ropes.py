@@ -26,8 +26,8 @@ def rope_pixels(scene, number):
     """Columns and rows of the rope's axis in an image, and its depth there."""
     pose = scene.poses_true[number]
     x, y, z = ((scene.truth[0] - pose[:3, 3]) @ pose[:3, :3]).T
-    focal, centre = scene.intrinsics[0, 0], scene.intrinsics[:2, 2]
-    return np.rint(focal * x / z + centre[0]).astype(int), np.rint(focal * y / z + centre[1]).astype(int), z
+    focal, center = scene.intrinsics[0, 0], scene.intrinsics[:2, 2]
+    return np.rint(focal * x / z + center[0]).astype(int), np.rint(focal * y / z + center[1]).astype(int), z
 
 
 def right(scene, model):
@@ -55,7 +55,7 @@ def test_masks_hold_the_rope_and_nothing_else(scene, request):
 
 
 @pytest.mark.parametrize("scene", ["one", "three"])
-def test_a_rope_among_things_is_reconstructed_with_nothing_told(scene, request):
+def test_a_rope_among_things_is_reconstructed_without_hints(scene, request):
     made = request.getfixturevalue(scene)
     model = strand.reconstruct(made.views)
     assert right(made, model)
@@ -84,7 +84,7 @@ def test_bounds_whose_floor_is_the_table():
     model = strand.reconstruct(made.views, made.radius, ((*low[:2], 0.0), high))
     assert "find" in model.timings
     assert right(made, model)
-    # of bounds that leave the table out nothing is changed, nor where noise hides the rope's height
+    # bounds that exclude the table change nothing, nor do bounds where noise hides the rope's height
     assert "find" not in strand.reconstruct(made.views, made.radius, made.bounds).timings
     noisy = strand.synthetic.scene("arc", views=1, noise=strand.synthetic.Noise(depth=0.003))
     assert "find" not in strand.reconstruct(noisy.views, noisy.radius, ((*low[:2], 0.0), high)).timings
@@ -110,7 +110,7 @@ def test_points_without_an_image_do_as_well(one):
     assert right(one, model)
 
 
-def test_a_table_without_a_rope_is_refused_and_says_what_there_is():
+def test_a_table_without_a_rope_is_refused_and_the_error_names_what_stands_there():
     for views in (1, 3):
         with pytest.raises(strand.NoRopeError, match=r"no rope on the table: .*strip of one width"):
             strand.reconstruct(cluttered_scene(2, views=views, rope=False).views)

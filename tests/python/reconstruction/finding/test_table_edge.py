@@ -25,7 +25,7 @@ def hanging():
 
 
 def view_of(rope, edge):
-    """What a camera sees of a rope on a table that ends at x = edge, and of the floor far below."""
+    """A view of a rope on a table that ends at x = edge, with the floor far below."""
     depth = strand.synthetic.render_depth([rope], R, K, POSE, size=(320, 240), table=False)
     depth = np.where((depth > 0) & np.isfinite(depth), depth, np.inf)
     rows, columns = np.mgrid[:240, :320]

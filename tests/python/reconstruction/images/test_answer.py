@@ -1,4 +1,4 @@
-"""What an answer that was read from images says beside its chains."""
+"""Stages, sensor and doubts of an answer that was read from images."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_its_stages_are_listed_and_drawn(made, model, tmp_path):
     assert all(path.stat().st_size > 1000 for path in drawn)
 
 
-def test_it_says_what_the_sensor_does(made, model):
+def test_it_measures_the_sensor(made, model):
     assert 0.0 < model.sensor.sd < made.radius
     assert 0.5 < model.sensor.correlation < 10.0
 

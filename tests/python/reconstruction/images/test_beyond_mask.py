@@ -27,7 +27,7 @@ def drawn(camera, views):
 
 
 def without(made, low, high):
-    """The scene, its masks without the pixels that are nearest to a stretch of the rope, in shares of it."""
+    """The scene with masks that lost a stretch of the rope, from one share of its length to another."""
     (rope,) = made.truth
     (fx, _, cx), (_, fy, cy), _ = made.intrinsics
     masks = []
@@ -43,7 +43,7 @@ def without(made, low, high):
 
 
 def doubted(model):
-    """Where the ropes' ends are doubted for what depth shows beyond them."""
+    """Places of ends that are doubted because depth goes on beyond them."""
     return [doubt.place for doubt in model.doubts if "goes on" in doubt.reason and doubt.amount > 0.3]
 
 

@@ -1,4 +1,4 @@
-"""Where another way to explain the images differs from the best one."""
+"""Doubts of answers that were read from images, and their places."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from strand.synthetic import Camera, Segmentation, scene
 SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
 
 
-def test_corrections_of_frames_move_points_as_they_say():
+def test_corrections_of_frames_move_points_by_their_vectors():
     rng = np.random.default_rng(3)
     poses = [pose for pose in SCENE.poses]
     corrections = rng.normal(scale=[[0.02] * 3 + [0.003] * 3], size=(3, 6))

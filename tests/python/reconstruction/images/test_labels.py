@@ -1,4 +1,4 @@
-"""Labels of masks: changes along ropes, and what they tell of two ropes that touch."""
+"""Changes of a mask's labels along ropes."""
 
 from __future__ import annotations
 

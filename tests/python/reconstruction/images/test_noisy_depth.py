@@ -8,28 +8,15 @@ import numpy as np
 import pytest
 
 import strand
-from strand.geometry.polyline import path_length
-from strand.reconstruction.images.above_table import mask_above_table
-from strand.reconstruction.images.along_ropes import average_along_ropes
-from strand.reconstruction.images.image_ends import _change_end
 from strand.reconstruction.images.noisy_depth import _measure_overlap
-from strand.reconstruction.images.outlines import average_pixels, outline_ropes
-from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import Camera, Noise, scene
-from strand.views.rope_images import pixels_of, rope_images
+from strand.views.rope_images import rope_images
 
 RADIUS = 0.004
 
 
 def noisy(name, relative, **options):
     return scene(name, radius=RADIUS, noise=Noise(depth=relative * RADIUS), **options)
-
-
-def image_of(made):
-    (image,) = rope_images(
-        [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
-    )
-    return image
 
 
 @pytest.mark.parametrize(
@@ -60,42 +47,7 @@ def test_an_end_on_another_strand_is_found_in_wide_noise(past, views, seed, meas
     assert measure(model, made.truth, made.radius).right
 
 
-def test_means_along_a_rope_leave_little_of_the_noise():
-    made, clear = (noisy("figure8", relative, views=1, seed=9) for relative in (0.8, 0.0))
-    true = image_of(clear)
-    image = image_of(made).masked(true.mask)
-    table = find_table_beside_ropes(image, RADIUS)
-    points = average_along_ropes(image, table, strand.Box(*made.bounds), RADIUS)
-    rows, columns = pixels_of(points, made.views[0].image)
-    assert np.count_nonzero(true.mask) == len(points)
-    errors = points[:, 2] - true.depth[rows, columns]
-    single = image.depth[rows, columns] - true.depth[rows, columns]
-    assert np.std(single) > 0.7 * RADIUS
-    assert np.std(errors) < 0.5 * np.std(single)
-    assert abs(np.median(errors)) < 0.3 * RADIUS
-
-
-def test_ends_are_cut_and_led_on_along_the_table():
-    table = np.array([0.0, 0.0, 1.0]), 0.0
-    x = np.linspace(0.0, 40.0, 81)
-    rising = RADIUS * np.stack([x, 0.0 * x, 1.0 + 0.2 * np.maximum(x - 35.0, 0.0)], axis=1)
-    cut = _change_end(rising, 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
-    assert path_length(rising)[-1] - path_length(cut)[-1] == pytest.approx(3.0 * RADIUS)
-    assert np.array_equal(_change_end(rising, 0.0, 0.0, 0.0, table, RADIUS), rising)
-    level = _change_end(rising, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS)
-    assert level[-1, 2] == pytest.approx(rising[-1, 2])
-    assert level[-1, 0] - rising[-1, 0] == pytest.approx(3.0 * RADIUS, rel=0.05)
-    falling = _change_end(rising, 0.0, 6.0 * RADIUS, 0.4, table, RADIUS)
-    assert falling[-1, 2] == pytest.approx(RADIUS)
-    assert falling[:, 2].min() >= RADIUS - 1e-12
-    # not before its middle
-    short = _change_end(rising[:5], 3.0 * RADIUS, 0.0, 0.0, table, RADIUS)
-    assert path_length(short)[-1] == pytest.approx(0.5 * path_length(rising[:5])[-1])
-    upright = RADIUS * np.stack([0.0 * x, 0.0 * x, 1.0 + x], axis=1)
-    assert np.array_equal(_change_end(upright, 0.0, 3.0 * RADIUS, 0.0, table, RADIUS), upright)
-
-
-def test_a_range_above_the_table_is_no_crash():
+def test_a_range_above_the_table_does_not_crash():
     made = noisy("arc", 0.8, views=2, seed=8)
     low, high = made.bounds
     above = np.array([*low[:2], low[2] + 6.0 * RADIUS]), np.array([*high[:2], high[2] + 20.0 * RADIUS])
@@ -104,34 +56,6 @@ def test_a_range_above_the_table_is_no_crash():
     except strand.NotEnoughDataError:
         return
     assert model.confidence < 0.5
-
-
-def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
-    made, clear = (noisy("figure8", relative, views=1, seed=5) for relative in (0.8, 0.0))
-    true, image = image_of(clear), image_of(made)
-    table = find_table_beside_ropes(image, RADIUS)
-    (smoothed,) = mask_above_table([image], table, strand.Box(*made.bounds), RADIUS)
-    (found,) = outline_ropes(smoothed, table, strand.Box(*made.bounds), RADIUS, made.noise, [0.9])
-
-    def wrong(mask):
-        return np.count_nonzero(mask != true.mask) / np.count_nonzero(true.mask)
-
-    assert wrong(found.mask) < 0.8 * wrong(smoothed.mask)
-    assert wrong(found.mask) < 0.25
-
-
-def test_averaged_pixels_see_the_same_places():
-    made = noisy("arc", 0.0, views=1, seed=6, camera=Camera(size=(1280, 720)))
-    (image,) = rope_images(made.views, made.views, None)
-    coarse, side = average_pixels(image, RADIUS)
-    assert side > 2
-    nodes = made.truth[0]
-    fine = image.project(nodes)
-    # a square's middle is half a pixel less than half its side from its first pixel
-    assert np.allclose(coarse.project(nodes) * side + 0.5 * (side - 1), fine)
-    column, row = np.rint(coarse.project(nodes[len(nodes) // 2 :][:1])[0]).astype(int)
-    column_there, row_there = np.rint(fine[len(nodes) // 2]).astype(int)
-    assert coarse.depth[row, column] == pytest.approx(image.depth[row_there, column_there], abs=RADIUS)
 
 
 def test_the_answer_is_the_same_for_any_number_of_threads():
@@ -146,7 +70,7 @@ def test_the_answer_is_the_same_for_any_number_of_threads():
         assert np.array_equal(some.points, other.points)
 
 
-def test_depths_that_scatter_without_a_table_are_no_crash():
+def test_scattered_depths_without_a_table_are_refused():
     made = noisy("arc", 0.8, views=1, seed=8)
     bare = dataclasses.replace(made, depth=np.where(made.depth > 0, 0, made.depth).astype(np.uint16))
     with pytest.raises(strand.NotEnoughDataError):
@@ -179,7 +103,7 @@ def test_a_radius_in_millimetres_is_refused_at_once():
 
 
 @pytest.mark.filterwarnings("error")
-def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
+def test_infinite_depths_do_not_count_as_scatter():
     made = noisy("arc", 0.8, views=1, seed=8)
     (view,) = made.views
     (fx, fy), (cx, cy) = view.image.camera
@@ -190,17 +114,17 @@ def test_depths_that_are_no_number_say_nothing_of_how_they_scatter():
     assert model.sensor.sd > 0.3 * RADIUS
 
 
-def test_rope_within_other_strands_is_counted_along_long_ropes():
+def test_overlap_is_the_length_of_rope_within_other_strands():
     x = 0.5 * RADIUS * np.arange(3000.0)
     rope = np.column_stack([x, 0.0 * x, 0.0 * x])
     assert _measure_overlap([rope], RADIUS) == 0.0
-    # half of it again, a radius aside
+    # its first half again, a radius beside it
     beside = rope[:1500] + np.array([0.0, RADIUS, 0.0])
     found = _measure_overlap([rope, beside], RADIUS)
     assert found == pytest.approx(0.5 * 2 * 1500, abs=2.0)
 
 
-def test_a_rope_on_rough_ground_is_not_taken_for_a_noisy_one(measure):
+def test_a_rope_on_rough_ground_is_not_mistaken_for_a_noisy_one(measure):
     made = scene("figure8", radius=RADIUS, noise=Noise(depth=0.05 * RADIUS), views=1, seed=9)
     (true,) = rope_images(
         [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)

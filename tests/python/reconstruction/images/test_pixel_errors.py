@@ -1,4 +1,4 @@
-"""The sensor's errors where ropes are read from images: measured, given, and used."""
+"""The sensor's errors where ropes are read from images: given, measured and used."""
 
 from __future__ import annotations
 
@@ -37,22 +37,24 @@ def spread(model, axis):
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.7, 3.0])
-def test_errors_of_discs_are_as_alike_as_all_pairs_of_their_pixels(correlation):
+def test_errors_of_discs_correlate_as_all_pairs_of_their_pixels(correlation):
     pixels = 7.0
     y, x = np.mgrid[-4:5, -4:5]
     x, y = x[np.hypot(x, y) <= 0.6 * pixels], y[np.hypot(x, y) <= 0.6 * pixels]
 
-    def alike(lag):
+    def correlate(lag):
         square = (x[:, None] - x + lag) ** 2 + (y[:, None] - y) ** 2
         return np.mean(np.exp(-square / (4.0 * correlation**2)) if correlation else square == 0)
 
     share, length = _average_over_discs(correlation, pixels)
-    assert share == pytest.approx(min(1.25 * alike(0) ** 0.5, 1.0))
-    assert length == pytest.approx((1.0 + 2.0 * sum(alike(lag) / alike(0) for lag in range(1, 60))) / pixels)
+    assert share == pytest.approx(min(1.25 * correlate(0) ** 0.5, 1.0))
+    assert length == pytest.approx(
+        (1.0 + 2.0 * sum(correlate(lag) / correlate(0) for lag in range(1, 60))) / pixels
+    )
 
 
 def test_errors_of_the_widest_ropes_and_correlations_take_no_longer():
-    # all pairs of the discs' pixels would be a thousand million, and of lags as many
+    # the discs' pixels make a thousand million pairs, and as many lags
     share, length = _average_over_discs(2.0, 300.0)
     assert 0.0 < share < 0.1
     assert 1.0 < length < 1.2
@@ -82,37 +84,37 @@ def test_errors_of_discs_are_those_of_smoothed_noise(made, correlation):
     shifted = [np.roll(noise, way, axis=(0, 1)) for way in disc]
     medians = np.median(shifted, axis=0)
     assert found.noise == pytest.approx(0.2 * medians.std(), rel=0.2)
-    alike = [(medians * np.roll(medians, lag, axis=1)).mean() / medians.var() for lag in range(1, 25)]
-    length = (1.0 + 2.0 * sum(a for a in alike if a > 0.02)) / pixels
+    correlations = [(medians * np.roll(medians, lag, axis=1)).mean() / medians.var() for lag in range(1, 25)]
+    length = (1.0 + 2.0 * sum(a for a in correlations if a > 0.02)) / pixels
     assert found.correlation == pytest.approx(max(length, 1.0), rel=0.3)
     assert found.lateral == Errors().lateral
 
 
-def test_what_is_measured_is_said(made):
+def test_the_measured_sensor_is_reported(made):
     sensor = reconstructed(made).sensor
     assert 0.05 * made.radius < sensor.sd < made.radius
     assert 0.1 <= sensor.lateral < 1.0
-    # a matcher mixes the table into the rope
+    # matchers mix the table into the rope
     assert 0.0 < sensor.bias < made.radius
 
 
-def test_noise_that_is_given_widens_covariances_along_the_rays(made):
+def test_wider_noise_widens_covariances_along_the_rays(made):
     known = strand.Sensor(sd=0.1 * made.radius, correlation=1.0, lateral=0.3)
     wide = strand.Sensor(sd=1.0 * made.radius, correlation=1.0, lateral=0.3)
     one, other = reconstructed(made, known), reconstructed(made, wide)
     assert spread(other, "along") > 1.3 * spread(one, "along")
     assert spread(other, "across") == pytest.approx(spread(one, "across"), rel=0.1)
-    # what is measured is said all the same
+    # the measured sensor is reported all the same
     assert other.sensor.sd < 0.6 * made.radius
 
 
-def test_edges_that_are_known_worse_widen_covariances_across_the_rays(made):
+def test_wider_errors_of_edges_widen_covariances_across_the_rays(made):
     one = reconstructed(made, strand.Sensor(sd=0.3 * made.radius, correlation=1.0, lateral=0.2))
     other = reconstructed(made, strand.Sensor(sd=0.3 * made.radius, correlation=1.0, lateral=0.9))
     assert spread(other, "across") > 1.5 * spread(one, "across")
 
 
-def test_a_bias_that_is_known_is_taken_off():
+def test_a_known_bias_is_subtracted():
     hung = scene("s", camera=Camera("zed", size=SIZE), mask=Segmentation(), views=1, layout=Layout(wall=0.3))
     sd = 0.3 * hung.radius
     models = [

@@ -1,4 +1,4 @@
-"""Images as the kernels read and fit them: what they refuse."""
+"""Images, readings and fits that the kernels refuse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ropes whose masks have gaps, lost bits and bits of the table, and what depth says of them."""
+"""Ropes whose masks have gaps, miss pixels of the rope or hold pixels of the table."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from strand.synthetic import rough_scene
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed", "told"), [("bar", 0, True), ("bar", 8, True), ("bar", 9, False), ("ragged", 6, True)]
+    ("kind", "seed", "known"), [("bar", 0, True), ("bar", 8, True), ("bar", 9, False), ("ragged", 6, True)]
 )
-def test_a_rope_behind_a_bar_and_one_in_a_ragged_mask_are_right(kind, seed, told, measure):
+def test_a_rope_behind_a_bar_and_one_in_a_ragged_mask_are_right(kind, seed, known, measure):
     made = rough_scene(kind, seed)
-    ropes = len(made.truth) if told else None
+    ropes = len(made.truth) if known else None
     model = strand.reconstruct(made.views, made.radius, made.bounds, ropes=ropes)
     assert measure(model, made.truth, made.radius).right
     assert model.confidence < 0.95

@@ -1,4 +1,4 @@
-"""The plane that most points lie on, and the one that ropes lie on."""
+"""The table: the plane that most points lie on, and the one that ropes lie on."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def test_the_table_is_found_where_it_is_and_nowhere_else():
     normal, offset = find_table_beside_ropes(images[1], made.radius)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert normal[2] > np.cos(0.03)
-    centre = made.truth[0].mean(axis=0)
-    assert abs(normal @ [centre[0], centre[1], 0.0] - offset) < 0.5 * made.radius
+    center = made.truth[0].mean(axis=0)
+    assert abs(normal @ [center[0], center[1], 0.0] - offset) < 0.5 * made.radius
     bare = [dataclasses.replace(image, depth=np.where(image.mask, image.depth, 0.0)) for image in images]
     assert find_table_beside_ropes(bare[1], made.radius) is None
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Views without masks among views with masks: they help where noise is plain, and do no harm elsewhere."""
+"""Views without masks among views with masks: they help where noise is independent, and do no harm else."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ def only_first_masked(made):
 
 @pytest.mark.parametrize("camera", ["d435", "d405", "zed"])
 @pytest.mark.parametrize("bounded", [True, False])
-def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_and_named(camera, bounded):
+def test_depth_images_without_masks_are_dropped_and_named_where_noise_is_correlated(camera, bounded):
     made = scene(
         "s",
         seed=5,
@@ -38,7 +38,7 @@ def test_where_neighbours_share_errors_depth_images_without_masks_are_left_out_a
 
 @pytest.mark.parametrize("noise", [0.1, 0.3])
 @pytest.mark.parametrize("seed", [1, 4])
-def test_where_noise_is_plain_views_without_masks_help(noise, seed, measure):
+def test_views_without_masks_help_where_noise_is_independent(noise, seed, measure):
     made = scene("loop", seed=seed, views=3, mask=Segmentation(), noise=Noise(depth=noise * 0.0042))
     some = strand.reconstruct(only_first_masked(made), made.radius, made.bounds, ropes=1)
     alone = strand.reconstruct(made.views[:1], made.radius, made.bounds, ropes=1)
