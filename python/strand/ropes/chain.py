@@ -60,6 +60,11 @@ class Chain(Line):
     Chain(700.0 mm, radius 4.00 mm, open, 3 nodes)
     >>> chain.at(0.5).round(3).tolist()
     [0.3, 0.2, 0.0]
+    >>> position, rotation = chain.frames_at(0.7)
+    >>> rotation[:, 0].round(3).tolist()  # x runs along the rope
+    [0.0, 1.0, 0.0]
+    >>> chain.nearest(np.array([[0.1, 0.02, 0.0]])).s.round(3).tolist()
+    [0.1]
     """
 
     confidence: float = float("nan")
@@ -71,31 +76,32 @@ class Chain(Line):
         object.__setattr__(self, "doubts", check_instances("doubts", self.doubts, Doubt))
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the chain in a small plot, and its numbers."""
+        """Return what a notebook shows: a small plot of the chain, and its numbers."""
         return make_html([self], [repr(self)])
 
+    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
+        """Find where the rope crosses itself as seen from a direction, see `Model.crossings`.
+
+        The number of the chain is 0 in the result.
+        """
+        return find_crossings([self], direction, self.doubts)
+
     def knot(self, *, crossings: ArrayLike | None = None, direction: ArrayLike = (0.0, 0.0, 1.0)) -> Knot:
-        """Name the knot that is tied in the rope, by the straight segments between its nodes.
+        """Name the knot in the rope, along the straight segments between its nodes.
 
         Parameters
         ----------
         crossings : (K, 3) array_like of float, optional
-            How sure the order at crossings is: arc lengths along this chain, metres, and a probability
-            each, as `strand.knot` takes them; an empty list for all sure. If not given they are those of
-            `crossings(direction)`. A chain without covariances, as one that was made by hand, says nothing
-            of its errors: its nodes then count as they are. So do those of chains of over 8,000 nodes.
+            How sure the order at crossings is, as in `strand.knot`: two arc lengths along this chain, metres,
+            and a probability each. An empty list means that all are sure. By default they are those of
+            `crossings(direction)`. A chain without covariances, or with over 8,000 nodes, counts as exact.
         direction : (3,) array_like of float
-            From where the crossings are seen: a vector from the rope to the viewer.
+            From the rope to the viewer of the crossings.
 
         Returns
         -------
         Knot
             Its core is in arc lengths of this chain, metres.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As `strand.knot`.
         """
         arc = self._path_arcs if self.closed else self.arc_length
         if crossings is not None or self.covariance is None:
@@ -104,49 +110,20 @@ class Chain(Line):
         rows = [(one.over[1], one.under[1], one.probability) for one in own]
         return name_knot(self.points, self.closed, arc, rows, direction, strict=False)
 
-    def crossings(self, direction: ArrayLike = (0, 0, 1)) -> tuple[Crossing, ...]:
-        """Find where the rope crosses itself as seen from one side, see `Model.crossings`.
-
-        Parameters
-        ----------
-        direction : (3,) array_like
-            Towards who looks, world frame, of any length but zero.
-
-        Returns
-        -------
-        tuple of Crossing
-            Along the chain, whose number is 0 here.
-
-        Raises
-        ------
-        TypeError
-            If `direction` does not hold real numbers.
-        ValueError
-            If it is not of shape (3,), not finite, or zero.
-        """
-        return find_crossings([self], direction, self.doubts)
-
     def shape_error(self, target: Line | ArrayLike) -> ShapeError:
-        """Compare the rope with the shape that it should have.
+        """Compare the rope with a target shape, without moving or turning either.
 
-        Places at equal shares of both lengths belong to each other: from the end that fits better, of a ring
-        from the start that fits best, either way round. Nothing is moved or turned to fit.
+        Places at equal fractions of both lengths are compared, in the direction that fits better; on a ring
+        from the start that fits best.
 
         Parameters
         ----------
         target : Line or (N, 3) array_like
-            The shape, or its nodes in order, N >= 2, world frame, metres; closed if the chain is.
+            The shape, or its nodes in order, N >= 2, world frame, metres. Nodes are closed if the chain is.
 
         Returns
         -------
         ShapeError
-
-        Raises
-        ------
-        TypeError
-            If `target` is neither.
-        ValueError
-            If it has a wrong shape, equal neighbours or NaN, or only one of the two is closed.
         """
         if not isinstance(target, Line):
             nodes = check_finite_array("target", target, ("N", 3))
@@ -154,6 +131,6 @@ class Chain(Line):
                 raise ValueError("target: expected at least two nodes, no two equal in a row")
             target = Line(nodes, self.radius, self.closed)
         if target.closed != self.closed:
-            wanted, got = ("closed", "open") if self.closed else ("open", "closed")
-            raise ValueError(f"target: expected one that is {wanted}, as the chain, got one that is {got}")
+            wanted, got = ("a closed", "an open") if self.closed else ("an open", "a closed")
+            raise ValueError(f"target: expected {wanted} line, as the chain, got {got} one")
         return compare_shapes(self, target)

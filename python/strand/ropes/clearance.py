@@ -1,4 +1,4 @@
-"""How near two strands come to each other around given places of both."""
+"""Least distances of two strands around given places of both."""
 
 from __future__ import annotations
 
@@ -10,45 +10,31 @@ from numpy.typing import NDArray
 from strand.geometry.line import Line
 from strand.support.checks import Array
 
-# places to either side along each strand, and finer ones between those next to the nearest
-_PLACES, _FINER = 12, 2
-# pairs of strands at a time
-_AT_ONCE = 2_000
+_PLACES = 12  # on either side of a place along each strand
+_FINER = 2  # steps between neighbouring places, around the nearest ones
+_BATCH = 2_000  # pairs of strands at a time
 
 
 def find_least_distances(
     chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array
 ) -> Array:
-    """Return the least distance of axes near places of both.
+    """Return the least distances (K,) of axes near places of both, metres.
 
-    Parameters
-    ----------
-    chains : sequence of Line
-    number : (2, K) ndarray of int
-        Numbers of the chains of both strands.
-    at : (2, K) ndarray
-        Arc lengths on them, metres.
-    back, ahead : (2, K) ndarray
-        How far to look along both strands before and after these, metres. Open chains are looked at to their
-        ends, closed ones round their seam.
-
-    Returns
-    -------
-    (K,) ndarray
-        Metres.
+    The places are arc lengths `at` (2, K) on the lines with the numbers `number`. The search goes `back` and
+    `ahead` (2, K) along both: to the ends of open lines, around closed ones.
     """
     found = np.empty(at.shape[1])
-    for start in range(0, at.shape[1], _AT_ONCE):
-        some = np.s_[:, start : start + _AT_ONCE]
-        found[some[1]] = _least(chains, number[some], at[some], back[some], ahead[some])
+    for start in range(0, at.shape[1], _BATCH):
+        some = np.s_[:, start : start + _BATCH]
+        found[some[1]] = _search(chains, number[some], at[some], back[some], ahead[some])
     return found
 
 
-def _least(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array) -> Array:
-    """(K,) Least distances: between a few places, then between straight steps around the nearest of them."""
+def _search(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Array, ahead: Array) -> Array:
+    """Compare a few places of both strands, then straight steps around the nearest ones."""
     share = np.linspace(-1.0, 1.0, 2 * _PLACES + 1)
     s = at[..., None] + share * np.where(share < 0, back[..., None], ahead[..., None])
-    places = _places(chains, number, s)
+    places = _sample(chains, number, s)
     one, other = places
     lengths = np.einsum("skpi,skpi->skp", places, places)
     square = lengths[0, :, :, None] + lengths[1, :, None, :]
@@ -57,7 +43,7 @@ def _least(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Ar
     low, high = (
         np.take_along_axis(s, np.clip(nearest + k, 0, 2 * _PLACES)[..., None], axis=2) for k in (-1, 1)
     )
-    places = _places(chains, number, low + np.linspace(0.0, 1.0, 2 * _FINER + 1) * (high - low))
+    places = _sample(chains, number, low + np.linspace(0.0, 1.0, 2 * _FINER + 1) * (high - low))
     (a, c), (b, d) = places[:, :, :-1], places[:, :, 1:]
     count = a.shape[1]
     one, other = (np.arange(count * count) // count, np.arange(count * count) % count)
@@ -66,25 +52,20 @@ def _least(chains: Sequence[Line], number: NDArray[np.intp], at: Array, back: Ar
     return np.asarray(away.reshape(-1, count * count).min(axis=1))
 
 
-def _places(chains: Sequence[Line], number: NDArray[np.intp], s: Array) -> Array:
-    """(2, K, P, 3) Places of chains at arc lengths, from the middle of both strands' places."""
+def _sample(chains: Sequence[Line], number: NDArray[np.intp], s: Array) -> Array:
+    """Return places (2, K, P, 3) of lines at arc lengths, relative to their mean over both strands."""
     places = np.empty((*s.shape, 3))
     for i in np.unique(number):
         here = number == i
         places[here] = chains[i].at(s[here])
-    # squares of what is far from the origin would lose digits
+    # far from the origin squares would lose digits
     return np.asarray(places - places.mean(axis=(0, 2), keepdims=True))
 
 
 def find_nearest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Closest places of segments a to b and c to d (Ericson 2005, section 5.1.9).
+    """Find the closest places of segments a to b and c to d (Ericson 2005, section 5.1.9).
 
-    Returns
-    -------
-    shares : (2, K) ndarray
-        How far along both, from 0 to 1.
-    away : (K,) ndarray
-        Distance between them, metres.
+    Returns fractions (2, K) along both segments, and distances (K,), metres.
     """
     u, v, w = b - a, d - c, a - c
     # a segment may be one point

@@ -1,4 +1,4 @@
-"""Diagrams of knots: the crossings of a rope as it is seen, in the codes that knot theory writes them in."""
+"""Diagrams of knots: the crossings of a rope in one view, in the codes of knot theory."""
 
 from __future__ import annotations
 
@@ -13,23 +13,22 @@ from strand.support.checks import check_bool, check_finite_array
 
 @dataclass(frozen=True)
 class Diagram:
-    """The crossings of one closed curve, in the order in which it passes them.
+    """The crossings of one closed curve, in the order of its passages.
 
-    Crossings, edges and passages are counted from 1. An edge runs from one passage to the next; edge 1
-    leads to the first passage.
+    Crossings, edges and passages are counted from 1. An edge runs from one passage to the next; edge 1 leads
+    to the first passage.
 
     Attributes
     ----------
     gauss : tuple of int
-        Two for each crossing, along the curve: the crossing's number, positive where the curve passes above.
+        For each passage the number of its crossing, positive where the curve passes above.
     signs : tuple of int
-        By crossing: 1 where the lower strand crosses the upper one from right to left, seen along the upper
-        one (right-handed), else -1.
+        For each crossing 1 if it is right-handed, else -1. Right-handed means that the lower strand crosses
+        from right to left, seen along the upper one.
     planar : tuple of tuple of int
-        By crossing: its four edges, anticlockwise from where the lower strand comes in.
+        For each crossing its four edges, anticlockwise from the edge on which the lower strand comes in.
     dowker_thistlethwaite : tuple of int
-        The even passages that share their crossings with passages 1, 3, 5 and so on, negative where the even
-        one is above.
+        For passages 1, 3, 5 and so on the even passage of the same crossing, negative if that one is above.
     """
 
     gauss: tuple[int, ...]
@@ -38,30 +37,29 @@ class Diagram:
     dowker_thistlethwaite: tuple[int, ...]
 
     def gauss_code(self) -> tuple[int, ...]:
-        """Signed Gauss code: `gauss`."""
+        """Return the signed Gauss code: `gauss`."""
         return self.gauss
 
     def pd_code(self) -> tuple[tuple[int, ...], ...]:
-        """Planar diagram code, as KnotTheory, SnapPy and Topoly read it: `planar`."""
+        """Return the planar diagram code that KnotTheory, SnapPy and Topoly read: `planar`."""
         return self.planar
 
     def dt_code(self) -> tuple[int, ...]:
-        """Dowker-Thistlethwaite code; it does not tell mirror images from each other."""
+        """Return the Dowker-Thistlethwaite code, which is the same for mirror images."""
         return self.dowker_thistlethwaite
 
     def writhe(self) -> int:
-        """Sum of the crossings' signs."""
+        """Return the sum of the crossings' signs."""
         return sum(self.signs)
 
 
 def knot_diagram(
     points: ArrayLike, closed: bool = False, *, direction: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Diagram:
-    """Crossings of a rope as they are seen from a direction, none left out.
+    """Return all crossings of a rope as seen from a direction.
 
-    An open rope is closed by an arc from its last to its first node that lies above everything: both ends
-    are led to the viewer and joined there. Where a strand lies exactly above a node, the direction is
-    turned by up to 0.3 mrad.
+    An open rope is closed by an arc above everything: both ends are led to the viewer and joined there. If a
+    strand lies exactly above a node, the direction is turned by up to 0.3 mrad.
 
     Parameters
     ----------
@@ -81,8 +79,8 @@ def knot_diagram(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If `points` is no polyline, as in `strand.knot`; if it has more than 20,000 crossings; if
-        `direction` is zero, or strands lie along each other from there.
+        If `points` is not a polyline, as in `strand.knot`, or has more than 20,000 crossings; if `direction`
+        is zero, or strands lie along each other from there.
     """
     nodes = check_finite_array("points", points, ("N", 3))
     codes = _core.knot_diagram(nodes, check_bool("closed", closed), check_direction("direction", direction))
@@ -90,6 +88,6 @@ def knot_diagram(
 
 
 def make_diagram(codes: tuple[list[int], list[int], list[list[int]], list[int]]) -> Diagram:
-    """Return a diagram of codes as the kernel gives them."""
+    """Return the diagram of a kernel's codes."""
     gauss, signs, planar, even = codes
     return Diagram(tuple(gauss), tuple(signs), tuple(map(tuple, planar)), tuple(even))

@@ -1,4 +1,4 @@
-"""Knots: what is tied in a rope, by name."""
+"""Knots in ropes, by name, and how often two ropes wind around each other."""
 
 from __future__ import annotations
 
@@ -15,47 +15,46 @@ from strand.ropes.diagram import Diagram, make_diagram
 from strand.support.checks import Array, check_bool, check_finite_array
 
 UNKNOWN = "unknown"
-"""The name of a knot that is not in the table."""
+"""Name of a knot that is not in the table."""
 
 Chirality = Literal["right", "left"]
 
 
 @dataclass(frozen=True)
 class Knot:
-    """What is tied in a rope.
+    """The knot in a rope.
 
     Attributes
     ----------
     name : str
-        The knot's name in Rolfsen's table, to seven crossings: "0_1" for none, "3_1", "4_1", ... "7_7"; the
-        composite knots "3_1#3_1" and "3_1#4_1"; "unknown" for all others.
+        Name in Rolfsen's table, to seven crossings: "0_1" for none, "3_1", "4_1", ... "7_7"; composite knots
+        "3_1#3_1" and "3_1#4_1"; "unknown" for all others.
     chirality : {"right", "left"} or None
-        Which of two mirror images it is. "right" is the one whose alternating diagrams with the fewest
-        crossings have a positive writhe: more crossings are right-handed. None where both are the same knot
-        ("0_1", "4_1", "6_3"), and where `name` is "unknown". Of "3_1#3_1", the granny knots are "right" or
-        "left" as their two trefoils are, the square knot is None; "3_1#4_1" has the chirality of its trefoil.
+        Which of two mirror images it is. The alternating diagrams of "right" with the fewest crossings have a
+        positive writhe. None if both are the same knot ("0_1", "4_1", "6_3"), or `name` is "unknown". A
+        "3_1#3_1" is "right" or "left" as a granny knot and None as a square knot; a "3_1#4_1" has the
+        chirality of its trefoil.
     probability : float
-        The share of closures that say so, from 0 to 1; 1 for a closed rope. Times the probability that
-        errors in the order of crossings leave the knot what it is, if crossings were given, or a
-        reconstructed chain has its own.
+        Fraction of closures with this name, from 0 to 1; 1 for a closed rope. If the order at crossings is
+        uncertain, it is multiplied by the probability that errors leave the knot unchanged.
     core : (float, float) or None
-        Arc lengths, metres, between which the knot is tied: the shortest stretch found of which most closures
-        have the same Alexander polynomial, to a fiftieth of the rope's length. None for "0_1", "unknown" and
-        closed ropes, and where no more than half of the closures say `name`.
+        Arc lengths, metres, between which the knot is tied, to a fiftieth of the rope's length: the shortest
+        stretch found for which most closures have the same Alexander polynomial. None for "0_1", "unknown"
+        and closed ropes, and if no more than half of the closures say `name`.
     ambiguous : tuple of str
-        Other prime knots to twelve crossings with the same Alexander and Jones polynomials that the diagram
-        has enough crossings for. Empty wherever the diagram has fewer than ten.
+        Other prime knots, to twelve crossings, with the same Alexander and Jones polynomials and no more
+        crossings than the diagram. Empty if the diagram has fewer than ten.
     shares : tuple of (str, str or None, float)
-        What all closures say: name, chirality and share, the most frequent first.
+        Results of all closures, the most frequent first: name, chirality and fraction.
     alexander : tuple of int or None
-        Coefficients of the Alexander polynomial from the lowest to the highest power: a palindrome with the
-        sum 1. None if the diagram has more than 48 crossings.
+        Coefficients of the Alexander polynomial, from the lowest power up: a palindrome with the sum 1. None
+        if the diagram has more than 48 crossings.
     jones : (int, tuple of int) or None
-        The Jones polynomial: its lowest exponent, and the coefficients from there up. t + t^3 - t^4 for the
-        trefoil "right". None if the diagram is too large.
+        Jones polynomial: the lowest exponent, and the coefficients from there up; t + t^3 - t^4 for the
+        "right" trefoil. None if the diagram is too large.
     diagram : Diagram
-        One with few crossings, as closures gave it: simplified by Reidemeister's first and second move.
-        Without crossings for "0_1", and where a chain is too tangled.
+        A diagram of a closure, simplified by Reidemeister's first and second move. It has no crossings for
+        "0_1", or if the chain is too tangled.
     """
 
     name: str
@@ -69,19 +68,19 @@ class Knot:
     diagram: Diagram
 
     def gauss_code(self) -> tuple[int, ...]:
-        """Signed Gauss code of `diagram`."""
+        """Return the signed Gauss code of `diagram`."""
         return self.diagram.gauss_code()
 
     def pd_code(self) -> tuple[tuple[int, ...], ...]:
-        """Planar diagram code of `diagram`."""
+        """Return the planar diagram code of `diagram`."""
         return self.diagram.pd_code()
 
     def dt_code(self) -> tuple[int, ...]:
-        """Dowker-Thistlethwaite code of `diagram`."""
+        """Return the Dowker-Thistlethwaite code of `diagram`."""
         return self.diagram.dt_code()
 
     def writhe(self) -> int:
-        """Sum of the signs of the crossings of `diagram`."""
+        """Return the sum of the signs of the crossings of `diagram`."""
         return self.diagram.writhe()
 
 
@@ -92,28 +91,26 @@ def knot(
     crossings: ArrayLike | None = None,
     direction: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Knot:
-    """Name the knot that is tied in a rope.
+    """Name the knot in a rope.
 
-    An open rope is no knot until it is closed: both ends are led straight to a far sphere in the same
-    direction, and joined there. This is done in 50 directions, spread evenly and always the same. The name
-    is what most of them say. Each closure is simplified (Koniaris, Muthukumar and Taylor's removal of
-    nodes; Reidemeister's first and second move) and named by its Alexander and its Jones polynomial, both
-    exact.
+    An open rope is closed first: both ends are led straight to a far sphere in the same direction, and joined
+    there. strand tries 50 evenly spread directions, always the same, and takes the most frequent name. It
+    simplifies each closure (removal of nodes by Koniaris, Muthukumar and Taylor; Reidemeister's first and
+    second move) and names it by its exact Alexander and Jones polynomials.
 
     Parameters
     ----------
     points : (N, 3) array_like of float
-        Nodes in order, metres, N >= 2 (closed: 3), no two in a row equal.
+        Nodes in order, metres, N >= 2 (3 if closed), no two in a row equal.
     closed : bool
         Whether the last node joins the first, as in a ring.
     crossings : (K, 3) array_like of float, optional
-        How sure the order at crossings is: arc lengths of the two strands, metres, and the probability that
-        the nodes have them in the right order. Each belongs to the nearest crossing that is seen from
-        `direction`; crossings that are not given are sure. Those that only twist a strand do not matter. Of
-        the others the ten least sure are tried both ways, and all further ones must be right: `probability`
-        is then a lower bound.
+        How sure the order at crossings is: two arc lengths, metres, and the probability that the order in the
+        nodes is right. Each row belongs to the nearest crossing seen from `direction`; other crossings are
+        sure. Crossings that only twist a strand do not matter. strand tries the ten least sure of the others
+        both ways and takes the rest as right, so `probability` is a lower bound.
     direction : (3,) array_like of float
-        From where `crossings` were seen: a vector from the rope to the viewer. It is not used without them.
+        From the rope to the viewer of `crossings`; unused without them.
 
     Returns
     -------
@@ -124,9 +121,16 @@ def knot(
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If `points` is not (N, 3), not finite, has too few nodes or equal ones in a row, or if the curve
-        meets itself where that decides the knot; if `closed` and the first node is there again at the end;
-        if `crossings` are not arc lengths and probabilities, or more than are seen; if `direction` is zero.
+        If `points` has a wrong shape, is not finite, or has too few nodes or equal ones in a row; if the
+        curve meets itself where that decides the knot; if the first node of a closed rope is repeated at the
+        end; if `crossings` holds wrong values or more rows than there are crossings; if `direction` is zero.
+
+    Examples
+    --------
+    >>> import strand
+    >>> knot = strand.knot(strand.synthetic.shape("overhand"))
+    >>> knot.name, knot.chirality, knot.probability
+    ('3_1', 'left', 0.98)
     """
     nodes, closed = check_finite_array("points", points, ("N", 3)), check_bool("closed", closed)
     path = np.vstack([nodes, nodes[:1]]) if closed and len(nodes) else nodes
@@ -141,9 +145,9 @@ def name_knot(
     direction: ArrayLike,
     strict: bool = True,
 ) -> Knot:
-    """Return what `knot` does, with the arc lengths at the nodes; of a closed rope also once around.
+    """Return what `knot` does, for given arc lengths at the nodes; of a closed rope also at its end.
 
-    If not `strict`, crossings need not be seen in the nodes: those that are not must be right.
+    If not `strict`, crossings that the nodes do not show count as right.
     """
     answers, core, twin, alexander, jones, codes = _core.knot(nodes, closed)
     shares = tuple((name or UNKNOWN, chirality, share) for name, chirality, share in answers)
@@ -171,41 +175,41 @@ def name_knot(
 
 
 def linking_number(a: Line | ArrayLike, b: Line | ArrayLike, closed: bool = True) -> float:
-    """Tell how often two ropes wind round each other: Gauss's linking integral, exact for polylines.
+    """Return how often two ropes wind around each other: Gauss's linking integral, exact for polylines.
 
-    It is half the sum of the signs of the crossings between the two, averaged over all directions of view.
-    Two closed ropes have the same sum from everywhere: their linking number. An open rope has an integral
-    that changes as its ends move; no closure is made.
+    It is half the sum of the signs of their mutual crossings, averaged over all directions of view. For two
+    closed ropes the sum is the same from everywhere: their linking number. For an open rope the integral
+    changes as its ends move; no closure is made.
 
     Parameters
     ----------
     a, b : Line or (N, 3) array_like of float
         Ropes, or their nodes in order, in one unit. At most 1e8 pairs of nodes.
     closed : bool
-        Whether arrays are closed ropes; of a `Line` its own `closed` counts.
+        Whether arrays are closed ropes; a `Line` says it itself.
 
     Returns
     -------
     float
-        A whole number if both ropes are closed. Positive where one winds round the other as a right-handed
-        screw does, both taken in the order of their nodes.
+        A whole number if both ropes are closed. Positive if one winds around the other like a right-handed
+        screw, both in the order of their nodes.
 
     Raises
     ------
     TypeError
         If an argument is of the wrong kind.
     ValueError
-        If nodes are not (N, 3), not finite, too few (two; three of a closed rope), equal in a row, or too
-        many.
+        If nodes have a wrong shape, are not finite, too few (two; three if closed), too many, or equal in a
+        row.
     """
     arrays_closed = check_bool("closed", closed)
     (first, first_closed), (second, second_closed) = (
-        _nodes(name, rope, arrays_closed) for name, rope in (("a", a), ("b", b))
+        _read_nodes(name, rope, arrays_closed) for name, rope in (("a", a), ("b", b))
     )
     return _core.linking_number(first, second, [first_closed, second_closed])
 
 
-def _nodes(name: str, rope: Line | ArrayLike, closed: bool) -> tuple[Array, bool]:
+def _read_nodes(name: str, rope: Line | ArrayLike, closed: bool) -> tuple[Array, bool]:
     if isinstance(rope, Line):
         return rope.points, rope.closed
     return check_finite_array(name, rope, ("N", 3)), closed

@@ -1,4 +1,4 @@
-"""How likely it is that the strand that seems to lie on top at a crossing does."""
+"""The probability that the upper strand of a crossing really lies on top."""
 
 from __future__ import annotations
 
@@ -9,58 +9,53 @@ import numpy as np
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 
-# set on random scenes: how many times wider heights scatter than covariances say, which leave out what both
-# strands share; the least that they do, of both radii; how far doubts reach, in radii; what doubts count for,
-# of the order, of which way ropes run, and others; what strands count for that cut into each other; and the
-# doubt that is always there
-_WIDER, _LEAST = 3.0, 0.05
-_REACH = 8.0
-_ORDER, _WAY, _OTHERS = 0.13, 0.35, 0.01
-_CUT, _SOFT = 0.13, 0.5
-_ALWAYS = 0.002
-# odds beyond e to this are the same
-_MOST = 50.0
+# set on random scenes
+_WIDER = 3.0  # times the covariances' standard deviation, which ignores errors that both strands share
+_MIN_SD = 0.05  # both radii: heights scatter by at least that
+_REACH = 8.0  # radii: doubts nearer than that to a crossing count
+_ORDER = 0.13  # weight of doubts about the order
+_RIVAL = 0.35  # weight of doubts about other ways to join
+_OTHERS = 0.01  # weight of other doubts
+_CUT = 0.13  # weight of strands that cut into each other
+_CUT_SD = 0.5  # both radii: strands may cut that far into each other
+_BASE = 0.002  # doubt at each crossing
+_MAX_ODDS = 50.0  # logarithm
 
 
 def estimate_order_probability(
     height: Array, sd: Array, radii: Array, place: Array, doubts: Sequence[Doubt]
 ) -> Array:
-    """Return how likely the orders at crossings are right.
+    """Return the probabilities (K,) that the orders at crossings are right.
 
-    Ropes do not pass through each other: a true height is at least both radii r, or at most -r. How well the
-    height h of the chains agrees with either is weighed by normal errors of width s:
+    Ropes do not pass through each other: a true height is at least both radii r, or at most -r. Normal errors
+    of width s weigh how well the measured height h agrees with either:
 
         log odds = ((h + r)^2 - min(h - r, 0)^2) / (2 s^2)
 
-    where s is three times the standard deviation w, and not less than r - h. Doubts d near the crossing that
-    are about the order make it a guess with probability 1 - exp(-d). With the others, and with the square of
-    r - h where strands cut into each other, there is no such crossing with probability 1 - exp(-d).
+    Here s is three times the standard deviation, and at least r - h. Doubts d about the order near the
+    crossing make it a guess with probability 1 - exp(-d). With other doubts, and where strands cut into each
+    other, the crossing does not exist with that probability.
 
     Parameters
     ----------
     height, sd : (K,) ndarray
-        Height of the upper axis above the lower one, 0 or above, and its standard deviation, metres. Where
-        that is NaN it counts as half of both radii.
+        Height of the upper axis above the lower one, 0 or above, and its standard deviation, metres. NaN
+        counts as half of both radii.
     radii : (K,) ndarray
         Sums of both ropes' radii, metres.
     place : (K, 3) ndarray
-        Where, metres.
+        Places of the crossings, metres.
     doubts : sequence of Doubt
         Those without a place count nowhere.
-
-    Returns
-    -------
-    (K,) ndarray
-        From 0 to 1.
     """
     rise = height / radii
     with np.errstate(over="ignore", divide="ignore"):
-        noise = np.hypot(_WIDER * np.where(np.isnan(sd), 0.5 * radii, sd) / radii, _LEAST)
+        noise = np.hypot(_WIDER * np.where(np.isnan(sd), 0.5 * radii, sd) / radii, _MIN_SD)
         width = np.maximum(noise, 1.0 - rise)
         odds = ((rise + 1.0) ** 2 - np.minimum(rise - 1.0, 0.0) ** 2) / (2.0 * width**2)
-    likely = 1.0 / (1.0 + np.exp(-np.minimum(odds, _MOST)))
-    cut = np.maximum(1.0 - rise, 0.0) ** 2 / (noise**2 + _SOFT**2)
-    order, way = np.zeros(len(rise)), _ALWAYS + _CUT * cut
+    likely = 1.0 / (1.0 + np.exp(-np.minimum(odds, _MAX_ODDS)))
+    cut = np.maximum(1.0 - rise, 0.0) ** 2 / (noise**2 + _CUT_SD**2)
+    order, way = np.zeros(len(rise)), _BASE + _CUT * cut
     for doubt in doubts:
         if doubt.place is None:
             continue
@@ -68,5 +63,5 @@ def estimate_order_probability(
         if doubt.kind == "order":
             order += near * _ORDER * doubt.amount
         else:
-            way += near * (_WAY if doubt.kind == "rival" else _OTHERS) * doubt.amount
+            way += near * (_RIVAL if doubt.kind == "rival" else _OTHERS) * doubt.amount
     return np.asarray((0.5 + (likely - 0.5) * np.exp(-order)) * np.exp(-way))

@@ -1,4 +1,4 @@
-"""What queries against tubes answer: `Model` asks them, the compiled module works them out."""
+"""Results of geometry queries, which `Model` asks and the compiled module answers."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from strand.support.checks import Array
 
 @dataclass(frozen=True, eq=False)
 class RayHits:
-    """For each of N rays, where it first meets a tube.
+    """Where each of N rays first meets a tube.
 
     Attributes
     ----------
     distance : (N,) ndarray
-        Along the ray, metres, however long its direction is; infinite if it meets none, 0 if it starts in
-        one.
+        Along the ray, metres, whatever the length of its direction; infinite without a hit, 0 if it starts
+        in a tube.
     chain : (N,) ndarray of int64
-        The chain's number; -1 if there is none.
+        Number of the chain; -1 without a hit.
     s : (N,) ndarray
-        Arc length of the foot point of the place that is met, metres; NaN if there is none.
+        Arc length of the foot point on the axis, metres; NaN without a hit.
     normal : (N, 3) ndarray
-        Unit vectors out of the tube; NaN if there is none.
+        Unit vector out of the tube; NaN without a hit. A ray that starts in a tube has the normal of the
+        nearest place of the axis.
     """
 
     distance: Array
@@ -35,20 +36,18 @@ class RayHits:
 
 @dataclass(frozen=True, eq=False)
 class SweepHits:
-    """For each of N bodies that move, when it touches a tube and how near it comes.
+    """When each of N moving bodies touches a tube, and how near it comes.
 
     Attributes
     ----------
     time : (N,) ndarray
-        The first contact, as a share of the way, from 0 to 1; infinite if there is none, 0 if it starts with
-        one.
+        First contact as a fraction of the way, 0 to 1; infinite without contact, 0 if it starts with one.
     clearance : (N,) ndarray
-        The least, over the whole way, of the body's distance from an axis minus that tube's radius, metres.
-        It is negative where the body would be in a tube, and as low as can be where an axis is in the body.
-        Infinite if the model has no chains.
+        Least distance of the body from an axis minus that tube's radius over the whole way, metres. It is
+        negative where the body would enter a tube. Infinite if the model has no chains.
     chain : (N,) ndarray of int64
-        The number of the chain that is touched first, or, without contact, that the body comes nearest to;
-        -1 if the model has none.
+        Number of the chain that the body touches first, or without contact comes nearest to; -1 if the model
+        has no chains.
     s : (N,) ndarray
         Arc length of the foot point there, metres; NaN without chains.
     """

@@ -1,4 +1,4 @@
-"""How far a rope is from the shape that it should have."""
+"""Distance of a rope from a target shape."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ import numpy as np
 from strand.geometry.line import Line
 from strand.support.checks import Array
 
-# places along the rope that are compared
-_PLACES = 200
+_PLACES = 200  # along the rope that are compared
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeError:
-    """A rope beside its target, at equal shares of both lengths.
+    """A rope compared with its target, at equal fractions of both lengths.
 
     Attributes
     ----------
     rms, worst : float
-        Root mean square and greatest distance, metres.
+        Root mean square and greatest of the distances, metres.
     s : float
-        Arc length on the rope of the worst place, metres.
+        Arc length of the worst place on the rope, metres.
     longer : float
-        How much longer the rope is than its target, metres.
+        Length of the rope minus that of the target, metres.
     reversed : bool
-        Whether the rope runs the other way than its target.
+        Whether the rope runs against its target.
     arc_lengths : (200,) ndarray
-        Places on the rope that were compared, metres.
+        The compared places on the rope, metres.
     offsets : (200, 3) ndarray
-        From these to the places where they should be, world frame, metres.
+        From these to their targets, world frame, metres.
     """
 
     rms: float
