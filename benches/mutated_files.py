@@ -1,164 +1,88 @@
-"""Read damaged files of every kind, and count what is neither an answer nor the documented error.
+"""Read damaged files of every kind, and count what is neither an answer nor a documented error.
 
-    python benches/mutated_files.py --files 1000000 --seed 1 --findings target/findings
+python benches/mutated_files.py [--files N] [--seed N] [--only N] [--kind NAME] [--findings DIR]
 
-Damaged files are made at random (`lib/mutations.py`) in folders that are in memory. Allowed are a value,
-`strand.FileFormatError` that names the file, and, where one file names another, `OSError` for what cannot be
-opened. All else is a finding, and so are a warning (but Pillow's own: of what is damaged beside the pixels),
-more than two seconds of processor time, and more than 200 MB of memory for one file. The files are kept.
-`--seed S --only N` reads the one file of that number again.
+The bench damages files at random (`lib/mutations.py`), in folders in memory. Three outcomes are allowed: a
+value; `strand.FileFormatError` that names the file; and `OSError` where one file names another one that
+cannot be opened. All else is a finding, and so are:
+
+- a warning, but for Pillow's own about damage beside the pixels,
+- more than two seconds of processor time for one file,
+- more than 200 MB of memory for one file.
+
+`--findings` keeps the files of findings. `--seed S --only N` reads one file again.
 """
 
 from __future__ import annotations
 
-import os
 import resource
 import signal
 import sys
 import tempfile
 import time
-import traceback
 import warnings
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-
-import strand
-from lib.mutations import Kind, kinds, numbered
+from lib.damaged_files import ALLOWED, TooLong, damage_file, list_kinds, make_folder, read_file, try_file
 from lib.results import make_parser, run_bench
-from lib.whole_files import CAMERA, COLOURS, DEPTH, LABELS, image, npy, ply
-from strand import config
-from strand.support.files import FileFormatError
+from lib.tables import print_head, print_row
 
-SECONDS = 2.0
-MEMORY = 200_000  # kB
-ALLOWED = ("answer", "FileFormatError", "OSError")
-SHOWN = (*ALLOWED, "finding")
-LIMIT = 1 << 23  # bytes that a scene may take: the files are small
+MAX_SECONDS = 2.0  # processor time of one file
+WAIT = 120.0  # seconds by the clock for one file
+MAX_GROWTH = 200_000  # kB of memory that one file may take
+MEMORY = 4 << 30  # bytes for the whole process
 
 
-class TooLong(BaseException):
-    """Reading a file took too long."""
-
-
-def folder_of(parent: Path, kind: Kind) -> Path:
-    """A folder with all that a kind's files need beside them."""
-    folder = parent / kind.name.replace(".", "_")
-    folder.mkdir()
-    if kind.view:
-        (folder / "scene.toml").write_text(f"{CAMERA}[[view]]\n{kind.view}")
-    if kind.name == "scene.toml" or kind.view:
-        for name, data in {
-            "depth.png": image(DEPTH),
-            "mask.png": image(LABELS),
-            "color.png": image(COLOURS),
-            "depth.npy": npy(DEPTH * 0.001),
-            "points.ply": ply("ascii", "double"),
-        }.items():
-            (folder / name).write_bytes(data)
-        os.mkfifo(folder / "fifo.npy")
-        (folder / "loop.npy").symlink_to("loop.npy")
-        (folder / "endless.npy").symlink_to("/dev/zero")
-        (folder / "folder.npy").mkdir()
-    return folder
-
-
-def read(kind: Kind, folder: Path) -> object:
-    """What the file of a kind in its folder says; values are looked at as a user would."""
-    path = folder / kind.name
-    if kind.reader == "config":
-        return repr(config.load(path))
-    if kind.reader == "model":
-        made = strand.load_model(path)
-        repr(made), [str(one) for one in (*made.warnings, *made.doubts)], [one.length for one in made.chains]
-        made.save(folder / "again.json")
-        again = strand.load_model(folder / "again.json")
-        np.testing.assert_array_equal(again.poses, made.poses)
-        return again
-    scene = strand.load_scene(folder if kind.view else path, max_bytes=LIMIT)
-    assert scene.views, "a scene without views"
-    scene.name.encode()
-    for view in scene.views:
-        assert np.isfinite(view.points).all(), "points that are not finite"
-        assert view.colors is None or len(view.colors) == len(view.points), "colours of other points"
-    return scene
-
-
-def outcome(kind: Kind, folder: Path) -> str:
-    """What comes of a file: "answer", "FileFormatError", "OSError", or why it is a finding."""
-    try:
-        read(kind, folder)
-    except FileFormatError as error:
-        if not error.file.startswith(str(folder)) or len(error.reason) > 1000:
-            return f"message: {str(error)[:100]}"
-        return "FileFormatError"
-    except OSError as error:
-        return where(error) if kind.name != "scene.toml" or error.filename is None else "OSError"
-    except (KeyboardInterrupt, TooLong):
-        raise
-    except BaseException as error:
-        return where(error)
-    return "answer"
-
-
-def where(error: BaseException) -> str:
-    """The kind of an error, and the last place of strand's that it went through."""
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "/strand/" in frame.filename]
-    place = f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else "?"
-    return f"{type(error).__name__} in {place}"
-
-
-def stop(*_: object) -> None:
-    """End the reading of a file."""
+def raise_too_long(*_: object) -> None:
+    """End the reading of a file, as a handler of signals."""
     raise TooLong
 
 
-def main() -> None:
-    """Make, read, count."""
+def main() -> int:
     parser = make_parser(__doc__)
-    parser.add_argument("--files", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", type=int, help="the number of one file")
-    parser.add_argument("--kind", help="only files of this name, such as a.ply")
-    parser.add_argument("--findings", type=Path, help="where files of findings are kept")
+    parser.add_argument("--files", type=int, default=10_000, metavar="N", help="how many (default: 10000)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all files (default: 0)")
+    parser.add_argument("--only", type=int, metavar="N", help="read only the file of this number")
+    parser.add_argument("--kind", help="read only files of this name, such as a.ply")
+    parser.add_argument("--findings", type=Path, metavar="DIR", help="keep files of findings here")
     options = parser.parse_args()
-    resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
-    signal.signal(signal.SIGALRM, stop)
-    signal.signal(signal.SIGVTALRM, stop)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    signal.signal(signal.SIGALRM, raise_too_long)
+    signal.signal(signal.SIGVTALRM, raise_too_long)
     warned: list[str] = []
     warnings.simplefilter("always")
     warnings.filterwarnings("ignore", module="PIL")
     warnings.showwarning = lambda message, category, *_, **__: warned.append(f"{category.__name__} {message}")
-    every = kinds()
+    every = list_kinds()
     chosen = tuple(kind for kind in every if options.kind in (None, kind.name))
     files: Counter[tuple[str, str]] = Counter()
     findings: Counter[tuple[str, str]] = Counter()
     started = time.monotonic()
     shared = "/dev/shm" if Path("/dev/shm").is_dir() else None
     with tempfile.TemporaryDirectory(dir=shared) as parent:
-        folders = {kind.name: folder_of(Path(parent), kind) for kind in every}
-        for kind in every:  # whole files are read, and what is loaded late is loaded
+        folders = {kind.name: make_folder(Path(parent), kind) for kind in every}
+        for kind in every:  # whole files first: they are read, and load modules that load late
             for data in kind.whole:
                 (folders[kind.name] / kind.name).write_bytes(data)
-                read(kind, folders[kind.name])
+                read_file(kind, folders[kind.name])
         numbers = range(options.files) if options.only is None else [options.only]
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         for number in numbers:
-            kind, data = numbered(options.seed, number, chosen, every)
+            kind, data = damage_file(options.seed, number, chosen, every)
             (folders[kind.name] / kind.name).write_bytes(data)
             warned.clear()
             try:
-                signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
-                signal.setitimer(signal.ITIMER_REAL, 60 * SECONDS)  # waits take no processor time
-                why = outcome(kind, folders[kind.name])
+                signal.setitimer(signal.ITIMER_VIRTUAL, MAX_SECONDS)
+                signal.setitimer(signal.ITIMER_REAL, WAIT)  # waits take no processor time
+                why = try_file(kind, folders[kind.name])
                 signal.setitimer(signal.ITIMER_VIRTUAL, 0)
                 signal.setitimer(signal.ITIMER_REAL, 0)
             except TooLong:
                 why = "too long"
             grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most
             most += grown
-            if why in ALLOWED and grown > MEMORY:
+            if why in ALLOWED and grown > MAX_GROWTH:
                 why = f"{grown // 1000} MB"
             if why in ALLOWED and warned:
                 why = f"warning: {warned[0][:60]}"
@@ -171,20 +95,19 @@ def main() -> None:
                     print(f"{number}: {kind.name}: {why}", file=sys.stderr, flush=True)
             if number % 100_000 == 99_999:
                 print(f"{number + 1} files, {sum(findings.values())} findings", file=sys.stderr, flush=True)
-    print("| file | read | answers | refused | findings |\n|---|---|---|---|---|")
+    print_head("file", "read", "answers", "refused", "findings")
     for name in [kind.name for kind in chosen] + ["all"]:
-        count = {
-            what: sum(n for (of, is_), n in files.items() if name in (of, "all") and is_ == what)
-            for what in SHOWN
+        counts = {
+            outcome: sum(n for (kind, end), n in files.items() if name in (kind, "all") and end == outcome)
+            for outcome in (*ALLOWED, "finding")
         }
-        refused = count["FileFormatError"] + count["OSError"]
-        print(
-            f"| {name} | {sum(count.values()):,} | {count['answer']:,} | {refused:,} | {count['finding']:,} |"
-        )
-    print(f"{sum(files.values()) / (time.monotonic() - started):.0f} files a second")
+        refused = counts["FileFormatError"] + counts["OSError"]
+        numbers = (sum(counts.values()), counts["answer"], refused, counts["finding"])
+        print_row(name, *(f"{number:,}" for number in numbers))
+    print(f"\n{sum(files.values()) / (time.monotonic() - started):.0f} files a second")
     for (name, why), count in findings.most_common():
         print(f"{count:8} {name}: {why}")
-    sys.exit(bool(findings))
+    return int(bool(findings))
 
 
 if __name__ == "__main__":

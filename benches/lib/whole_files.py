@@ -58,14 +58,14 @@ correlation = 1.5
 """
 
 
-def npy(array: np.ndarray) -> bytes:
+def make_npy(array: np.ndarray) -> bytes:
     """An NPY file."""
     out = io.BytesIO()
     np.lib.format.write_array(out, array)
     return out.getvalue()
 
 
-def ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> bytes:
+def make_ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> bytes:
     """A PLY file with the points."""
     kind = {"float": "f4", "double": "f8"}[number]
     header = f"ply\nformat {encoding} 1.0\ncomment made\nelement vertex {len(POINTS)}\n"
@@ -79,7 +79,7 @@ def ply(encoding: str, number: str, more: str = "", tail: bytes = b"") -> bytes:
     return header.encode() + body + tail
 
 
-def compressed(data: bytes) -> bytes:
+def compress_lzf(data: bytes) -> bytes:
     """Bytes compressed by LZF: the longest copies of what three bytes in a row last stood before."""
     out, last, at, start = bytearray(), {}, 0, 0
 
@@ -107,7 +107,7 @@ def compressed(data: bytes) -> bytes:
     return bytes(out)
 
 
-def pcd(
+def make_pcd(
     encoding: str,
     points: np.ndarray,
     colors: np.ndarray | None = None,
@@ -153,26 +153,26 @@ def pcd(
         body = np.concatenate(parts, axis=1).tobytes()
     else:
         whole = b"".join(column.tobytes() for column in columns)
-        small = compressed(whole)
+        small = compress_lzf(whole)
         body = struct.pack("<II", len(small), len(whole)) + small
     return "\n".join(header).encode() + body
 
 
-def image(array: np.ndarray, kind: str = "PNG") -> bytes:
+def make_image(array: np.ndarray, kind: str = "PNG") -> bytes:
     """An image file."""
     out = io.BytesIO()
     Image.fromarray(array).save(out, kind)
     return out.getvalue()
 
 
-def deflated_tiff(array: np.ndarray) -> bytes:
+def make_deflated_tiff(array: np.ndarray) -> bytes:
     """A TIFF file with compressed strips."""
     out = io.BytesIO()
     Image.fromarray(array).save(out, "TIFF", compression="tiff_adobe_deflate")
     return out.getvalue()
 
 
-def archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
+def make_archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
     """A scene's archive."""
     out = io.BytesIO()
     poses = np.stack([np.eye(4), strand.pose_from_angles(0.1, 0.2, 0.3, np.array([0.1, 0.2, 0.3]))])
@@ -182,7 +182,7 @@ def archive(save: Callable[..., None], **more: np.ndarray) -> bytes:
     return out.getvalue()
 
 
-def model() -> bytes:
+def make_model() -> bytes:
     """A model with one of everything."""
     nodes = np.column_stack([np.linspace(0, 0.1, 4), np.zeros(4), np.zeros(4)])
     control = np.column_stack([np.linspace(-0.02, 0.12, 7), np.zeros(7), np.zeros(7)])

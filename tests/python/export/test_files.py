@@ -91,14 +91,14 @@ def test_what_is_saved_is_as_the_schema_says(tmp_path, paper_model):
     for model in (MODEL, paper_model, strand.Model((), np.eye(4)[None], method="published")):
         model.save(tmp_path / "a.json")
         validated(json.loads((tmp_path / "a.json").read_text()))
-    everything = json.loads(whole_files.model()) | {"units": "metres, radians, seconds"}
+    everything = json.loads(whole_files.make_model()) | {"units": "metres, radians, seconds"}
     validated(everything)
 
 
 @pytest.mark.parametrize("key", SCHEMA["properties"])
 def test_what_the_schema_refuses_is_not_read_either(tmp_path, key):
     """Each key with a value of another kind: both say no, and the reader says where."""
-    content = json.loads(whole_files.model()) | {"units": "metres, radians, seconds"}
+    content = json.loads(whole_files.make_model()) | {"units": "metres, radians, seconds"}
     for wrong in ("wrong", [1], {"a": []}):
         changed = content | {key: wrong}
         with pytest.raises(jsonschema.ValidationError):
@@ -148,7 +148,7 @@ def test_every_field_of_the_values_is_in_the_schema():
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
-    content = json.loads(whole_files.model())
+    content = json.loads(whole_files.make_model())
     change(content)
     (tmp_path / "a.json").write_text(json.dumps(content))
     with pytest.raises(strand.FileFormatError, match="not a strand model") as caught:

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lib.whole_files import compressed
+from lib.whole_files import compress_lzf
 from strand.io.lzf import decompress
 
 
 @given(st.lists(st.tuples(st.binary(min_size=1, max_size=40), st.integers(1, 300)), max_size=20))
 def test_what_was_compressed_comes_back(parts):
     data = b"".join(part * repeats for part, repeats in parts)
-    packed = compressed(data)
+    packed = compress_lzf(data)
     assert decompress(memoryview(packed), len(data)) == data
 
 
 def test_copies_that_run_into_themselves_repeat():
     assert decompress(memoryview(b"\x01ab\xe0\x00\x01"), 11) == b"abababababa"
-    assert len(compressed(bytes(100_000))) < 1200
+    assert len(compress_lzf(bytes(100_000))) < 1200
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from lib.whole_files import pcd
+from lib.whole_files import make_pcd
 from shared.scene_files import make_grid_cloud
 from strand import FileFormatError
 from strand.io.budget import Budget
@@ -57,7 +57,7 @@ def test_clouds_that_open3d_wrote(tmp_path, options, normals):
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("color", ["F", "U", "I"])
 def test_fields_in_any_order_with_others_between(tmp_path, encoding, color):
-    path = written(tmp_path / "a.pcd", pcd(encoding, POINTS, COLORS, color, padded=True))
+    path = written(tmp_path / "a.pcd", make_pcd(encoding, POINTS, COLORS, color, padded=True))
     cloud = read(path)
     np.testing.assert_array_equal(cloud.points, POINTS)
     np.testing.assert_array_equal(cloud.colors, COLORS)
@@ -66,7 +66,7 @@ def test_fields_in_any_order_with_others_between(tmp_path, encoding, color):
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_double_precision_and_no_colours(tmp_path, encoding):
     points = np.random.default_rng(2).normal(size=(9, 3))
-    cloud = read(written(tmp_path / "a.pcd", pcd(encoding, points)))
+    cloud = read(written(tmp_path / "a.pcd", make_pcd(encoding, points)))
     np.testing.assert_array_equal(cloud.points, points)
     assert cloud.points.dtype == np.float64
     assert cloud.colors is None
@@ -74,13 +74,13 @@ def test_double_precision_and_no_colours(tmp_path, encoding):
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_no_points(tmp_path, encoding):
-    cloud = read(written(tmp_path / "a.pcd", pcd(encoding, POINTS[:0], COLORS[:0])))
+    cloud = read(written(tmp_path / "a.pcd", make_pcd(encoding, POINTS[:0], COLORS[:0])))
     assert cloud.points.shape == cloud.colors.shape == (0, 3)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_truncated_anywhere(tmp_path, encoding):
-    data = pcd(encoding, POINTS[:5], COLORS[:5])
+    data = make_pcd(encoding, POINTS[:5], COLORS[:5])
     # an ASCII file that lost the end of its last number cannot be told from a whole one
     end = len(data.rstrip().rsplit(b" ", 1)[0]) if encoding == "ascii" else len(data)
     for length in range(1, end):
@@ -89,7 +89,7 @@ def test_truncated_anywhere(tmp_path, encoding):
 
 
 def test_a_viewpoint_at_the_origin_says_nothing(tmp_path):
-    data = pcd("ascii", POINTS)
+    data = make_pcd("ascii", POINTS)
     assert read(written(tmp_path / "a.pcd", data)).viewpoint is None
     moved = data.replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 0 0 1.5")
     np.testing.assert_array_equal(read(written(tmp_path / "a.pcd", moved)).viewpoint, [0, 0, 1.5])
@@ -100,7 +100,7 @@ def test_a_viewpoint_at_the_origin_says_nothing(tmp_path):
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
     data = (
-        pcd(encoding, POINTS)
+        make_pcd(encoding, POINTS)
         .replace(b"WIDTH 40", b"WIDTH 4000000000")
         .replace(b"POINTS 40", b"POINTS 4000000000")
     )
@@ -109,7 +109,7 @@ def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
 
 
 def test_what_grows_beyond_the_budget_when_decompressed_is_not_decompressed(tmp_path):
-    data = pcd("binary_compressed", np.zeros((100_000, 3), dtype=np.float32))
+    data = make_pcd("binary_compressed", np.zeros((100_000, 3), dtype=np.float32))
     assert len(data) < 20_000
     path = written(tmp_path / "a.pcd", data)
     assert not read(path, 10**7).points.any()
@@ -117,7 +117,7 @@ def test_what_grows_beyond_the_budget_when_decompressed_is_not_decompressed(tmp_
         read(path, 1_300_000)
 
 
-HEADER = pcd("ascii", POINTS).split(b"DATA")[0]
+HEADER = make_pcd("ascii", POINTS).split(b"DATA")[0]
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ HEADER = pcd("ascii", POINTS).split(b"DATA")[0]
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
-    data = pcd("ascii", POINTS)
+    data = make_pcd("ascii", POINTS)
     assert change[0] in data
     with pytest.raises(FileFormatError, match=reason) as caught:
         read(written(tmp_path / "a.pcd", data.replace(*change)))
@@ -151,7 +151,7 @@ def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
 
 
 def test_compressed_data_that_are_damaged(tmp_path):
-    data = pcd("binary_compressed", POINTS)
+    data = make_pcd("binary_compressed", POINTS)
     start = data.index(b"compressed\n") + 11
     packed, size = struct.unpack("<II", data[start : start + 8])
     for change, reason in (
@@ -166,7 +166,7 @@ def test_compressed_data_that_are_damaged(tmp_path):
 
 
 def test_no_returns_may_have_no_colour(tmp_path):
-    data = pcd("ascii", POINTS[:2], COLORS[:2], "F")
+    data = make_pcd("ascii", POINTS[:2], COLORS[:2], "F")
     lost = b"nan nan nan nan\n" + data.rstrip().rsplit(b"\n", 1)[1]
     cloud = read(written(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + lost))
     np.testing.assert_array_equal(cloud.points[1], POINTS[1])
@@ -177,7 +177,7 @@ def test_no_returns_may_have_no_colour(tmp_path):
 
 
 def test_packed_colours_of_text_that_are_too_large(tmp_path):
-    data = pcd("ascii", POINTS[:1], COLORS[:1], "U")
+    data = make_pcd("ascii", POINTS[:1], COLORS[:1], "U")
     first, _ = data.rstrip().rsplit(b" ", 1)
     with pytest.raises(FileFormatError, match=r"a\.pcd: rgb: expected numbers of type <u4"):
         read(written(tmp_path / "a.pcd", first + b" " + b"9" * 12))

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import strand
-from lib.whole_files import pcd
+from lib.whole_files import make_pcd
 from shared.scene_files import (
     DEPTH,
     LABELS,
@@ -38,7 +38,7 @@ def clouds(tmp_path):
         (tmp_path / f"a.{suffix}").write_text(text)
     (tmp_path / "a.csv").write_text("x,y,z\n" + text.replace(" ", ","))
     (tmp_path / "a.ply").write_bytes(make_ply())
-    (tmp_path / "a.pcd").write_bytes(pcd("binary", POINTS))
+    (tmp_path / "a.pcd").write_bytes(make_pcd("binary", POINTS))
     np.save(tmp_path / "a.npy", POINTS)
     return tmp_path
 
