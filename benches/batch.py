@@ -31,10 +31,11 @@ import pyarrow as pa
 import strand
 from lib.results import make_parser, run_bench
 from strand._core import cores
-from strand.batch import Settings, Unit, find, load, rows_of, run
-from strand.batch.running import Done
-from strand.batch.shards import Shards, Work, parquet
-from strand.batch.table import UNLIKE, Row, record_batch
+from strand.batch import Settings, Unit, find_units, load_table, make_rows, run
+from strand.batch.running import Counts
+from strand.batch.shards import Shards
+from strand.batch.table import VARYING_COLUMN, Row, make_record_batch
+from strand.batch.work import Work, encode_parquet
 from strand.support.files import write_bytes
 from strand.synthetic import SHAPES, Camera, Noise, scene
 
@@ -102,8 +103,8 @@ def memory(root: int) -> float:
 def digest(table: pa.Table) -> str:
     """Of all columns but the one in which runs differ."""
     content = pa.BufferOutputStream()
-    with pa.ipc.new_stream(content, table.drop_columns([UNLIKE]).schema) as stream:
-        stream.write_table(table.drop_columns([UNLIKE]).combine_chunks())
+    with pa.ipc.new_stream(content, table.drop_columns([VARYING_COLUMN]).schema) as stream:
+        stream.write_table(table.drop_columns([VARYING_COLUMN]).combine_chunks())
     return hashlib.sha256(content.getvalue()).hexdigest()[:16]
 
 
@@ -112,7 +113,7 @@ def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequenc
     ends: list[float] = []
     sizes: list[float] = []
 
-    def progress(done: Done) -> None:
+    def progress(done: Counts) -> None:
         ends.append(time.perf_counter())
         if done.made in (max(count // 10, 1), count):
             sizes.append(memory(os.getpid()))
@@ -126,7 +127,7 @@ def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequenc
         # with several workers the first ends are close: units after the first of each count
         steady = (ends[-1] - ends[workers - 1]) / (count - workers)
         over = [steady * workers / alone - 1.0 for alone in loops]
-        found = digest(load(out))
+        found = digest(load_table(out))
         # what the table took is no part of the next batch
         pa.default_memory_pool().release_unused()
     print(
@@ -150,17 +151,17 @@ def parts(recordings: Path) -> None:
     with tempfile.TemporaryDirectory(dir=recordings.parent) as folder:
         out = Path(folder)
         begun = time.perf_counter()
-        units = list(find([recordings], SETTINGS, recordings))
+        units = list(find_units([recordings], SETTINGS, recordings))
         print(f"finding: {(time.perf_counter() - begun) / len(units) * 1e3:.3f} ms a unit")
         recorded = strand.load_scene(units[0].path)
         model = strand.reconstruct(recorded.views, recorded.radius, recorded.bounds, ropes=1)
         row = Row("one", 0, None, 0.0, 0, model.chains[0], model.confidence)
-        batch = record_batch([row], "0", "0")
-        data = parquet(batch, units[0])
+        batch = make_record_batch([row], "0", "0")
+        data = encode_parquet(batch, units[0])
         print(f"crossings: {timed(lambda _: model.crossings(), 200):.3f} ms")
         print(f"digest of settings: {timed(lambda _: SETTINGS.digest, 200):.3f} ms")
-        print(f"rows: {timed(lambda _: record_batch([row], '0', '0'), 200):.3f} ms")
-        print(f"parquet: {timed(lambda _: parquet(batch, units[0]), 200):.3f} ms, {len(data)} bytes")
+        print(f"rows: {timed(lambda _: make_record_batch([row], '0', '0'), 200):.3f} ms")
+        print(f"parquet: {timed(lambda _: encode_parquet(batch, units[0]), 200):.3f} ms, {len(data)} bytes")
         print(f"written, flushed: {timed(lambda k: write_bytes(out / f'{k}', data), 200):.3f} ms")
         print(f"written, not flushed: {timed(lambda k: (out / f'{k}').write_bytes(data), 200):.3f} ms")
         (out / "shards").mkdir()
@@ -173,7 +174,7 @@ def parts(recordings: Path) -> None:
         shards = Shards(out / "shards")
         spent = time.perf_counter() - begun
         print(f"listing {count} shards: {spent:.2f} s, {sys.getsizeof(shards.names[0]) + 8} bytes each")
-        looked = timed(lambda k: shards.there(units[k % len(units)], SETTINGS.digest), 10_000)
+        looked = timed(lambda k: shards.find(units[k % len(units)], SETTINGS.digest), 10_000)
         print(f"looking one up: {looked:.3f} ms")
 
 
@@ -190,10 +191,10 @@ def main() -> int:
         recordings = made(folder / f"{arguments.recordings}", arguments.recordings)
         print(f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {cores()} cores\n")
         found = set()
-        units = list(find([recordings], SETTINGS, recordings))
+        units = list(find_units([recordings], SETTINGS, recordings))
         for _ in range(arguments.repeat):
             with tempfile.TemporaryDirectory(dir=folder) as out:
-                loops = loop(units, (answer, lambda unit: rows_of(unit, SETTINGS), Work(SETTINGS, out)))
+                loops = loop(units, (answer, lambda unit: make_rows(unit, SETTINGS), Work(SETTINGS, out)))
             for name, spent in zip(("reconstruct", "rows", "shards"), loops, strict=True):
                 print(
                     f"loop, {name}: {spent * 1e3:.2f} ms a recording, {1 / spent:.1f} a second, "

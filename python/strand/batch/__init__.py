@@ -1,25 +1,25 @@
-"""Thousands of recordings: a table of their ropes, by this machine's processes or by a Ray cluster."""
+"""Thousands of recordings: a table of their ropes, made by processes of this machine or by a Ray cluster."""
 
 from strand.batch.engines import EngineError
-from strand.batch.reading import load, load_models
-from strand.batch.running import Done, run
+from strand.batch.reading import load_models, load_table
+from strand.batch.rows import make_rows
+from strand.batch.running import Counts, run
 from strand.batch.settings import Settings
 from strand.batch.summary import write_summary
-from strand.batch.table import schema
-from strand.batch.units import Unit, find
-from strand.batch.work import rows_of
+from strand.batch.table import make_schema
+from strand.batch.units import Unit, find_units
 
 __all__ = [
-    "Done",
+    "Counts",
     "EngineError",
     "Settings",
     "Unit",
-    "find",
-    "load",
+    "find_units",
     "load_models",
-    "rows_of",
+    "load_table",
+    "make_rows",
+    "make_schema",
     "run",
-    "schema",
     "write_summary",
 ]
 

@@ -1,4 +1,4 @@
-"""What engines have in common: how often a unit is tried, the environment of processes, an error."""
+"""What the engines share: the number of attempts, the environment of processes, and their error."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from contextlib import contextmanager
 
 from strand._core import StrandError
 
-TRIES = 3
-"""So many processes may die of a unit before it is given up."""
+MAX_ATTEMPTS = 3
+"""Number of processes that may die on a unit before the batch gives it up."""
 
 
 class EngineError(StrandError, RuntimeError):
-    """Processes do not start, Ray cannot go on, or a machine has another version of strand."""
+    """Processes do not start, Ray fails, or a machine has another version of strand."""
 
 
 @contextmanager
-def environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Have variables of the environment as given while processes start, and as before at the end."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
+def set_environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables while processes start, and restore them at the end."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""Frames of a unit: what the cameras saw at each time, with what the recording says of the ropes."""
+"""The frames of a unit: their views, and what the recording says about the ropes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from strand.batch.settings import Settings
-from strand.batch.units import BAG, IMAGES, Unit, images_of, open_bag
+from strand.batch.units import BAG, IMAGES, Unit, list_images, open_bag
 from strand.io.budget import Budget
 from strand.io.recordings.recording import Recording, UndecodedFrame
 from strand.io.scenes import load_scene
@@ -20,18 +20,18 @@ from strand.views.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What the cameras saw at one time.
+class FrameInput:
+    """The input of one reconstruction.
 
     Attributes
     ----------
     time : float or None
-        When, seconds since 1970; None if the recording does not say it.
+        Time of the frame, seconds since 1970; None if the recording does not hold it.
     views : tuple of View
     radius : float or None
-        The ropes' radius, metres, if the recording says it.
+        The ropes' radius, metres, if the recording holds it.
     bounds : pair of (3,) ndarray, Box, or None
-        The extraction range, if the recording says it.
+        The extraction range, if the recording holds it.
     """
 
     time: float | None
@@ -40,43 +40,40 @@ class Seen:
     bounds: Bounds | None = None
 
 
-def frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], Seen]]]:
-    """Go through the frames of a unit, one in memory at a time: their numbers, and how each is read.
+def iterate_frames(unit: Unit, settings: Settings) -> Iterator[tuple[int, Callable[[], FrameInput]]]:
+    """Yield the number of each frame of a unit, and a function that reads the frame.
 
-    Raises
-    ------
-    OSError, strand.StrandError, TypeError, ValueError, ImportError
-        If the recording cannot be opened, or ends in damage. How a frame is read raises them too, and spoils
-        no other frame.
+    Raises an error if the recording cannot be opened or ends in damage. The function raises an error if its
+    frame is damaged; the iteration then goes on.
     """
     if unit.kind == BAG:
         with open_bag(unit.path, settings) as recording:
             for frame in recording.read_undecoded(unit.start, unit.stop, settings.every):
-                yield frame.number, partial(_decoded, recording, frame)
+                yield frame.number, partial(_decode, recording, frame)
         return
     camera = KnownCamera(settings.viewpoint, settings.camera_frame, settings.intrinsics, settings.depth_scale)
     if unit.kind == IMAGES:
-        paths = images_of(unit.path)
+        paths = list_images(unit.path)
         if not paths:
             raise FileFormatError(unit.path, "no depth image is left")
         for number in range(len(paths))[unit.start : unit.stop : settings.every]:
-            yield number, partial(_image, paths[number], camera, settings)
+            yield number, partial(_read_image, paths[number], camera, settings)
         return
-    # a scene is opened by reading all of it
-    scene = _scene(unit.path, camera, settings)
+    # a scene that cannot be read cannot be opened, so this comes before the first frame
+    scene = _read_scene(unit.path, camera, settings)
     yield 0, lambda: scene
 
 
-def _decoded(recording: Recording, frame: UndecodedFrame) -> Seen:
+def _decode(recording: Recording, frame: UndecodedFrame) -> FrameInput:
     decoded = recording.decode(frame)
-    return Seen(decoded.time, decoded.views)
+    return FrameInput(decoded.time, decoded.views)
 
 
-def _image(path: str, camera: KnownCamera, settings: Settings) -> Seen:
-    return Seen(None, (read_single_view(Path(path), camera, None, Budget(settings.max_bytes)),))
+def _read_image(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:
+    return FrameInput(None, (read_single_view(Path(path), camera, None, Budget(settings.max_bytes)),))
 
 
-def _scene(path: str, camera: KnownCamera, settings: Settings) -> Seen:
+def _read_scene(path: str, camera: KnownCamera, settings: Settings) -> FrameInput:
     single = Path(path).suffix.lower() in SUFFIXES
     scene = load_scene(
         path,
@@ -87,4 +84,4 @@ def _scene(path: str, camera: KnownCamera, settings: Settings) -> Seen:
         max_bytes=settings.max_bytes,
         outside=settings.outside,
     )
-    return Seen(None, scene.views, scene.radius, scene.bounds)
+    return FrameInput(None, scene.views, scene.radius, scene.bounds)

@@ -1,4 +1,4 @@
-"""Reading a batch back: one table, or models frame by frame."""
+"""Reading a batch: as one table, or as the models of its frames."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from strand.batch.shards import VERSION_KEY, names
-from strand.batch.table import SCHEMA_VERSION, schema
+from strand.batch.shards import VERSION_KEY, list_shards
+from strand.batch.table import SCHEMA_VERSION, make_schema
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import ModelWarning
 from strand.ropes.model import Model
@@ -19,11 +19,11 @@ from strand.support.checks import check_path, check_sequence, check_text
 from strand.support.extras import import_extra
 from strand.support.files import FileFormatError
 
-# warnings that always name chains; of others it cannot be told whether they are about all or about none
-_ABOUT_CHAINS = ("branch", "cut end")
+# kinds of warning that always name chains; a warning of another kind in all rows may be about none
+_KINDS_WITH_CHAINS = ("branch", "cut end")
 
 
-def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> Any:
+def load_table(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> Any:
     """Read a batch's table.
 
     Parameters
@@ -31,7 +31,8 @@ def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
     out : path
         The folder of shards.
     columns : sequence of str, optional
-        Which columns; all if not given. Without nodes and covariances a table is a hundred times smaller.
+        The columns to read; all by default. Without nodes and covariances, a table is a hundred times
+        smaller.
 
     Returns
     -------
@@ -41,25 +42,25 @@ def load(out: str | os.PathLike[str], columns: Sequence[str] | None = None) -> A
     Raises
     ------
     FileNotFoundError
-        If there is no such folder.
+        If the folder does not exist.
     ValueError
-        If there is no such column.
+        If the schema has no such column.
     strand.FileFormatError
         If a shard is damaged.
     ImportError
         If pyarrow is not installed.
     """
-    pa, wanted = import_extra("pyarrow"), _columns(columns)
-    read = [one for _, one in tables(out, [*dict.fromkeys(["recording", "frame", *wanted])])]
-    # each shard has frames of one recording in order, so shards are put in order instead of rows
-    read.sort(key=_place)
-    if not read:
-        return schema().empty_table().select(wanted)
-    return pa.concat_tables(read).select(wanted)
+    pa, wanted = import_extra("pyarrow"), _check_columns(columns)
+    tables = [table for _, table in iterate_shards(out, [*dict.fromkeys(["recording", "frame", *wanted])])]
+    # a shard holds frames of one recording in order, so it is enough to sort the shards
+    tables.sort(key=_get_first_frame)
+    if not tables:
+        return make_schema().empty_table().select(wanted)
+    return pa.concat_tables(tables).select(wanted)
 
 
 def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]:
-    """Go through a batch's models, one shard in memory at a time; frames with an error are left out.
+    """Yield a batch's models, with one shard in memory at a time; skip frames with an error.
 
     Parameters
     ----------
@@ -71,113 +72,120 @@ def load_models(out: str | os.PathLike[str]) -> Iterator[tuple[str, int, Model]]
     recording : str
     frame : int
     model : Model
-        With its chains, their covariances and confidences, its own confidence and its warnings: what the
-        table holds. It has no poses, curves, doubts, joins and alternatives. Recordings come in no special
-        order, and each one's frames in theirs. A warning's chains are those in whose rows it is, the lowest
-        number first; it has no place, amount and view.
+        It has the table's contents: chains with covariances and confidences, the model's confidence and
+        warnings. It has no poses, curves, doubts, joins and alternatives. A warning names the chains in
+        whose rows it stands, and has no place, amount or view.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such folder.
+        If the folder does not exist.
     strand.FileFormatError
         If a shard is damaged.
     ImportError
         If pyarrow is not installed.
+
+    Notes
+    -----
+    The recordings come in no particular order; the frames of each are in order.
     """
-    for path, table in tables(out, _columns(None)):
+    for path, table in iterate_shards(out, _check_columns(None)):
         rows: list[dict[str, Any]] = []
         for row in table.to_pylist():
             if rows and row["frame"] != rows[0]["frame"]:
-                yield from _model(path, rows)
+                yield from _make_model(path, rows)
                 rows = []
             rows.append(row)
-        yield from _model(path, rows)
+        yield from _make_model(path, rows)
 
 
-def tables(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
-    """Go through the paths and tables of all shards, in the order of their names."""
+def iterate_shards(out: str | os.PathLike[str], columns: Sequence[str]) -> Iterator[tuple[Path, Any]]:
+    """Yield the path and the table of each shard, in the order of their names."""
     pa, pq = import_extra("pyarrow"), import_extra("pyarrow.parquet")
-    wanted, folder = schema(), check_path("out", out)
-    for name in sorted(names(folder), key=_in_order):
+    schema, folder = make_schema(), check_path("out", out)
+    for name in sorted(list_shards(folder), key=_get_sort_key):
         path = folder / name
         try:
             file = pq.ParquetFile(path, page_checksum_verification=True)
-            _require_schema(path, file.metadata.metadata)
-            if not file.schema_arrow.equals(wanted):
-                # checksums are of the rows, not of what says how they are read
-                raise FileFormatError(path, "truncated, damaged or no shard (its columns are others)")
+            _check_version(path, file.metadata.metadata)
+            if not file.schema_arrow.equals(schema):
+                # checksums protect the rows, but not their types
+                raise FileFormatError(path, "truncated, damaged or not a shard (other columns)")
             table = file.read(columns=list(columns), use_threads=False)
             if len(table) != file.metadata.num_rows:
                 raise FileFormatError(path, f"expected {file.metadata.num_rows} rows, got {len(table)}")
-            yield path, table.select(columns).cast(pa.schema([wanted.field(one) for one in columns]))
+            yield path, table.select(columns).cast(pa.schema([schema.field(name) for name in columns]))
         except (pa.ArrowException, KeyError, UnicodeDecodeError, OSError) as error:
-            # what is wrong with a disk has a number; pyarrow's own errors have none
+            # errors of the disk have a number; those of pyarrow have none
             if isinstance(error, OSError) and error.errno is not None:
                 raise
-            raise FileFormatError(path, f"truncated, damaged or no shard ({error})") from error
+            raise FileFormatError(path, f"truncated, damaged or not a shard ({error})") from error
 
 
-def _require_schema(path: Path, said: dict[bytes, bytes] | None) -> None:
-    version = (said or {}).get(VERSION_KEY.encode(), b"none").decode("utf-8", "replace")
+def _check_version(path: Path, metadata: dict[bytes, bytes] | None) -> None:
+    version = (metadata or {}).get(VERSION_KEY.encode(), b"none").decode("utf-8", "replace")
     if version != f"{SCHEMA_VERSION}":
-        reason = f"expected a shard of version {SCHEMA_VERSION} of the schema, got {version}"
+        reason = f"expected a shard with version {SCHEMA_VERSION} of the schema, got {version}"
         raise FileFormatError(path, reason, VERSION_KEY)
 
 
-def _in_order(name: str) -> tuple[str, int]:
-    """Sort a recording's stretches by their first frame."""
+def _get_sort_key(name: str) -> tuple[str, int]:
+    """Return a shard's recording and first frame."""
     recording, _, start, _ = name.split("-", 3)
     return recording, int(start)
 
 
-def _place(table: Any) -> tuple[str, int]:
+def _get_first_frame(table: Any) -> tuple[str, int]:
     frame = table["frame"][0].as_py() if len(table) else None
     return (table["recording"][0].as_py() if len(table) else ""), -1 if frame is None else frame
 
 
-def _columns(columns: Sequence[str] | None) -> list[str]:
+def _check_columns(columns: Sequence[str] | None) -> list[str]:
+    names = list(make_schema().names)
     if columns is None:
-        return list(schema().names)
-    wanted = [check_text("columns", one) for one in check_sequence("columns", columns, "names")]
-    for one in wanted:
-        if one not in schema().names:
-            raise ValueError(f"columns: expected some of {', '.join(schema().names)}, got {one!r}")
+        return names
+    wanted = [check_text("columns", name) for name in check_sequence("columns", columns, "names")]
+    for name in wanted:
+        if name not in names:
+            raise ValueError(f"columns: expected some of {', '.join(names)}, got {name!r}")
     return wanted
 
 
-def _model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, int, Model]]:
-    """Make the model of a frame's rows, if it has no error."""
+def _make_model(path: Path, rows: Sequence[dict[str, Any]]) -> Iterator[tuple[str, int, Model]]:
+    """Yield the model of a frame's rows, if they hold no error."""
     if not rows or rows[0]["error"] is not None:
         return
     try:
-        chains = tuple(_chain(row) for row in rows if row["rope"] is not None)
-        warnings = tuple(_warnings(rows))
-        sure = rows[0]["model_confidence"]
+        chains = tuple(_make_chain(row) for row in rows if row["rope"] is not None)
+        warnings = tuple(_make_warnings(rows))
+        confidence = rows[0]["model_confidence"]
         model = Model(
-            chains, np.empty((0, 4, 4)), warnings=warnings, confidence=float("nan") if sure is None else sure
+            chains,
+            np.empty((0, 4, 4)),
+            warnings=warnings,
+            confidence=float("nan") if confidence is None else confidence,
         )
     except (TypeError, ValueError) as error:
         raise FileFormatError.from_error(path, error) from error
     yield rows[0]["recording"], rows[0]["frame"], model
 
 
-def _warnings(rows: Sequence[dict[str, Any]]) -> Iterator[ModelWarning]:
-    """Go through the warnings of a frame's rows: of equal ones in one row each is a warning of its own."""
+def _make_warnings(rows: Sequence[dict[str, Any]]) -> Iterator[ModelWarning]:
+    """Yield the warnings of a frame's rows; equal texts in one row are separate warnings."""
     ropes: dict[tuple[str, int], list[int]] = {}
     for row in rows:
-        times: Counter[str] = Counter()
-        for words in row["warnings"]:
-            ropes.setdefault((words, times[words]), []).append(row["rope"])
-            times[words] += 1
-    for (words, _), about in ropes.items():
-        kind, message = words.split(": ", 1)
-        # what is about no chain is in the rows of all
-        named = kind in _ABOUT_CHAINS or len(about) < len(rows)
-        yield ModelWarning(kind, message, chains=tuple(about) if named else ())
+        repeats: Counter[str] = Counter()
+        for text in row["warnings"]:
+            ropes.setdefault((text, repeats[text]), []).append(row["rope"])
+            repeats[text] += 1
+    for (text, _), about in ropes.items():
+        kind, message = text.split(": ", 1)
+        # a warning about no chain is in all rows
+        has_chains = kind in _KINDS_WITH_CHAINS or len(about) < len(rows)
+        yield ModelWarning(kind, message, chains=tuple(about) if has_chains else ())
 
 
-def _chain(row: dict[str, Any]) -> Chain:
+def _make_chain(row: dict[str, Any]) -> Chain:
     covariance = row["covariance"]
     return Chain(
         np.array(row["nodes"]),

@@ -1,4 +1,4 @@
-"""A batch: recordings in, a folder of shards out; what is there already is not made again."""
+"""A batch: recordings in, a folder of shards out. Finished work is skipped."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from strand._core import cores
-from strand.batch import local, ray
-from strand.batch.engines import TRIES
+from strand.batch import local_engine, ray_engine
+from strand.batch.engines import MAX_ATTEMPTS
 from strand.batch.settings import Settings
-from strand.batch.shards import Shards, Work, Written, made_ready, name_of, root_of
-from strand.batch.units import Unit, find
+from strand.batch.shards import Shards, name_shard, prepare_folder, read_root
+from strand.batch.units import Unit, find_units
+from strand.batch.work import ShardCounts, Work
 from strand.support.checks import (
     check_bool,
     check_choice,
@@ -24,27 +25,27 @@ from strand.support.checks import (
 from strand.support.extras import import_extra
 
 ENGINES = ("local", "ray")
-"""What units may be worked on by."""
+"""Names of the engines that `run` accepts."""
 
 
 @dataclass(frozen=True)
-class Done:
-    """What a batch did, so far or in all.
+class Counts:
+    """The work that a batch has done, so far or in total.
 
     Attributes
     ----------
     made : int
-        Units whose shards were made: recordings, or stretches of them.
+        Units whose shards were made. A unit is a recording or a stretch of one.
     skipped : int
-        Units whose shards were there.
+        Units whose shards existed.
     rows : int
         Rows that were made.
     errors : int
-        Of these, rows that say an error.
+        Rows among these that hold an error.
     replaced : int
-        Shards that were there and went: of other files of a recording, other settings or another version.
+        Shards that were removed because the recording's files, the settings or the version changed.
     kept : int
-        Recordings that cannot be read now, and were before: their shards stay as they are.
+        Recordings that cannot be read now and have earlier shards, which stay.
     """
 
     made: int = 0
@@ -66,68 +67,68 @@ def run(
     address: str | None = None,
     root: str | os.PathLike[str] | None = None,
     retry_errors: bool = False,
-    progress: Callable[[Done], None] | None = None,
-) -> Done:
+    progress: Callable[[Counts], None] | None = None,
+) -> Counts:
     """Reconstruct the ropes of many recordings, and write a Parquet shard for each.
 
-    A shard that is there, made of the same input by the same settings and version of strand, is kept. What
-    was made of another state of a recording, or by others, is replaced. Whatever ends this call, whole shards
-    are left only, and the next call makes the others.
+    A shard stays if it comes from the same input with the same settings and version of strand. A shard of
+    another state of the recording is replaced. Even if this call is killed, it leaves only whole shards, and
+    the next call makes the missing ones.
 
     Parameters
     ----------
     recordings : path, or sequence of paths
         Scene folders, `.npz` archives, bags, MCAP files, folders of depth images, single files; or folders
-        in which these are sought.
+        to search for these.
     out : path
-        The folder of shards; it is made if there is none.
+        The folder of shards; made if it does not exist.
     settings : Settings, optional
-        What is known of all recordings, and how they are read.
+        What is known about all recordings, and how to read them.
     engine : {"local", "ray"}
-        `"local"`: processes of this machine; `"ray"`: tasks of Ray, here or on a cluster.
+        `"local"`: processes of this machine; `"ray"`: tasks of Ray, on this machine or on a cluster.
     workers : int, optional
-        How many units are worked on at once; as many as `threads` fit the cores if not given. With `address`
-        it counts for nothing: a cluster has its own number of CPUs.
+        Number of simultaneous units; by default as many as the cores allow with `threads` each. A cluster at
+        `address` uses its own number instead.
     threads : int
-        How many threads each worker has.
+        Number of threads of each worker.
     address : str, optional
-        Of a Ray cluster. Recordings and `out` are at the same paths on all its machines.
-    root : path
-        The folder below which the table names recordings; those elsewhere have their whole path. If not
-        given, that of the last time with the same `out`; the first time, the current folder.
+        Address of a Ray cluster. All its machines have the recordings and `out` at the same paths.
+    root : path, optional
+        The folder to which the table relates the recordings' names; a recording elsewhere has its whole
+        path. By default the root of the last run with the same `out`; in the first run, the current folder.
     retry_errors : bool
-        Whether units whose shards say errors are made again.
+        Whether to repeat units whose shards hold errors.
     progress : callable, optional
-        Called with what was done so far after each unit, made or skipped.
+        Called with the counts so far after each unit, made or skipped.
 
     Returns
     -------
-    Done
-        When every unit has its shard.
+    Counts
+        The total, when every unit has its shard.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind or out of range, workers and threads need more cores than there
-        are, no machine of a cluster has CPUs for a worker, a folder holds no recording, or `root` is not
-        given and that of the last time is not here.
+        If an argument has the wrong type or is out of range; workers and threads need more cores than exist;
+        no machine of a cluster has a CPU for each thread; a folder holds no recording; or `root` is not given
+        and the last root does not exist.
     OSError
-        If a path does not exist, or a shard cannot be written: a full disk, for example. If no cluster
+        If a path does not exist, a shard cannot be written (for example on a full disk), or no cluster
         answers at the address.
     ImportError
-        If pyarrow, ray or what reading a recording needs is not installed.
+        If pyarrow, ray, or a package that reads a recording is not installed.
     EngineError
-        If processes do not start or have another version of strand, or Ray cannot go on; a `StrandError` and
+        If processes do not start or have another version of strand, or Ray fails. It is a `StrandError` and
         a `RuntimeError`.
     """
     given = [recordings] if isinstance(recordings, (str, os.PathLike)) else recordings
-    paths = [check_path("recordings", one) for one in check_sequence("recordings", given, "paths")]
+    paths = [check_path("recordings", path) for path in check_sequence("recordings", given, "paths")]
     if not paths:
         raise ValueError("recordings: expected at least one path, got none")
     folder = check_path("out", out).absolute()
-    above = root_of(folder) if root is None else check_path("root", root)
-    if not above.is_dir():
-        raise ValueError(f"root: expected a folder, got {above}")
+    root_folder = read_root(folder) if root is None else check_path("root", root)
+    if not root_folder.is_dir():
+        raise ValueError(f"root: expected a folder, got {root_folder}")
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise TypeError(f"settings: expected strand.batch.Settings, got {type(settings).__name__}")
@@ -136,81 +137,84 @@ def run(
     if address is not None:
         check_text("address", address)
         if engine != "ray":
-            raise ValueError("address: only Ray has one; give engine='ray' (--engine ray)")
-    workers = _workers(workers, threads, elsewhere=address is not None)
+            raise ValueError("address: for Ray only; give engine='ray' (--engine ray)")
+    workers = _choose_workers(workers, threads, on_cluster=address is not None)
     check_bool("retry_errors", retry_errors)
     if progress is not None and not callable(progress):
-        raise TypeError(f"progress: expected something to call, got {type(progress).__name__}")
-    # that something is missing is said before the work
+        raise TypeError(f"progress: expected a callable, got {type(progress).__name__}")
+    # report missing packages before the work
     import_extra("pyarrow.parquet")
     if engine == "ray":
         import_extra("ray")
-    units = find(paths, settings, above, folder)
+    units = find_units(paths, settings, root_folder, folder)
     first = next(units, None)
-    made_ready(folder, settings, above)
+    prepare_folder(folder, settings, root_folder)
     shards, work = Shards(folder), Work(settings, str(folder))
     skipped = replaced = kept = 0
-    folders: set[str] = set()
+    checked_folders: set[str] = set()
 
-    def missing() -> Iterator[Unit]:
+    def find_missing() -> Iterator[Unit]:
         nonlocal skipped, replaced, kept
-        for unit in _after(first, units):
+        for unit in _prepend(first, units):
             for name in map(str, PurePosixPath(unit.recording).parents):
-                if name in folders:
+                if name in checked_folders:
                     break
-                # it may be one that could not be searched at another time
-                folders.add(name)
-                replaced += shards.remove_unread(name)
-            if shards.kept(unit):
-                replaced += shards.remove_unread(unit.recording)
+                # an earlier run may have failed to search it
+                checked_folders.add(name)
+                replaced += shards.remove_unreadable(name)
+            if shards.must_keep(unit):
+                replaced += shards.remove_unreadable(unit.recording)
                 kept += 1
                 continue
             replaced += shards.remove_stale(unit, settings.digest)
-            there = shards.there(unit, settings.digest)
-            if there is not None and not (retry_errors and there == name_of(unit, settings.digest, True)):
+            shard = shards.find(unit, settings.digest)
+            if shard is not None and not (
+                retry_errors and shard == name_shard(unit, settings.digest, failed=True)
+            ):
                 skipped += 1
                 if progress is not None:
-                    progress(replace(done, skipped=skipped))
+                    progress(replace(counts, skipped=skipped))
                 continue
             yield unit
 
-    def ended() -> Iterator[tuple[Unit, Written | None]]:
-        todo = missing()
-        unit = next(todo, None)
+    def make_missing() -> Iterator[tuple[Unit, ShardCounts | None]]:
+        missing = find_missing()
+        unit = next(missing, None)
         if unit is None:
-            # nothing is started for nothing
+            # start no processes without work
             return iter(())
+        todo = _prepend(unit, missing)
         if engine == "ray":
-            return ray.each(work, _after(unit, todo), workers, threads, address)
-        return local.each(work, _after(unit, todo), workers, threads)
+            return ray_engine.run_units(work, todo, workers, threads, address)
+        return local_engine.run_units(work, todo, workers, threads)
 
-    done = Done()
-    for unit, written in ended():
-        if written is None:
-            written = work.give_up(unit, f"WorkerDied: {TRIES} processes ended while they worked on it")
-        rows, errors = done.rows + written.rows, done.errors + written.errors
-        done = Done(done.made + 1, skipped, rows, errors, replaced, kept)
+    counts = Counts()
+    for unit, shard in make_missing():
+        if shard is None:
+            shard = work.give_up(unit, f"WorkerDied: {MAX_ATTEMPTS} processes ended while they worked on it")
+        rows, errors = counts.rows + shard.rows, counts.errors + shard.errors
+        counts = Counts(counts.made + 1, skipped, rows, errors, replaced, kept)
         if progress is not None:
-            progress(done)
-    return replace(done, skipped=skipped, replaced=replaced, kept=kept)
+            progress(counts)
+    return replace(counts, skipped=skipped, replaced=replaced, kept=kept)
 
 
-def _workers(workers: int | None, threads: int, elsewhere: bool) -> int:
-    """Return how many workers there are: never more than have cores."""
-    if not elsewhere and threads > cores():
-        raise ValueError(f"threads: expected at most {cores()}, as many as there are cores, got {threads}")
+def _choose_workers(workers: int | None, threads: int, on_cluster: bool) -> int:
+    """Return the number of workers, which never need more cores than this machine has."""
+    if not on_cluster and threads > cores():
+        raise ValueError(f"threads: expected at most {cores()}, the number of cores, got {threads}")
     if workers is None:
         return max(cores() // threads, 1)
     workers = check_integer("workers", workers, 1)
-    if not elsewhere and workers * threads > cores():
-        needed = workers * threads
+    if not on_cluster and workers * threads > cores():
         raise ValueError(
-            f"workers: {workers} of {threads} threads each need {needed} cores, and there are {cores()}"
+            f"workers: {workers} workers with threads={threads} need {workers * threads} cores, and this "
+            f"machine has {cores()}"
         )
     return workers
 
 
-def _after(first: Unit | None, others: Iterator[Unit]) -> Iterator[Unit]:
+def _prepend(first: Unit | None, others: Iterator[Unit]) -> Iterator[Unit]:
     if first is not None:
         yield first
     yield from others

@@ -1,4 +1,4 @@
-"""Settings: what is known of all recordings of a batch, and how they are read; their digest."""
+"""The settings of a batch: what is known about all recordings, how to read them, and a digest of that."""
 
 from __future__ import annotations
 
@@ -33,40 +33,40 @@ from strand.support.lazy import lazy_property
 from strand.views.box import Bounds, extraction_range
 
 DIGITS = 16
-"""How many hexadecimal digits a digest has in tables and names."""
+"""Number of hexadecimal digits of a digest in tables and file names."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """What is known of all recordings of a batch, and how they are read.
+    """What is known about all recordings of a batch, and how to read them.
 
-    What a recording says of itself (a scene's radius and bounds) holds where nothing is given here.
+    A scene's own radius and bounds apply where the settings have none.
 
     Parameters
     ----------
     radius, bounds, ropes, length, config, deadline
-        As `strand.reconstruct` takes them. With a deadline rows depend on the machine's speed.
+        As in `strand.reconstruct`. With a deadline, the rows depend on the machine's speed.
     every : int
-        Of recordings and folders of images each so-manieth frame is taken, from the first on.
+        Step between the frames to take from recordings and folders of images; 1 takes every frame.
     stretch : int, optional
-        How many frames, of those that are taken, a unit of work has; a whole recording if not given. Where it
-        is given, whoever lists the recordings opens each bag to read its index. Each stretch decodes all of a
-        bag's messages first if there is `world` or several topics: give a tenth of its frames or more then.
+        Number of taken frames in a unit of work; by default a unit is a whole recording. With stretches, the
+        batch opens each bag during the search to read its index. With `world` or several topics, each stretch
+        first decodes all of a bag's messages; then give a tenth of its frames or more.
     topics, world, tolerance, ignore_distortion
-        Of bags, as `strand.Recording` takes them.
+        For bags, as in `strand.Recording`.
     intrinsics : (3, 3) array_like, optional
-        Of bags, folders of images and single depth images: the pinhole matrix, pixels.
+        Pinhole matrix of bags, folders of images and single depth images, pixels.
     depth_scale : float, optional
-        Of the same: metres for each unit of whole numbers.
+        Metres per unit of whole-number depths, for the same inputs.
     viewpoint, camera_frame
-        Of single files of points, as `strand.load_scene` takes them.
+        For single files of points, as in `strand.load_scene`.
     max_bytes, outside
-        As `strand.load_scene` takes them, for each recording.
+        As in `strand.load_scene`, for each recording.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind or out of range.
+        If an argument has the wrong type or is out of range.
     """
 
     radius: float | Sequence[float] | None = None
@@ -94,11 +94,11 @@ class Settings:
         KnownCamera(self.viewpoint, self.camera_frame, self.intrinsics, self.depth_scale)
         check_bool("ignore_distortion", self.ignore_distortion)
         check_bool("outside", self.outside)
-        # in one form, however they are given: their digest says whether two are the same
+        # equal settings get the same form, and so the same digest
         checked: dict[str, Any] = {
-            "radius": _lengths("radius", self.radius),
+            "radius": _check_lengths("radius", self.radius),
             "bounds": None if self.bounds is None else extraction_range(self.bounds),
-            "length": _lengths("length", self.length),
+            "length": _check_lengths("length", self.length),
             "deadline": None if self.deadline is None else check_positive("deadline", self.deadline),
             "every": check_integer("every", self.every, 1),
             "stretch": None if self.stretch is None else check_integer("stretch", self.stretch, 1),
@@ -112,46 +112,45 @@ class Settings:
         }
         if self.topics is not None:
             given = check_sequence("topics", self.topics, "text")
-            checked["topics"] = tuple(check_text("topics", one) for one in given)
+            checked["topics"] = tuple(check_text("topics", topic) for topic in given)
         if self.viewpoint is not None:
             checked["viewpoint"] = freeze_array(check_small_array("viewpoint", self.viewpoint, (3,)))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         Prior.from_caller(self.ropes, self.length, None)
 
-    @property
-    def in_words(self) -> dict[str, Any]:
-        """All of it in JSON's types, the numbers of the method too."""
-        said: dict[str, Any] = _finite(convert_to_json(self))
-        return said
+    def to_json(self) -> dict[str, Any]:
+        """Return all settings in JSON's types, with the parameters of the method."""
+        settings: dict[str, Any] = _name_infinite(convert_to_json(self))
+        return settings
 
     @lazy_property
     def digest(self) -> str:
-        """16 hexadecimal digits of all of it: what the column `configuration` holds."""
-        return digest_of(json.dumps(self.in_words, sort_keys=True))
+        """Digest of all settings, 16 hexadecimal digits, as in the column `configuration`."""
+        return compute_digest(json.dumps(self.to_json(), sort_keys=True))
 
 
-def _lengths(name: str, given: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
+def _check_lengths(name: str, given: float | Sequence[float] | None) -> float | tuple[float, ...] | None:
     """Return one length or several, metres."""
     if given is None:
         return None
     if isinstance(given, (int, float, np.number)) or (isinstance(given, np.ndarray) and given.ndim == 0):
         return check_positive(name, given)
-    values = tuple(check_positive(name, one) for one in check_sequence(name, given, "numbers"))
+    values = tuple(check_positive(name, value) for value in check_sequence(name, given, "numbers"))
     if not values:
-        raise ValueError(f"{name}: expected a number or several, got none")
+        raise ValueError(f"{name}: expected one number or several, got none")
     return values
 
 
-def _finite(value: Any) -> Any:
-    """Return a value in JSON's types with text for what is infinite, as sides of bounds may be."""
+def _name_infinite(value: Any) -> Any:
+    """Return a value in JSON's types with text for infinite numbers, which the sides of bounds may be."""
     if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: _name_infinite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_finite(entry) for entry in value]
+        return [_name_infinite(entry) for entry in value]
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
-def digest_of(words: str) -> str:
+def compute_digest(text: str) -> str:
     """Return the first 16 hexadecimal digits of a text's SHA-256."""
-    return hashlib.sha256(words.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]

@@ -1,4 +1,4 @@
-"""A page about a batch: success, confidence, lengths, errors by kind, what was slowest."""
+"""A page about a batch: answered frames, confidence, lengths, kinds of errors, slowest frames."""
 
 from __future__ import annotations
 
@@ -16,40 +16,45 @@ from typing import Any
 import numpy as np
 
 from strand._core import __version__
-from strand.batch.reading import tables
+from strand.batch.reading import iterate_shards
 from strand.support.checks import Array
 from strand.support.files import write_bytes
 
 _COLUMNS = ("recording", "frame", "rope", "nodes", "arc_length", "closed", "confidence", "seconds", "error")
-_BINS = 10
-_SLOWEST = 10
-# kinds of error that a page lists, that are told apart, and characters of each
-_LISTED, _KINDS, _LONG, _READ = 30, 1000, 160, 1000
-# a recording below it, in a path that is written out, and what is below the recording
-_ABOVE, _BELOW = r"[^\s'\"]*[/\\]", r"(?:[/\\][^\s'\":,()]*)?(?![.-]?\w)"
+_BINS = 10  # bins of a histogram
+_SLOWEST = 10  # frames listed as the slowest
+_MAX_LISTED_KINDS = 30  # kinds of error that the page lists
+_MAX_KINDS = 1000  # kinds of error that are counted separately
+_MAX_KIND_LENGTH = 160  # characters of a kind
+_MAX_MESSAGE_LENGTH = 1000  # characters of a message that are compared
+_PATH_BEFORE = r"[^\s'\"]*[/\\]"  # a path, up to the recording
+_PATH_AFTER = r"(?:[/\\][^\s'\":,()]*)?(?![.-]?\w)"  # a path, from the recording on
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)*(?:e[+-]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """What a batch's table says in short.
+    """The summary of a batch's table.
 
     Attributes
     ----------
     recordings : int
-    frames, answered : int
-        How many frames there are, recordings that could not be opened among them; how many have no error.
+        Number of recordings.
+    frames : int
+        Number of frames; a recording that could not be opened counts as one.
+    answered : int
+        Number of frames without an error.
     confidence : (N,) ndarray
-        Of each rope, NaN where it is not known.
+        Confidence of each rope, NaN where it is not known.
     lengths : (N,) ndarray
-        Of each rope along its nodes, metres.
+        Length of each rope along its nodes, metres.
     errors : dict of str to (int, str)
-        For each kind, with what it says but for paths and numbers, how often it is there, the most frequent
-        first, and one of them with its recording.
+        Number of errors of each kind, the most frequent first, and an example with its recording. A kind is
+        an error's text without paths and numbers.
     slowest : sequence of (float, str, int or None)
         Seconds, recording and frame of the slowest frames.
     seconds : float
-        Of all frames together.
+        Duration of all frames together.
     """
 
     recordings: int
@@ -62,8 +67,8 @@ class Summary:
     seconds: float
 
 
-def summarised(out: str | os.PathLike[str]) -> Summary:
-    """Return what a folder of shards says in short; one shard is in memory at a time."""
+def summarize(out: str | os.PathLike[str]) -> Summary:
+    """Return the summary of a folder of shards, with one shard in memory at a time."""
     recordings: set[str] = set()
     confidence: list[float] = []
     lengths: list[float] = []
@@ -71,8 +76,8 @@ def summarised(out: str | os.PathLike[str]) -> Summary:
     examples: dict[str, str] = {}
     slowest: list[tuple[float, str, int | None]] = []
     frames, answered, seconds = 0, 0, 0.0
-    for _, table in tables(out, _COLUMNS):
-        for row in _rows(table):
+    for _, table in iterate_shards(out, _COLUMNS):
+        for row in _read_rows(table):
             recordings.add(row["recording"])
             if row["rope"] is not None:
                 confidence.append(np.nan if row["confidence"] is None else row["confidence"])
@@ -85,12 +90,12 @@ def summarised(out: str | os.PathLike[str]) -> Summary:
             if row["error"] is None:
                 answered += 1
                 continue
-            kind = _kind(row["error"], row["recording"])
-            if kind not in kinds and len(kinds) >= _KINDS:
+            kind = _classify_error(row["error"], row["recording"])
+            if kind not in kinds and len(kinds) >= _MAX_KINDS:
                 kind = row["error"].partition(":")[0]
             kinds[kind] += 1
             examples.setdefault(kind, f"{row['recording']}: {row['error']}")
-        slowest = sorted(slowest, key=lambda one: (-one[0], one[1]))[:_SLOWEST]
+        slowest = sorted(slowest, key=lambda frame: (-frame[0], frame[1]))[:_SLOWEST]
     errors = {kind: (count, examples[kind]) for kind, count in kinds.most_common()}
     return Summary(
         len(recordings),
@@ -105,22 +110,22 @@ def summarised(out: str | os.PathLike[str]) -> Summary:
 
 
 def write_summary(out: str | os.PathLike[str], page: str | os.PathLike[str]) -> None:
-    """Write an HTML page about a batch, whole or not at all; it needs no network.
+    """Write an HTML page about a batch; it needs no network.
 
-    It says how many frames have an answer, how sure and how long the ropes are, which kinds of error there
-    are, and which frames were slowest.
+    The page shows the number of frames with an answer, the ropes' confidence and lengths, the kinds of error,
+    and the slowest frames. If writing fails, no partial page is left.
 
     Parameters
     ----------
     out : path
         The folder of shards.
     page : path
-        The file; one that exists is replaced.
+        The file to write or replace.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such folder.
+        If the folder does not exist.
     strand.FileFormatError
         If a shard is damaged.
     OSError
@@ -128,11 +133,11 @@ def write_summary(out: str | os.PathLike[str], page: str | os.PathLike[str]) -> 
     ImportError
         If pyarrow is not installed.
     """
-    write_bytes(page, _page(summarised(out), f"Ropes in {Path(out).absolute().name}").encode())
+    write_bytes(page, _make_page(summarize(out), f"Ropes in {Path(out).absolute().name}").encode())
 
 
-def _rows(table: Any) -> list[dict[str, Any]]:
-    """Return a table's rows with each rope's length in place of its nodes."""
+def _read_rows(table: Any) -> list[dict[str, Any]]:
+    """Return a table's rows with the length of each rope instead of its nodes."""
     rows: list[dict[str, Any]] = table.drop_columns(["nodes", "arc_length"]).to_pylist()
     for row, nodes, along in zip(rows, table["nodes"], table["arc_length"], strict=True):
         if row["rope"] is not None:
@@ -141,40 +146,41 @@ def _rows(table: Any) -> list[dict[str, Any]]:
     return rows
 
 
-def _kind(error: str, recording: str) -> str:
-    """Return an error without what differs from recording to recording: paths of its files, and numbers."""
-    kind, _, message = error[:_READ].partition(": ")
+def _classify_error(error: str, recording: str) -> str:
+    """Return an error's kind: its text without paths of the recording's files, and without numbers."""
+    kind, _, message = error[:_MAX_MESSAGE_LENGTH].partition(": ")
     names = {
         name: re.escape(name).replace("/", r"[/\\]") for name in (recording, recording.rpartition("/")[2])
     }
-    # errors of files begin with the path, which may hold spaces
+    # an error about a file begins with its path, which may hold spaces
     message = re.sub(rf"^(?:[^'\"]*[/\\])?{names[recording]}(?:[/\\][^'\"]*?)?: ", "", message)
-    # without a folder or a suffix a name may be a word of the message
+    # a name without a folder and a suffix may be an ordinary word of the message
     alone = [f"|(?<!\\w){pattern}" for name, pattern in names.items() if re.search("[./]", name)]
-    message = re.sub(rf"(?:{_ABOVE}(?:{'|'.join(names.values())}){''.join(alone)}){_BELOW}", "PATH", message)
+    path = rf"(?:{_PATH_BEFORE}(?:{'|'.join(names.values())}){''.join(alone)}){_PATH_AFTER}"
+    message = re.sub(path, "PATH", message)
     words = _NUMBER.sub("N", message)
     if not words:
         return kind
-    return f"{kind}: {words if len(words) <= _LONG else words[: _LONG - 4] + ' ...'}"
+    return f"{kind}: {words if len(words) <= _MAX_KIND_LENGTH else words[: _MAX_KIND_LENGTH - 4] + ' ...'}"
 
 
-def _page(found: Summary, title: str) -> str:
-    share = found.answered / max(found.frames, 1)
+def _make_page(summary: Summary, title: str) -> str:
+    share = summary.answered / max(summary.frames, 1)
     parts = [
-        f"<p>{found.recordings} recordings, {found.frames} frames, {found.answered} of them answered "
-        f"({share:.1%}), {len(found.lengths)} ropes, {found.seconds:.0f} s of work.</p>",
+        f"<p>{summary.recordings} recordings, {summary.frames} frames, {summary.answered} of them answered "
+        f"({share:.1%}), {len(summary.lengths)} ropes, {summary.seconds:.0f} s of work.</p>",
         "<h2>Confidence</h2>",
-        _histogram(found.confidence, np.linspace(0.0, 1.0, _BINS + 1), 1.0, ""),
+        _make_histogram(summary.confidence, np.linspace(0.0, 1.0, _BINS + 1), 1.0, ""),
         "<h2>Lengths</h2>",
-        _lengths(found.lengths),
+        _make_length_section(summary.lengths),
         "<h2>Errors</h2>",
-        _errors(found),
+        _make_error_section(summary),
         "<h2>Slowest frames</h2>",
-        _table(
+        _make_table(
             ("seconds", "recording", "frame"),
             [
                 (f"{spent:.3f}", name, "" if frame is None else f"{frame}")
-                for spent, name, frame in found.slowest
+                for spent, name, frame in summary.slowest
             ],
             numbers=("seconds", "frame"),
         ),
@@ -183,17 +189,17 @@ def _page(found: Summary, title: str) -> str:
     return frame.substitute(title=html.escape(title), body="\n".join(parts), version=__version__)
 
 
-def _lengths(lengths: Array) -> str:
+def _make_length_section(lengths: Array) -> str:
     if not len(lengths):
         return "<p>No ropes.</p>"
     longest = float(lengths.max())
-    return _histogram(lengths, np.linspace(0.0, max(longest, 1e-3), _BINS + 1), 1e3, " mm")
+    return _make_histogram(lengths, np.linspace(0.0, max(longest, 1e-3), _BINS + 1), 1e3, " mm")
 
 
-def _histogram(values: Array, edges: Array, scale: float, unit: str) -> str:
+def _make_histogram(values: Array, edges: Array, scale: float, unit: str) -> str:
     known = values[~np.isnan(values)]
     if not len(known):
-        return "<p>Not known of any rope.</p>"
+        return "<p>Not known for any rope.</p>"
     counts, _ = np.histogram(known, edges)
     most = int(counts.max())
     digits = 0 if scale > 1 else 1
@@ -203,27 +209,27 @@ def _histogram(values: Array, edges: Array, scale: float, unit: str) -> str:
         for low, high, count in zip(edges, edges[1:], counts, strict=False)
     ]
     without = len(values) - len(known)
-    note = f'<p class="note">Not known of {without}.</p>' if without else ""
+    note = f'<p class="note">Not known for {without} ropes.</p>' if without else ""
     return f"<table>{''.join(rows)}</table>{note}"
 
 
-def _errors(found: Summary) -> str:
-    if not found.errors:
+def _make_error_section(summary: Summary) -> str:
+    if not summary.errors:
         return "<p>None.</p>"
-    rows = [(kind, f"{count}", example) for kind, (count, example) in found.errors.items()]
-    listed = _table(("kind", "frames", "for example"), rows[:_LISTED], numbers=("frames",))
-    others = sum(count for count, _ in list(found.errors.values())[_LISTED:])
+    rows = [(kind, f"{count}", example) for kind, (count, example) in summary.errors.items()]
+    listed = _make_table(("kind", "frames", "for example"), rows[:_MAX_LISTED_KINDS], numbers=("frames",))
+    others = sum(count for count, _ in list(summary.errors.values())[_MAX_LISTED_KINDS:])
     if not others:
         return listed
-    return f'{listed}<p class="note">{len(rows) - _LISTED} more kinds, of {others} frames.</p>'
+    return f'{listed}<p class="note">{len(rows) - _MAX_LISTED_KINDS} more kinds, in {others} frames.</p>'
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str]) -> str:
-    """Return a table; columns of numbers, which are named, are set flush right."""
+def _make_table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[str]) -> str:
+    """Return a table; `numbers` names the columns that are set flush right."""
     kinds = [' class="n"' if head in numbers else "" for head in heads]
 
-    def line(tag: str, cells: Sequence[str]) -> str:
-        set_as = zip(kinds, cells, strict=True)
-        return f"<tr>{''.join(f'<{tag}{kind}>{html.escape(cell)}</{tag}>' for kind, cell in set_as)}</tr>"
+    def make_row(tag: str, cells: Sequence[str]) -> str:
+        styled = zip(kinds, cells, strict=True)
+        return f"<tr>{''.join(f'<{tag}{kind}>{html.escape(cell)}</{tag}>' for kind, cell in styled)}</tr>"
 
-    return f"<table>{line('th', heads)}{''.join(line('td', row) for row in rows)}</table>"
+    return f"<table>{make_row('th', heads)}{''.join(make_row('td', row) for row in rows)}</table>"

@@ -1,4 +1,4 @@
-"""The table's schema: a row for each rope of each frame, and one for each frame without an answer."""
+"""The table's schema: one row per rope of each frame, and one per frame without an answer."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from strand.support.checks import Array
 from strand.support.extras import import_extra
 
 SCHEMA_VERSION = 1
-"""Is raised when columns change; what shards say in their metadata under `strand.schema`."""
+"""Version of the columns, which shards hold in their metadata as `strand.schema`."""
 
-UNLIKE = "seconds"
+VARYING_COLUMN = "seconds"
 """The only column in which two runs differ."""
 
 
@@ -30,20 +30,20 @@ class Row:
     ----------
     recording : str
     frame : int or None
-        None: the recording could not be opened.
+        None if the recording could not be opened.
     time : float or None
-        Seconds since 1970.
+        Time of the frame, seconds since 1970.
     seconds : float
-        How long the frame took, reading included.
+        Duration of the work on the frame, reading included.
     rope : int or None
-        The chain's number in its model; None: there is none.
+        Number of the chain in its model; None without a chain.
     chain : Chain or None
     model_confidence : float
-        NaN if there is no model, or its method does not say.
+        NaN without a model, or if its method has no confidence.
     warnings : sequence of str
-        "kind: message" of the warnings about this rope, and of those about none.
+        "kind: message" for each warning about this rope or about no rope.
     crossings : sequence of Crossing
-        Those at which this rope is on top.
+        The crossings at which this rope is on top.
     error : str or None
         "Kind: message" if there is no answer.
     """
@@ -61,8 +61,8 @@ class Row:
 
 
 @cache
-def schema() -> Any:
-    """Return the schema, a `pyarrow.Schema`: columns, their types, and what they may leave out.
+def make_schema() -> Any:
+    """Return the table's columns and types, a `pyarrow.Schema`.
 
     Raises
     ------
@@ -110,10 +110,10 @@ def schema() -> Any:
     )
 
 
-def record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
-    """Return rows as a `pyarrow.RecordBatch` of the schema."""
+def make_record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
+    """Return rows as a `pyarrow.RecordBatch` with the columns of the schema."""
     pa = import_extra("pyarrow")
-    columns = schema()
+    columns = make_schema()
     chains = [row.chain for row in rows]
     covariances = [None if chain is None else chain.covariance for chain in chains]
     values = {
@@ -121,23 +121,24 @@ def record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
         "frame": [row.frame for row in rows],
         "time": [row.time for row in rows],
         "rope": [row.rope for row in rows],
-        "nodes": _nested([None if chain is None else chain.points for chain in chains], 3),
-        "arc_length": _lists([None if chain is None else chain.arc_length for chain in chains]),
-        "covariance": _nested(
+        "nodes": _make_nested_lists([None if chain is None else chain.points for chain in chains], 3),
+        "arc_length": _make_lists([None if chain is None else chain.arc_length for chain in chains]),
+        "covariance": _make_nested_lists(
             [None if array is None else array.reshape(len(array), 9) for array in covariances], 9
         ),
         "radius": [None if chain is None else chain.radius for chain in chains],
         "closed": [None if chain is None else chain.closed for chain in chains],
-        "confidence": [None if chain is None else _known(chain.confidence) for chain in chains],
-        "model_confidence": [_known(row.model_confidence) for row in rows],
-        "warnings": [[_readable(words) for words in row.warnings] for row in rows],
+        "confidence": [None if chain is None else _null_if_nan(chain.confidence) for chain in chains],
+        "model_confidence": [_null_if_nan(row.model_confidence) for row in rows],
+        "warnings": [[_escape_bytes(text) for text in row.warnings] for row in rows],
         "crossings": [
-            None if row.chain is None else [_crossing(one) for one in row.crossings] for row in rows
+            None if row.chain is None else [_convert_crossing(crossing) for crossing in row.crossings]
+            for row in rows
         ],
         "version": [version] * len(rows),
         "configuration": [configuration] * len(rows),
         "seconds": [row.seconds for row in rows],
-        "error": [None if row.error is None else _readable(row.error) for row in rows],
+        "error": [None if row.error is None else _escape_bytes(row.error) for row in rows],
     }
     arrays = [
         value if isinstance(value, pa.Array) else pa.array(value, field.type)
@@ -146,54 +147,54 @@ def record_batch(rows: Sequence[Row], version: str, configuration: str) -> Any:
     return pa.RecordBatch.from_arrays(arrays, schema=columns)
 
 
-def _crossing(one: Crossing) -> dict[str, Any]:
+def _convert_crossing(crossing: Crossing) -> dict[str, Any]:
     return {
-        "over_rope": one.over[0],
-        "over_at": one.over[1],
-        "under_rope": one.under[0],
-        "under_at": one.under[1],
-        "point_over": one.point_over.tolist(),
-        "point_under": one.point_under.tolist(),
-        "height": one.height,
-        "height_sd": _known(one.height_sd),
-        "gap": one.gap,
-        "angle": one.angle,
-        "sign": one.sign,
-        "probability": _known(one.probability),
+        "over_rope": crossing.over[0],
+        "over_at": crossing.over[1],
+        "under_rope": crossing.under[0],
+        "under_at": crossing.under[1],
+        "point_over": crossing.point_over.tolist(),
+        "point_under": crossing.point_under.tolist(),
+        "height": crossing.height,
+        "height_sd": _null_if_nan(crossing.height_sd),
+        "gap": crossing.gap,
+        "angle": crossing.angle,
+        "sign": crossing.sign,
+        "probability": _null_if_nan(crossing.probability),
     }
 
 
-def _readable(words: str) -> str:
-    """Return text as tables hold it, UTF-8: names of files in it may have any bytes."""
-    return words.encode("utf-8", "backslashreplace").decode("utf-8")
+def _escape_bytes(text: str) -> str:
+    """Return valid UTF-8: names of files in a text may have any bytes."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def _known(value: float) -> float | None:
+def _null_if_nan(value: float) -> float | None:
     return None if np.isnan(value) else value
 
 
-def _lists(arrays: Sequence[Array | None]) -> Any:
-    """Return a list for each array; null where there is none."""
+def _make_lists(arrays: Sequence[Array | None]) -> Any:
+    """Return a list for each array; null for a missing array."""
     pa = import_extra("pyarrow")
-    return pa.ListArray.from_arrays(_offsets(arrays), pa.array(_flat(arrays)))
+    return pa.ListArray.from_arrays(_make_offsets(arrays), pa.array(_flatten(arrays)))
 
 
-def _nested(arrays: Sequence[Array | None], width: int) -> Any:
-    """Return a list of lists for each array (N, width); null where there is none."""
+def _make_nested_lists(arrays: Sequence[Array | None], width: int) -> Any:
+    """Return a list of lists for each (N, width) array; null for a missing array."""
     pa = import_extra("pyarrow")
-    flat = _flat(arrays)
+    flat = _flatten(arrays)
     inner = np.arange(0, len(flat) + 1, width, dtype=np.int32)
-    return pa.ListArray.from_arrays(_offsets(arrays), pa.ListArray.from_arrays(inner, pa.array(flat)))
+    return pa.ListArray.from_arrays(_make_offsets(arrays), pa.ListArray.from_arrays(inner, pa.array(flat)))
 
 
-def _flat(arrays: Sequence[Array | None]) -> Array:
-    there = [np.ravel(array) for array in arrays if array is not None]
-    return np.concatenate(there) if there else np.empty(0)
+def _flatten(arrays: Sequence[Array | None]) -> Array:
+    known = [np.ravel(array) for array in arrays if array is not None]
+    return np.concatenate(known) if known else np.empty(0)
 
 
-def _offsets(arrays: Sequence[Array | None]) -> Any:
-    """Where each array's rows begin, and where the last one's end; null before what is not there."""
+def _make_offsets(arrays: Sequence[Array | None]) -> Any:
+    """Return where each array's rows begin and where the last one's end; null for a missing array."""
     pa = import_extra("pyarrow")
     sizes = [0 if array is None else len(array) for array in arrays]
-    places: NDArray[np.int32] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    return pa.array(places, mask=np.array([*(array is None for array in arrays), False]))
+    offsets: NDArray[np.int32] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    return pa.array(offsets, mask=np.array([*(array is None for array in arrays), False]))

@@ -1,4 +1,4 @@
-"""Units of work: recordings, or stretches of them, found in files and folders and opened by whoever works."""
+"""Units of work: recordings or stretches of them, found in files and folders."""
 
 from __future__ import annotations
 
@@ -9,44 +9,50 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from strand.batch.settings import Settings, digest_of
+from strand.batch.settings import Settings, compute_digest
 from strand.io.recordings import Recording, is_recording
 from strand.io.recordings.bags import METADATA, SUFFIXES
-from strand.io.view_files import SUFFIXES as SINGLE
+from strand.io.view_files import SUFFIXES as VIEW_SUFFIXES
 from strand.support.checks import check_path, check_sequence
 from strand.support.files import FileFormatError, open_file
 
-SCENE, BAG, IMAGES = "scene", "bag", "images"
-"""What kinds of recording there are: `strand.load_scene` reads it; `strand.Recording` does; depth images."""
+SCENE = "scene"
+"""Kind of a recording that `strand.load_scene` reads."""
 
-DEPTH_IMAGES = (".png", ".tif", ".tiff")
-"""What a folder of depth images is known by."""
+BAG = "bag"
+"""Kind of a recording that `strand.Recording` reads."""
+
+IMAGES = "images"
+"""Kind of a folder of depth images."""
+
+DEPTH_SUFFIXES = (".png", ".tif", ".tiff")
+"""Suffixes of depth images in a folder."""
 
 _DESCRIPTION = "scene.toml"
-# how a bag's metadata begins, and in how many bytes
-_OF_BAGS, _BEGINNING = b"rosbag2_bagfile_information", 4096
+_BAG_KEY = b"rosbag2_bagfile_information"  # first key of a bag's metadata
+_HEAD_BYTES = 4096  # bytes of the metadata in which that key is
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A recording, or a stretch of it: all that a worker needs to open it.
+    """A recording or a stretch of it, with all that a worker needs to open it.
 
     Attributes
     ----------
     recording : str
-        What the rows call it: its path below the root, or its whole path if it is elsewhere.
+        Its name in the rows: the path relative to the root, or the whole path if it is elsewhere.
     path : str
-        Where it is.
+        Its path.
     kind : str
         `SCENE`, `BAG` or `IMAGES`.
     digest : str or None
-        Of the names below it, sizes and times of modification of its files; None: they cannot be read.
+        Digest of the names, sizes and modification times of its files; None if they cannot be read.
     start : int
-        The first frame.
+        Number of the first frame.
     stop : int or None
-        The frame before which it ends; None: it goes to the end.
+        Number after the last frame; None for the end of the recording.
     error : str or None
-        Why it cannot be read, if that is known already: what its row says.
+        The error of its row, if the search has found that it cannot be read.
     """
 
     recording: str
@@ -59,113 +65,111 @@ class Unit:
 
     @property
     def whole(self) -> bool:
-        """Whether it is all of the recording."""
+        """Whether the unit is the whole recording."""
         return self.start == 0 and self.stop is None
 
 
-def find(
+def find_units(
     given: Sequence[str | os.PathLike[str]],
     settings: Settings,
     root: str | os.PathLike[str],
-    leave_out: str | os.PathLike[str] | None = None,
+    excluded: str | os.PathLike[str] | None = None,
 ) -> Iterator[Unit]:
-    """Go through the units of files and folders, in the order of their names; each comes once.
+    """Yield the units of files and folders, each once, in the order of their names.
 
-    A walk passes over links to folders and files of one view. Those that are named below a folder that is
-    named too come last.
+    The search skips links to folders and single files of one view, unless `given` names them. A path in
+    `given` that lies below another one comes last.
 
     Parameters
     ----------
     given : sequence of paths
-        Recordings, and folders in which they are sought.
+        Recordings, and folders to search for recordings.
     settings : Settings
-        How they are read.
+        How to read them.
     root : path
-        The folder below which recordings are named.
-    leave_out : path, optional
-        A folder that is not searched: that of the table.
+        The folder to which the recordings' names relate.
+    excluded : path, optional
+        A folder to skip: that of the table.
 
     Raises
     ------
     FileNotFoundError
-        If a path does not exist, before anything is found.
+        If a path does not exist; before the first unit.
     TypeError
-        If there is something else than paths, or one path in place of several.
+        If `given` is not a sequence of paths.
     ValueError
-        If a path is empty, or there is no recording in one of them; before anything is found.
+        If a path is empty, or holds no recording; before the first unit.
     """
-    kept = None if leave_out is None else os.path.realpath(check_path("leave_out", leave_out))
-    named = {os.path.abspath(check_path("given", one)) for one in check_sequence("given", given, "paths")}
-    # several paths may lead to the same recordings: one of them is taken, and no link if there is another
-    real = {one: os.path.realpath(one) for one in named}
+    skipped = None if excluded is None else os.path.realpath(check_path("excluded", excluded))
+    named = {os.path.abspath(check_path("given", path)) for path in check_sequence("given", given, "paths")}
+    # several paths may lead to the same recordings: keep one of them, a link only if all are links
+    real = {path: os.path.realpath(path) for path in named}
     places = sorted(
-        {real[one]: one for one in sorted(named, key=lambda one: (one == real[one], one))}.values()
+        {real[path]: path for path in sorted(named, key=lambda path: (path == real[path], path))}.values()
     )
-    above = check_path("root", root)
+    root_folder = check_path("root", root)
     for place in places:
         os.stat(place)
     for place in places:
-        if next(_found(place, kept), None) is None:
-            left = ""
-            if kept is not None and Path(kept).is_relative_to(os.path.realpath(place)):
-                left = (
-                    f"; {kept} is the folder of the table (-o) and is not searched, so give it another place"
-                )
+        if next(_search(place, skipped), None) is None:
+            hint = ""
+            if skipped is not None and Path(skipped).is_relative_to(os.path.realpath(place)):
+                hint = f"; {skipped} is the folder of the table (-o), which is not searched; choose another"
             raise ValueError(
                 f"recordings: {place} holds none: no folder with a {_DESCRIPTION}, {METADATA} or depth "
-                f"images, and no .npz, {', '.join(SUFFIXES)} file{left}"
+                f"images, and no .npz, {', '.join(SUFFIXES)} file{hint}"
             )
-    for place, kind in _once(places, kept):
-        name = _name(place, above)
+    for place, kind in _search_all(places, skipped):
+        name = _name_recording(place, root_folder)
         try:
-            unit = Unit(name, place, kind, _input_digest(place, kind, kept))
+            unit = Unit(name, place, kind, _compute_input_digest(place, kind, skipped))
         except OSError as error:
-            yield Unit(name, place, kind, None, error=in_words(error))
+            yield Unit(name, place, kind, None, error=describe_error(error))
         else:
-            yield from _stretches(unit, settings)
+            yield from _split(unit, settings)
 
 
-def _once(places: Sequence[str], leave_out: str | None) -> Iterator[tuple[str, str]]:
-    """Go through what is found at paths, once where one of them is inside of another."""
+def _search_all(places: Sequence[str], skipped: str | None) -> Iterator[tuple[str, str]]:
+    """Yield the recordings at all places with their kinds; each once, even if one place is inside another."""
     given = set(places)
-    inside = {place for place in places if any(str(above) in given for above in Path(place).parents)}
-    twice: set[str] = set()
-    # a walk passes over files of one view and links, which are taken if they are named
-    for place in sorted(places, key=lambda place: place in inside):
-        for path, kind in _found(place, leave_out):
-            if path in twice:
+    nested = {place for place in places if any(str(parent) in given for parent in Path(place).parents)}
+    seen: set[str] = set()
+    # the search of an outer place skips single files and links, which a nested place may name
+    for place in sorted(places, key=lambda place: place in nested):
+        for path, kind in _search(place, skipped):
+            if path in seen:
                 continue
-            if inside and any(str(above) in inside for above in (path, *Path(path).parents)):
-                twice.add(path)
+            if nested and any(str(parent) in nested for parent in (path, *Path(path).parents)):
+                seen.add(path)
             yield path, kind
 
 
-def _found(place: str, leave_out: str | None) -> Iterator[tuple[str, str]]:
-    """Go through the paths of recordings at or below a path, with their kinds."""
+def _search(place: str, skipped: str | None) -> Iterator[tuple[str, str]]:
+    """Yield the recordings at or below a place with their kinds."""
     if not os.path.isdir(place):
         suffix = os.path.splitext(place)[1].lower()
         if suffix in SUFFIXES:
             yield place, BAG
-        elif suffix in (".npz", ".toml", *SINGLE):
+        elif suffix in (".npz", ".toml", *VIEW_SUFFIXES):
             yield place, SCENE
         return
-    # a list instead of calls within calls, of which Python allows a thousand; the next one is its last
-    ahead: list[tuple[str, str | None]] = [(place, None)]
-    while ahead:
-        path, kind = ahead.pop()
+    # a stack instead of recursion, which Python limits to a thousand calls; its end comes first
+    stack: list[tuple[str, str | None]] = [(place, None)]
+    while stack:
+        path, kind = stack.pop()
         if kind is not None:
             yield path, kind
-        elif leave_out is None or os.path.realpath(path) != leave_out:
-            ahead += reversed(_inside(path))
+        elif skipped is None or os.path.realpath(path) != skipped:
+            stack += reversed(_list_folder(path))
 
 
-def _inside(folder: str) -> list[tuple[str, str | None]]:
-    """Return the paths of a folder's recordings with their kinds, and of folders to go through without."""
+def _list_folder(folder: str) -> list[tuple[str, str | None]]:
+    """Return a folder's recordings with their kinds, and its folders to search with None."""
     try:
         with os.scandir(folder) as listed:
             entries = sorted(listed, key=lambda entry: entry.name)
     except OSError:
-        # who opens it says why it cannot be read
+        # opening it as a scene fails too, and gives the reason
         return [(folder, SCENE)]
     names = {entry.name for entry in entries}
     if METADATA in names and _is_bag(folder, names):
@@ -173,7 +177,7 @@ def _inside(folder: str) -> list[tuple[str, str | None]]:
     if _DESCRIPTION in names:
         return [(folder, SCENE)]
     found: list[tuple[str, str | None]] = []
-    if any(name.lower().endswith(DEPTH_IMAGES) for name in names):
+    if any(name.lower().endswith(DEPTH_SUFFIXES) for name in names):
         found.append((folder, IMAGES))
     for entry in entries:
         if entry.is_dir(follow_symlinks=False):
@@ -186,67 +190,67 @@ def _inside(folder: str) -> list[tuple[str, str | None]]:
 
 
 def _is_bag(folder: str, names: set[str]) -> bool:
-    """Tell whether metadata is that of a bag, or of a damaged one, and not a whole data set's."""
+    """Tell whether a folder with metadata is a bag, maybe a damaged one, and not some other data set."""
     if any(name.endswith(".db3") for name in names):
         return True
     with suppress(OSError, FileFormatError), open_file(os.path.join(folder, METADATA)) as file:
-        return _OF_BAGS in file.read(_BEGINNING)
+        return _BAG_KEY in file.read(_HEAD_BYTES)
     return False
 
 
-def images_of(folder: str) -> list[str]:
+def list_images(folder: str) -> list[str]:
     """Return the paths of a folder's depth images in the order of their names."""
     return [
         os.path.join(folder, name)
         for name in sorted(os.listdir(folder))
-        if name.lower().endswith(DEPTH_IMAGES)
+        if name.lower().endswith(DEPTH_SUFFIXES)
     ]
 
 
-def _name(path: str, root: Path) -> str:
-    above = os.path.abspath(root)
-    below = Path(path).is_relative_to(above) and path != above
-    name = Path(os.path.relpath(path, above) if below else path).as_posix()
-    # tables hold UTF-8, names of files any bytes; backslashes are doubled, so that no two are called alike
+def _name_recording(path: str, root: Path) -> str:
+    root_path = os.path.abspath(root)
+    is_below = Path(path).is_relative_to(root_path) and path != root_path
+    name = Path(os.path.relpath(path, root_path) if is_below else path).as_posix()
+    # tables hold UTF-8, but file names any bytes; doubled backslashes keep the names distinct
     return os.fsencode(name.replace("\\", "\\\\")).decode("utf-8", "backslashreplace")
 
 
-def _input_digest(path: str, kind: str, leave_out: str | None) -> str:
-    """Digest what a recording's files are: names, sizes and times, not contents, which may be terabytes.
+def _compute_input_digest(path: str, kind: str, skipped: str | None) -> str:
+    """Return a digest of the names, sizes and times of a recording's files; contents may be terabytes.
 
     Raises
     ------
     OSError
-        If it cannot be looked at, or none of its files but a description.
+        If the recording cannot be read, or none of its files but a description.
     """
     files = [path]
     if kind == IMAGES:
-        # what else is there is none of its frames
-        files = images_of(path)
+        # other files in the folder are no frames
+        files = list_images(path)
     elif os.path.isdir(path):
-        files = _files_below(path, leave_out)
+        files = _list_files_below(path, skipped)
     elif path.lower().endswith(".toml"):
-        files = _files_below(os.path.dirname(path), leave_out)
-    said, unread, read = [kind], None, False
+        files = _list_files_below(os.path.dirname(path), skipped)
+    parts, unreadable, any_read = [kind], None, False
     for file in files:
         try:
             status = os.stat(file)
         except OSError as error:
             if file == path:
                 raise
-            # its frame says why, and others are read
-            unread = unread if os.path.basename(file).startswith(".") else error
-            said.append(f"{os.path.relpath(file, path)}\n{error.errno}")
+            # the row of its frame will give the reason; the other files are read
+            unreadable = unreadable if os.path.basename(file).startswith(".") else error
+            parts.append(f"{os.path.relpath(file, path)}\n{error.errno}")
             continue
-        read |= os.path.basename(file) != _DESCRIPTION
-        said.append(f"{os.path.relpath(file, path)}\n{status.st_size}\n{status.st_mtime_ns}")
-    if unread is not None and not read:
-        raise unread
-    return digest_of("\n\n".join(said))
+        any_read |= os.path.basename(file) != _DESCRIPTION
+        parts.append(f"{os.path.relpath(file, path)}\n{status.st_size}\n{status.st_mtime_ns}")
+    if unreadable is not None and not any_read:
+        raise unreadable
+    return compute_digest("\n\n".join(parts))
 
 
-def _files_below(folder: str, leave_out: str | None) -> list[str]:
-    """Return the paths of all files below a folder but one, in order, and of closed folders in it."""
+def _list_files_below(folder: str, skipped: str | None) -> list[str]:
+    """Return the sorted paths of all files below a folder, and of folders that cannot be read."""
     files, folders = [], [folder]
     while folders:
         inside = folders.pop()
@@ -261,38 +265,38 @@ def _files_below(folder: str, leave_out: str | None) -> list[str]:
             for entry in entries:
                 if not entry.is_dir():
                     files.append(entry.path)
-                elif not entry.is_symlink() and os.path.realpath(entry.path) != leave_out:
+                elif not entry.is_symlink() and os.path.realpath(entry.path) != skipped:
                     folders.append(entry.path)
     return sorted(files)
 
 
-def _stretches(unit: Unit, settings: Settings) -> Iterator[Unit]:
-    """Go through a recording's stretches; if it cannot be opened it is one, whose row says why."""
+def _split(unit: Unit, settings: Settings) -> Iterator[Unit]:
+    """Yield the stretches of a recording; a recording that cannot be opened is one unit with its error."""
     if settings.stretch is None or unit.kind == SCENE:
         yield unit
         return
     try:
-        frames = len(images_of(unit.path)) if unit.kind == IMAGES else _most_frames(unit.path, settings)
+        frames = len(list_images(unit.path)) if unit.kind == IMAGES else _count_frames(unit.path, settings)
     except ImportError:
         raise
     except Exception as error:
-        yield replace(unit, error=in_words(error))
+        yield replace(unit, error=describe_error(error))
         return
-    long = settings.stretch * settings.every
-    for start in count(0, long):
-        last = start + long >= frames
-        yield replace(unit, start=start, stop=None if last else start + long)
+    length = settings.stretch * settings.every
+    for start in count(0, length):
+        last = start + length >= frames
+        yield replace(unit, start=start, stop=None if last else start + length)
         if last:
             return
 
 
-def _most_frames(path: str, settings: Settings) -> int:
+def _count_frames(path: str, settings: Settings) -> int:
     with open_bag(path, settings) as recording:
         return recording.most_frames
 
 
 def open_bag(path: str, settings: Settings) -> Recording:
-    """Open a bag as the settings say."""
+    """Open a bag with these settings."""
     return Recording(
         path,
         settings.topics,
@@ -305,6 +309,6 @@ def open_bag(path: str, settings: Settings) -> Recording:
     )
 
 
-def in_words(error: BaseException) -> str:
-    """Say what was wrong: the kind of error, and its message."""
+def describe_error(error: BaseException) -> str:
+    """Return the kind of an error and its message."""
     return f"{type(error).__name__}: {error}"

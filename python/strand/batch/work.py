@@ -1,123 +1,127 @@
-"""The work: a pure function from one unit to its rows, errors included."""
+"""The work that every engine does, in any process: make the shard of a unit."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+import io
+import multiprocessing
+import os
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from strand._core import __version__
-from strand.batch.frames import Seen, frames
+from strand.batch.engines import EngineError
+from strand.batch.rows import make_error_row, make_rows
 from strand.batch.settings import Settings
-from strand.batch.table import Row, record_batch
-from strand.batch.units import Unit, in_words
-from strand.reconstruction.finding.ropes import NoRopeError
-from strand.reconstruction.pipeline import reconstruct
-from strand.ropes.crossings import list_crossings
-from strand.ropes.model import Model
+from strand.batch.shards import SUFFIX, VERSION_KEY, is_unreadable, make_recording_key, name_shard
+from strand.batch.table import SCHEMA_VERSION
+from strand.batch.units import Unit
+from strand.support.extras import import_extra
+from strand.support.files import write_bytes
 
 
-def rows_of(unit: Unit, settings: Settings) -> Any:
-    """Return a unit's rows.
+@dataclass(frozen=True)
+class ShardCounts:
+    """The contents of a shard that was written.
 
-    What is wrong with a recording or a frame is a row with its error. Along a unit each frame's ropes run the
-    way of those before.
-
-    Parameters
+    Attributes
     ----------
-    unit : Unit
-    settings : Settings
-
-    Returns
-    -------
-    pyarrow.RecordBatch
-        Of `strand.batch.schema()`. It depends on the recording and the settings alone, but for the column
-        `seconds`.
-
-    Raises
-    ------
-    ImportError
-        If a package is missing that reading the recording needs: no recording would be read without it.
+    rows : int
+        Number of rows.
+    errors : int
+        Number of rows with an error.
     """
-    return record_batch(list(_rows(unit, settings)), __version__, settings.digest)
+
+    rows: int
+    errors: int
 
 
-def lost(unit: Unit, settings: Settings, why: str) -> Any:
-    """Return the row of a unit that ends whatever process works on it."""
-    return record_batch([Row(unit.recording, None, None, 0.0, error=why)], __version__, settings.digest)
+@dataclass(frozen=True, eq=False)
+class Work:
+    """Makes and writes the shard of a unit; it can be pickled.
 
+    Attributes
+    ----------
+    settings : Settings
+    out : str
+        Absolute path of the folder of shards.
+    version : str
+        The driver's version of strand.
+    """
 
-def _rows(unit: Unit, settings: Settings) -> Iterator[Row]:
-    if unit.error is not None:
-        yield Row(unit.recording, None, None, 0.0, error=unit.error)
-        return
-    found, previous = frames(unit, settings), None
-    # the frame that comes next; none before the recording is open, or if it has no other
-    number: int | None = None
-    while True:
-        begun = time.perf_counter()
-        try:
-            look = next(found, None)
-        except ImportError:
-            raise
-        except Exception as error:
-            yield Row(unit.recording, number, None, time.perf_counter() - begun, error=in_words(error))
-            return
-        if look is None:
-            break
-        seen, number = None, look[0]
-        try:
-            seen = look[1]()
-            model = _model(seen, settings, previous)
-        except ImportError:
-            raise
-        except Exception as error:
-            spent = time.perf_counter() - begun
-            yield _unanswered(unit, number, None if seen is None else seen.time, spent, error)
-        else:
-            previous = model
-            yield from _ropes(unit, number, seen.time, model, time.perf_counter() - begun)
-        number += settings.every
-    if number is None and unit.start == 0:
-        yield Row(unit.recording, None, None, 0.0, error="FileFormatError: no frame")
+    settings: Settings
+    out: str
+    version: str = __version__
 
+    def __call__(self, unit: Unit) -> ShardCounts:
+        """Make the shard of a unit.
 
-def _unanswered(unit: Unit, number: int, when: float | None, seconds: float, error: Exception) -> Row:
-    """Return the row of a frame without a model: that there is no rope is an answer, all else an error."""
-    if isinstance(error, NoRopeError):
-        return Row(unit.recording, number, when, seconds, warnings=[f"no rope: {error}"])
-    return Row(unit.recording, number, when, seconds, error=in_words(error))
+        Raises
+        ------
+        EngineError
+            If this process has another version of strand than the driver.
+        OSError
+            If the shard cannot be written.
+        ImportError
+            If a package is missing.
+        """
+        if __version__ != self.version:
+            raise EngineError(
+                f"strand has version {__version__} in a worker, and {self.version} in the driver"
+            )
+        batch = make_rows(unit, self.settings)
+        if is_orphaned():
+            # the next run may have started already, with other settings
+            raise SystemExit
+        return self._write(unit, batch)
 
+    def give_up(self, unit: Unit, error: str) -> ShardCounts:
+        """Write the error row of a unit on which every process dies."""
+        return self._write(unit, make_error_row(unit, self.settings, error))
 
-def _model(seen: Seen, settings: Settings, previous: Model | None) -> Model:
-    return reconstruct(
-        seen.views,
-        seen.radius if settings.radius is None else settings.radius,
-        seen.bounds if settings.bounds is None else settings.bounds,
-        settings.ropes,
-        settings.config,
-        length=settings.length,
-        previous=previous,
-        deadline=settings.deadline,
-    )
-
-
-def _ropes(unit: Unit, number: int, when: float | None, model: Model, seconds: float) -> Iterator[Row]:
-    """Go through the rows of a model: one for each chain, or one if there is none."""
-    crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
-    warned = [
-        ({number for number in one.chains if number < len(model.chains)}, f"{one.kind}: {one.message}")
-        for one in model.warnings
-    ]
-    for rope, chain in enumerate(model.chains) if model.chains else [(None, None)]:
-        yield Row(
-            unit.recording,
-            number,
-            when,
-            seconds,
-            rope,
-            chain,
-            model.confidence,
-            [said for about, said in warned if rope in about or not about],
-            [one for one in crossings if one.over[0] == rope],
+    def _write(self, unit: Unit, batch: Any) -> ShardCounts:
+        errors = len(batch) - batch.column("error").null_count
+        good, failed = (
+            Path(self.out, name_shard(unit, self.settings.digest, with_errors))
+            for with_errors in (False, True)
         )
+        if errors and (good.exists() or self._has_rows(unit)):
+            # by a worker that died before it could answer, or by another run
+            return ShardCounts(0, 0)
+        good.parent.mkdir(exist_ok=True)
+        write_bytes(failed if errors else good, encode_parquet(batch, unit))
+        if not errors:
+            failed.unlink(missing_ok=True)
+        return ShardCounts(len(batch), errors)
+
+    def _has_rows(self, unit: Unit) -> bool:
+        """Tell whether another run has made rows of a recording that cannot be read now."""
+        if unit.digest is not None:
+            return False
+        paths = Path(self.out).glob(f"{make_recording_key(unit.recording)}*{SUFFIX}")
+        return any(not is_unreadable(path.name) for path in paths)
+
+
+def is_orphaned() -> bool:
+    """Tell whether the driver has ended; its pipes stay open while any process that it forked lives."""
+    driver = multiprocessing.parent_process()
+    return driver is not None and (not driver.is_alive() or os.getppid() != driver.pid)
+
+
+def encode_parquet(batch: Any, unit: Unit) -> bytes:
+    """Return rows as a Parquet file, with the schema's version and the input's digest in its metadata."""
+    pa, pq = import_extra("pyarrow"), import_extra("pyarrow.parquet")
+    content = io.BytesIO()
+    # nodes hardly repeat, so dictionaries only cost time; zstd takes twice the time of snappy to save a
+    # tenth; Parquet's own types hold all of the schema
+    options = {
+        "compression": "snappy",
+        "use_dictionary": False,
+        "store_schema": False,
+        "write_statistics": ["recording"],
+        "write_page_checksum": True,
+    }
+    with pq.ParquetWriter(content, batch.schema, **options) as file:
+        file.write_table(pa.Table.from_batches([batch]))
+        file.add_key_value_metadata({VERSION_KEY: f"{SCHEMA_VERSION}", "strand.input": unit.digest or ""})
+    return content.getvalue()

@@ -12,7 +12,7 @@ from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 from strand.batch import Settings, write_summary
-from strand.batch.running import ENGINES, Done
+from strand.batch.running import ENGINES, Counts
 from strand.batch.running import run as run_batch
 from strand.cli import values
 from strand.cli.arguments import collect_arguments
@@ -152,19 +152,19 @@ def _make_settings(options: argparse.Namespace) -> Settings:
 
 
 @contextmanager
-def _print_progress() -> Iterator[Callable[[Done], None]]:
+def _print_progress() -> Iterator[Callable[[Counts], None]]:
     """Print the progress to stderr every few seconds; the yielded function takes the latest counts."""
-    begun, latest, ended = time.monotonic(), Done(), threading.Event()
+    begun, latest, ended = time.monotonic(), Counts(), threading.Event()
 
-    def show(done: Done) -> None:
+    def show(counts: Counts) -> None:
         nonlocal latest
-        latest = done
+        latest = counts
 
     def print_lines() -> None:
         while not ended.wait(_PERIOD):
             rate = latest.made / (time.monotonic() - begun)
-            counts = f"{latest.made} made, {latest.skipped} skipped, {latest.errors} errors"
-            print_message(f"strand: {counts}, {rate:.1f} per second")
+            words = f"{latest.made} made, {latest.skipped} skipped, {latest.errors} errors"
+            print_message(f"strand: {words}, {rate:.1f} per second")
 
     lines = threading.Thread(target=print_lines, daemon=True)
     lines.start()

@@ -13,10 +13,20 @@ import strand
 from lib.bag_files import film, write
 from shared.batch_recordings import SETTINGS, save_scenes
 from shared.browser import start_chromium
-from strand.batch import Settings, Unit, load, load_models, reading, run, summary, work, write_summary
-from strand.batch.shards import names
-from strand.batch.summary import Summary, summarised
-from strand.batch.table import schema
+from strand.batch import (
+    Settings,
+    Unit,
+    load_models,
+    load_table,
+    make_schema,
+    reading,
+    rows,
+    run,
+    summary,
+    write_summary,
+)
+from strand.batch.shards import list_shards
+from strand.batch.summary import Summary, summarize
 from strand.ropes.doubt import ModelWarning
 from strand.support.files import FileFormatError
 
@@ -37,11 +47,11 @@ def batch(tmp_path_factory):
 
 
 def test_a_table_is_in_order_and_of_the_schema(batch):
-    table = load(batch[1])
-    assert table.schema == schema()
+    table = load_table(batch[1])
+    assert table.schema == make_schema()
     places = [(row["recording"], row["frame"]) for row in table.select(["recording", "frame"]).to_pylist()]
     assert places == [("0/00.npz", 0), ("broken.npz", None), *(("film.mcap", k) for k in range(3))]
-    assert load(batch[1], ["rope", "error"]).schema.names == ["rope", "error"]
+    assert load_table(batch[1], ["rope", "error"]).schema.names == ["rope", "error"]
 
 
 def test_models_are_those_of_reconstruct(batch):
@@ -80,47 +90,51 @@ def test_warnings_are_about_the_chains_in_whose_rows_they_are():
         ],
     )
     unit = Unit("a.npz", "/a.npz", "scene", "")
-    rows = [{"rope": row.rope, "warnings": row.warnings} for row in work._ropes(unit, 0, None, model, 0.0)]
-    found = [(one.kind, one.message, one.chains) for one in reading._warnings(rows)]
+    made = rows._make_model_rows(unit, 0, None, model, 0.0)
+    table = [{"rope": row.rope, "warnings": row.warnings} for row in made]
+    found = [(one.kind, one.message, one.chains) for one in reading._make_warnings(table)]
     assert sorted(found) == sorted((one.kind, one.message, one.chains) for one in model.warnings)
 
 
 def test_warnings_of_one_chain_are_about_it_or_about_none():
     rows = [{"rope": 0, "warnings": ["cut end: chain 0 runs out", "noise: of all"]}]
-    assert [(one.kind, one.chains) for one in reading._warnings(rows)] == [("cut end", (0,)), ("noise", ())]
+    assert [(one.kind, one.chains) for one in reading._make_warnings(rows)] == [
+        ("cut end", (0,)),
+        ("noise", ()),
+    ]
     rows = [{"rope": None, "warnings": ["no rope: nothing is there"]}]
-    assert [(one.kind, one.chains) for one in reading._warnings(rows)] == [("no rope", ())]
+    assert [(one.kind, one.chains) for one in reading._make_warnings(rows)] == [("no rope", ())]
 
 
 def test_an_empty_folder_is_an_empty_table(tmp_path):
-    assert load(tmp_path).schema == schema()
+    assert load_table(tmp_path).schema == make_schema()
     assert list(load_models(tmp_path)) == []
     with pytest.raises(FileNotFoundError):
-        load(tmp_path / "missing")
+        load_table(tmp_path / "missing")
 
 
 def test_damaged_shards_and_unknown_columns_are_errors(tmp_path):
     run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS)
     with pytest.raises(ValueError, match="columns: expected some of recording, frame"):
-        load(tmp_path / "out", ["length"])
-    (name,) = names(tmp_path / "out")
+        load_table(tmp_path / "out", ["length"])
+    (name,) = list_shards(tmp_path / "out")
     shard = tmp_path / "out" / name
     for content in (b"", b"PAR1", shard.read_bytes()[:-20], b"\0" * 200):
         shard.write_bytes(content)
-        for read in (load, lambda out: list(load_models(out)), summarised):
-            with pytest.raises(FileFormatError, match="truncated, damaged or no shard"):
+        for read in (load_table, lambda out: list(load_models(out)), summarize):
+            with pytest.raises(FileFormatError, match="truncated, damaged or not a shard"):
                 read(tmp_path / "out")
 
 
 def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
     run(save_scenes(tmp_path / "in", 1), tmp_path / "out", SETTINGS, workers=1)
-    (name,) = names(tmp_path / "out")
-    shard, before = tmp_path / "out" / name, load(tmp_path / "out")
+    (name,) = list_shards(tmp_path / "out")
+    shard, before = tmp_path / "out" / name, load_table(tmp_path / "out")
     whole, refused = shard.read_bytes(), 0
     for place in range(4, len(whole), 61):
         shard.write_bytes(whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :])
         try:
-            assert load(tmp_path / "out").equals(before)
+            assert load_table(tmp_path / "out").equals(before)
         except FileFormatError:
             refused += 1
     assert refused > len(whole) // 61 // 2
@@ -129,26 +143,26 @@ def test_no_byte_of_a_shard_changes_a_number_unseen(tmp_path):
     place = table.schema.get_field_index("radius")
     other = table.set_column(place, "radius", table["radius"].cast(pa.float32()))
     pq.write_table(other, shard)
-    with pytest.raises(FileFormatError, match="its columns are others"):
-        load(tmp_path / "out")
+    with pytest.raises(FileFormatError, match="other columns"):
+        load_table(tmp_path / "out")
 
 
 def test_shards_say_their_schema_and_others_are_refused(batch, tmp_path):
     _, out = batch
-    for name in names(out):
+    for name in list_shards(out):
         said = pq.read_metadata(out / name).metadata
         assert (said[b"strand.schema"], len(said[b"strand.input"])) == (b"1", 16)
     (tmp_path / name).parent.mkdir()
-    pq.write_table(load(out), tmp_path / name)
+    pq.write_table(load_table(out), tmp_path / name)
     with pytest.raises(
-        FileFormatError, match=r"strand\.schema: expected a shard of version 1 of the schema, got none"
+        FileFormatError, match=r"strand\.schema: expected a shard with version 1 of the schema, got none"
     ):
-        load(tmp_path)
+        load_table(tmp_path)
 
 
 def test_a_summary_counts_what_there_is(batch, tmp_path):
     _, out = batch
-    found = summarised(out)
+    found = summarize(out)
     assert (found.recordings, found.frames, found.answered) == (3, 5, 4)
     assert len(found.confidence) == len(found.lengths) == 4
     lengths = sorted(chain.length for _, _, model in load_models(out) for chain in model.chains)
@@ -156,7 +170,7 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
     ((kind, (count, example)),) = found.errors.items()
     assert kind.startswith("FileFormatError: truncated, or not an .npz file")
     assert (count, example.startswith("broken.npz: FileFormatError: ")) == (1, True)
-    spent = load(out, ["seconds"]).column(0).to_pylist()
+    spent = load_table(out, ["seconds"]).column(0).to_pylist()
     assert found.seconds == pytest.approx(sum(spent))
     assert found.slowest[0][0] == max(spent)
     write_summary(out, tmp_path / "page.html")
@@ -197,13 +211,13 @@ def test_a_summary_counts_what_there_is(batch, tmp_path):
     ],
 )
 def test_errors_are_told_apart_by_what_they_say_but_for_paths_and_numbers(error, kind):
-    assert summary._kind(error, "a 12.npz") == kind
+    assert summary._classify_error(error, "a 12.npz") == kind
 
 
 def test_what_is_no_path_of_the_recording_stays():
     error = "FileFormatError: /data/mon/a/0.png: a hole, as in '/data/mon/a' and /other/a/1.png: b/a"
-    assert summary._kind(error, "mon/a") == "FileFormatError: a hole, as in 'PATH' and PATH: PATH"
-    assert summary._kind("OSError: a (x", "(x") == "OSError: a (x"
+    assert summary._classify_error(error, "mon/a") == "FileFormatError: a hole, as in 'PATH' and PATH: PATH"
+    assert summary._classify_error("OSError: a (x", "(x") == "OSError: a (x"
 
 
 def test_files_that_are_broken_alike_are_one_kind(tmp_path):
@@ -212,23 +226,25 @@ def test_files_that_are_broken_alike_are_one_kind(tmp_path):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(b"")
     run(folder, tmp_path / "out", SETTINGS, root=folder)
-    assert [count for count, _ in summarised(tmp_path / "out").errors.values()] == [5]
+    assert [count for count, _ in summarize(tmp_path / "out").errors.values()] == [5]
 
 
 def test_kinds_that_are_not_listed_are_counted(tmp_path):
     errors = {f"OSError: {'x' * k}": (100 - k, "a: OSError") for k in range(33)}
-    page = summary._page(Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [], 1.5), "")
+    page = summary._make_page(Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [], 1.5), "")
     assert page.count("OSError: x") == 29
-    assert "3 more kinds, of 207 frames." in page
+    assert "3 more kinds, in 207 frames." in page
     few = dict(list(errors.items())[:30])
-    assert "more kinds" not in summary._page(Summary(1, 3, 0, np.empty(0), np.empty(0), few, [], 1.5), "")
+    assert "more kinds" not in summary._make_page(
+        Summary(1, 3, 0, np.empty(0), np.empty(0), few, [], 1.5), ""
+    )
 
 
 def test_a_page_is_no_wider_than_its_window_and_numbers_are_flush_right(tmp_path):
     name = "recording_of_a_rope" * 40
     errors = {f"FileFormatError: {name}": (3, f"{name}: FileFormatError: {name}")}
     found = Summary(1, 3, 0, np.empty(0), np.empty(0), errors, [(1.5, name, 2)], 1.5)
-    (tmp_path / "page.html").write_text(summary._page(found, f"Ropes in {name}"))
+    (tmp_path / "page.html").write_text(summary._make_page(found, f"Ropes in {name}"))
     with start_chromium(tmp_path / "browser") as page:
         size = {"width": 800, "height": 600, "deviceScaleFactor": 1, "mobile": False}
         page.ask("Emulation.setDeviceMetricsOverride", **size)

@@ -13,9 +13,9 @@ from PIL import Image
 import strand
 from lib.bag_files import START, Messages, film, write
 from shared.batch_recordings import SETTINGS, save_scenes
-from strand.batch import Settings, find, load, load_models, rows_of, schema, write_summary
-from strand.batch.shards import Work, Written
-from strand.batch.table import UNLIKE
+from strand.batch import Settings, find_units, load_models, load_table, make_rows, make_schema, write_summary
+from strand.batch.table import VARYING_COLUMN
+from strand.batch.work import ShardCounts, Work
 from strand.ropes.crossings import list_crossings
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
@@ -27,7 +27,7 @@ COLUMNS = (
 
 
 def only(path, settings=SETTINGS):
-    (unit,) = find([path], settings, path.parent)
+    (unit,) = find_units([path], settings, path.parent)
     return unit
 
 
@@ -41,15 +41,15 @@ def knot(tmp_path_factory):
 
 
 def test_the_columns_are_these():
-    assert tuple(schema().names) == COLUMNS
-    assert schema().field("nodes").type == pa.list_(pa.list_(pa.float64()))
-    assert UNLIKE == "seconds"
+    assert tuple(make_schema().names) == COLUMNS
+    assert make_schema().field("nodes").type == pa.list_(pa.list_(pa.float64()))
+    assert VARYING_COLUMN == "seconds"
 
 
 def test_rows_hold_the_model_bit_for_bit(knot):
     settings = Settings()
-    batch = rows_of(only(knot, settings), settings)
-    assert batch.schema == schema()
+    batch = make_rows(only(knot, settings), settings)
+    assert batch.schema == make_schema()
     scene = strand.load_scene(knot)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     crossings = list_crossings(model.chains, (0, 0, 1), model.doubts)
@@ -81,7 +81,7 @@ def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
     empty = Messages().image(np.zeros(SCENE.depth.shape[1:], np.uint16), START + 1)
     entries = sorted([*film(SCENE, 3), ("/depth", START + 1, empty)], key=lambda entry: entry[1])
     path = write(tmp_path / "rope", "mcap", entries)
-    rows = rows_of(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
+    rows = make_rows(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
     assert [row["frame"] for row in rows] == [0, 1, 2, 3]
     assert [row["error"] is None for row in rows] == [True, False, True, True]
     assert rows[1]["error"].startswith("NotEnoughDataError: views")
@@ -95,9 +95,9 @@ def test_a_stretch_beyond_the_last_frame_has_no_rows(tmp_path):
     beyond = replace(only(path, settings), start=5)
     written = Work(settings, str(tmp_path / "out"))
     (tmp_path / "out").mkdir()
-    assert written(beyond) == Written(0, 0)
-    assert load(tmp_path / "out").schema == schema()
-    assert len(load(tmp_path / "out")) == 0
+    assert written(beyond) == ShardCounts(0, 0)
+    assert load_table(tmp_path / "out").schema == make_schema()
+    assert len(load_table(tmp_path / "out")) == 0
 
 
 def broken(path):
@@ -125,7 +125,7 @@ def test_a_broken_recording_is_a_row_with_its_error(tmp_path, name, spoil, said)
     unit = only(path)
     path.unlink()
     spoil(path)
-    (row,) = rows_of(unit, SETTINGS).to_pylist()
+    (row,) = make_rows(unit, SETTINGS).to_pylist()
     assert row["error"].startswith(said)
     assert (row["recording"], row["frame"], row["rope"]) == (name, None, None)
 
@@ -137,7 +137,7 @@ def test_a_message_that_is_damaged_spoils_its_frame_alone(spoilt, tmp_path):
     entries = list(film(SCENE, 3))
     images = [k for k, (topic, _, _) in enumerate(entries) if topic == "/depth"]
     entries[images[spoilt]][2].encoding = "rgb8"
-    rows = rows_of(only(write(tmp_path / "rope", "mcap", entries)), settings).to_pylist()
+    rows = make_rows(only(write(tmp_path / "rope", "mcap", entries)), settings).to_pylist()
     assert [row["frame"] for row in rows] == [0, 1, 2]
     assert [row["error"] is None for row in rows] == [k != spoilt for k in range(3)]
     assert rows[spoilt]["error"].startswith("FileFormatError: ")
@@ -152,8 +152,8 @@ def test_an_image_that_is_damaged_spoils_its_frame_alone(tmp_path):
     for k in range(5):
         Image.fromarray(SCENE.depth[0]).save(folder / f"{k}.png")
     (folder / "2.png").write_bytes(b"nonsense")
-    (unit,) = find([folder], replace(settings, stretch=None), tmp_path)
-    rows = rows_of(unit, settings).to_pylist()
+    (unit,) = find_units([folder], replace(settings, stretch=None), tmp_path)
+    rows = make_rows(unit, settings).to_pylist()
     assert [row["frame"] for row in rows] == [0, 2, 4]
     assert [row["error"] is None for row in rows] == [True, False, True]
     # paths in messages may have any bytes, tables hold UTF-8
@@ -165,12 +165,12 @@ def test_that_there_is_no_rope_is_an_answer(tmp_path):
     # a table and nothing else
     depth = np.random.default_rng(0).normal(6000.0, 3.0, SCENE.depth[0].shape).astype(np.uint16)
     Image.fromarray(depth).save(tmp_path / "0.png")
-    (unit,) = find([tmp_path], settings, tmp_path.parent)
-    (row,) = rows_of(unit, settings).to_pylist()
+    (unit,) = find_units([tmp_path], settings, tmp_path.parent)
+    (row,) = make_rows(unit, settings).to_pylist()
     assert (row["frame"], row["rope"], row["error"]) == (0, None, None)
     assert row["warnings"][0].startswith("no rope: views: ")
     (tmp_path / "out").mkdir()
-    assert Work(settings, str(tmp_path / "out"))(unit) == Written(1, 0)
+    assert Work(settings, str(tmp_path / "out"))(unit) == ShardCounts(1, 0)
     ((_, frame, model),) = load_models(tmp_path / "out")
     assert (frame, model.chains, [one.kind for one in model.warnings]) == (0, (), ["no rope"])
     write_summary(tmp_path / "out", tmp_path / "summary.html")
@@ -185,13 +185,13 @@ def test_what_is_not_installed_is_no_broken_recording(tmp_path, monkeypatch):
 
     monkeypatch.setattr("strand.batch.frames.load_scene", without)
     with pytest.raises(ImportError, match="rosbags"):
-        rows_of(only(path), SETTINGS)
+        make_rows(only(path), SETTINGS)
 
 
 @pytest.mark.parametrize("start", ["fork", "forkserver", "spawn"])
 def test_rows_are_the_same_however_processes_start(tmp_path, start):
-    units = list(find([save_scenes(tmp_path, 2)], SETTINGS, tmp_path))
-    here = [rows_of(unit, SETTINGS).drop_columns([UNLIKE]) for unit in units]
+    units = list(find_units([save_scenes(tmp_path, 2)], SETTINGS, tmp_path))
+    here = [make_rows(unit, SETTINGS).drop_columns([VARYING_COLUMN]) for unit in units]
     with multiprocessing.get_context(start).Pool(1) as pool:
-        there = pool.starmap(rows_of, [(unit, SETTINGS) for unit in units])
-    assert [one.drop_columns([UNLIKE]) for one in there] == here
+        there = pool.starmap(make_rows, [(unit, SETTINGS) for unit in units])
+    assert [one.drop_columns([VARYING_COLUMN]) for one in there] == here

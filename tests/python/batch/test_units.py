@@ -15,9 +15,8 @@ from PIL import Image
 import strand
 from lib.bag_files import film, write
 from shared.scene_files import save_npz, write_scene
-from strand.batch import Settings, find, units
-from strand.batch.frames import frames
-from strand.batch.work import rows_of
+from strand.batch import Settings, find_units, make_rows, units
+from strand.batch.frames import iterate_frames
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
 
@@ -38,8 +37,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def found(folder, settings=None, root=None, leave_out=None, given=None):
-    return list(find(given or [folder], settings or Settings(), root or folder, leave_out))
+def found(folder, settings=None, root=None, excluded=None, given=None):
+    return list(find_units(given or [folder], settings or Settings(), root or folder, excluded))
 
 
 def test_recordings_of_each_kind_are_found_in_order(folder):
@@ -70,7 +69,7 @@ def test_what_is_named_is_taken_though_it_lies_below_a_folder_that_passes_over_i
 
 def test_names_are_below_the_root_or_whole(folder, monkeypatch):
     monkeypatch.chdir(folder / "b")
-    assert [unit.recording for unit in find([Path("scene")], Settings(), Path("."))] == ["scene"]
+    assert [unit.recording for unit in find_units([Path("scene")], Settings(), Path("."))] == ["scene"]
     outside = found(folder, given=[folder / "a.npz"], root=folder / "b")
     assert [unit.recording for unit in outside] == [str(folder / "a.npz")]
     strange = Path(os.fsdecode(os.fsencode(folder) + b"/\xff.npz"))
@@ -113,7 +112,7 @@ def test_what_cannot_be_read_when_it_is_sought_says_so_in_its_row(folder):
     assert unit.error.startswith("FileFormatError: ")
     # its one unit is not the whole recording, when it is read
     (folder / "c.mcap").write_bytes(whole)
-    assert rows_of(unit, settings).column("error").to_pylist() == [unit.error]
+    assert make_rows(unit, settings).column("error").to_pylist() == [unit.error]
     (folder / "a.npz").unlink()
     (folder / "a.npz").symlink_to("a.npz")
     unit = found(folder)[0]
@@ -128,7 +127,7 @@ def test_a_file_that_cannot_be_looked_at_spoils_its_own_frame(folder):
     (depth / "1.png").unlink()
     (depth / "1.png").symlink_to("gone.png")
     (images, scene) = found(folder, settings, given=[folder / "b"])
-    told = [bool(error) for error in rows_of(images, settings).column("error").to_pylist()]
+    told = [bool(error) for error in make_rows(images, settings).column("error").to_pylist()]
     assert told == [False, True, False]
     # as editors leave them
     (folder / "b" / "scene" / ".#scene.toml").symlink_to("who@where.1")
@@ -163,11 +162,11 @@ def test_a_digest_changes_with_the_files_of_a_recording_alone(folder):
 
 def test_what_a_batch_writes_into_a_recording_is_no_part_of_it(folder):
     out = folder / "b" / "scene" / "table"
-    before = {unit.recording: unit.digest for unit in found(folder, leave_out=out)}
+    before = {unit.recording: unit.digest for unit in found(folder, excluded=out)}
     (out / "ab").mkdir(parents=True)
     (out / "ab" / "shard.parquet").touch()
     (folder / "b" / "depth" / "summary.html").touch()
-    assert {unit.recording: unit.digest for unit in found(folder, leave_out=out)} == before
+    assert {unit.recording: unit.digest for unit in found(folder, excluded=out)} == before
     assert {unit.recording: unit.digest for unit in found(folder)} != before
 
 
@@ -211,7 +210,7 @@ def test_folders_are_searched_to_any_depth(deep):
 
 
 def test_a_folder_can_be_left_out(folder):
-    assert [unit.recording for unit in found(folder, leave_out=folder / "b")] == ["a.npz", "c.mcap", "d"]
+    assert [unit.recording for unit in found(folder, excluded=folder / "b")] == ["a.npz", "c.mcap", "d"]
 
 
 @pytest.mark.parametrize(
@@ -224,25 +223,25 @@ def test_long_recordings_are_worked_on_in_stretches(folder, every, stretch, expe
     for name in ("b/depth", "c.mcap", "d"):
         own = [unit for unit in units if unit.recording == name]
         assert [(unit.start, unit.stop) for unit in own] == expected
-        numbers = [number for unit in own for number, _ in frames(unit, settings)]
+        numbers = [number for unit in own for number, _ in iterate_frames(unit, settings)]
         assert numbers == list(range(3)[::every])
 
 
 def test_one_path_in_place_of_several_is_refused(folder, monkeypatch):
     monkeypatch.chdir(folder)
     with pytest.raises(TypeError, match="given: expected a sequence of paths, got str"):
-        next(find("a.npz", Settings(), folder))
+        next(find_units("a.npz", Settings(), folder))
     with pytest.raises(ValueError, match="given: expected a path, got an empty text"):
-        next(find([""], Settings(), folder))
+        next(find_units([""], Settings(), folder))
     with pytest.raises(TypeError, match="root: expected a path, got NoneType"):
-        next(find(["a.npz"], Settings(), None))
-    assert [unit.recording for unit in find(["a.npz"], Settings(), ".")] == ["a.npz"]
+        next(find_units(["a.npz"], Settings(), None))
+    assert [unit.recording for unit in find_units(["a.npz"], Settings(), ".")] == ["a.npz"]
 
 
 def test_frames_of_images_are_views_in_the_order_of_names(folder):
     settings = Settings(intrinsics=SCENE.intrinsics, depth_scale=SCENE.depth_scale)
     (unit,) = found(folder, settings, given=[folder / "b" / "depth"])
-    for (_, read), depth in zip(frames(unit, settings), SCENE.depth, strict=True):
+    for (_, read), depth in zip(iterate_frames(unit, settings), SCENE.depth, strict=True):
         seen = read()
         want = strand.View.from_depth(depth, SCENE.intrinsics, depth_scale=SCENE.depth_scale)
         np.testing.assert_array_equal(seen.views[0].points, want.points)
@@ -254,17 +253,17 @@ def test_that_the_folder_of_the_table_is_not_searched_is_said(folder):
     out.mkdir(parents=True)
     for given in (out, out.parent):
         with pytest.raises(ValueError, match=f"{given} holds none.* {out} is the folder of the table"):
-            found(folder, given=[given], leave_out=out)
+            found(folder, given=[given], excluded=out)
     with pytest.raises(ValueError, match=r"file$"):
-        found(folder, given=[out.parent], leave_out=folder)
+        found(folder, given=[out.parent], excluded=folder)
 
 
 def test_what_holds_no_recording_is_refused_before_the_work(folder):
     (folder / "empty").mkdir()
     with pytest.raises(ValueError, match="empty holds none"):
-        next(find([folder / "a.npz", folder / "empty"], Settings(), folder))
+        next(find_units([folder / "a.npz", folder / "empty"], Settings(), folder))
     with pytest.raises(FileNotFoundError):
-        next(find([folder / "missing"], Settings(), folder))
+        next(find_units([folder / "missing"], Settings(), folder))
 
 
 @pytest.mark.parametrize(

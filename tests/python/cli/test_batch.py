@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shared.batch_recordings import save_scenes
-from strand.batch import Done, EngineError, Settings, load, local
+from strand.batch import Counts, EngineError, Settings, load_table, local_engine
 from strand.cli import batch, main
 
 
@@ -32,7 +32,7 @@ def test_recordings_become_a_folder_of_shards_with_a_page(folder, capsys):
         "page.html",
     ]
     assert err == ""
-    assert [row["recording"] for row in load("out", ["recording"]).to_pylist()] == [
+    assert [row["recording"] for row in load_table("out", ["recording"]).to_pylist()] == [
         *(f"in/{k}/0{k}.npz" for k in range(3)),
         "in/broken.npz",
     ]
@@ -78,15 +78,15 @@ def test_options_are_settings(folder):
     )
     written = folder / "out" / f"_configuration-{settings.digest}.json"
     assert json.loads(written.read_text())["radius"] == 0.0042
-    assert set(load("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
+    assert set(load_table("out", ["configuration"]).column(0).to_pylist()) == {settings.digest}
 
 
 def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypatch):
     def slow(recordings, out, settings, *, progress, **_):
         time.sleep(0.3)
-        progress(Done(2, 5, 3, 1))
+        progress(Counts(2, 5, 3, 1))
         time.sleep(0.3)
-        return Done()
+        return Counts()
 
     monkeypatch.setattr(batch, "_PERIOD", 0.02)
     monkeypatch.setattr(batch, "run_batch", slow)
@@ -100,7 +100,7 @@ def test_what_was_done_is_said_also_while_no_unit_ends(folder, capsys, monkeypat
 def test_what_engines_print_is_no_part_of_the_answer(folder, capsys, monkeypatch):
     def talkative(*_, **__):
         print("(raylet) Task _task failed")
-        return Done()
+        return Counts()
 
     monkeypatch.setattr(batch, "run_batch", talkative)
     assert main(["batch", "in", "-o", "out"]) == 0
@@ -120,7 +120,7 @@ def test_an_engine_that_cannot_work_is_a_line_and_a_code(folder, capsys, monkeyp
     def other(*_):
         raise EngineError("strand is version 2 here, and 1 where it was asked")
 
-    monkeypatch.setattr(local, "each", other)
+    monkeypatch.setattr(local_engine, "run_units", other)
     assert main(["batch", "in", "-o", "out"]) == 3
     err = capsys.readouterr().err
     assert err == "strand: error: strand is version 2 here, and 1 where it was asked\n"

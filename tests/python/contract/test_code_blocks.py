@@ -64,7 +64,7 @@ def batch(names, out, folder):
     assert (names["done"].made, names["done"].errors) == (4, 1)
     assert names["table"].num_rows == 4
     # the first frame has no rope
-    first = strand.batch.load(folder / "table", ["nodes", "error"])[:1].to_pylist()
+    first = strand.batch.load_table(folder / "table", ["nodes", "error"])[:1].to_pylist()
     assert first == [{"nodes": None, "error": None}]
     assert [row[0] for row in names["lengths"]] == [
         f"recordings/monday/{name}.npz" for name in ("loop", "arc")

@@ -11,11 +11,13 @@ from pathlib import Path
 import pyarrow as pa
 
 import strand
-from strand.batch import Settings, Unit, load
-from strand.batch.shards import Work, Written, names
+from strand.batch import Settings, Unit, load_table
+from strand.batch.shards import list_shards
+from strand.batch.work import ShardCounts, Work
 from strand.synthetic import SHAPES
 
 SETTINGS = Settings(ropes=1)
+COUNT = 18  # recordings of the fixture `recordings`
 
 
 def save_scenes(folder: Path, count: int) -> Path:
@@ -36,13 +38,13 @@ def save_scenes(folder: Path, count: int) -> Path:
 
 def read_table(out: Path) -> pa.Table:
     """The table without what two runs differ in."""
-    return load(out).drop_columns(["seconds"])
+    return load_table(out).drop_columns(["seconds"])
 
 
 def find_shards(out: Path) -> list[str]:
     """Shards, each of which is whole; files that are half written have other names."""
-    found = names(out)
-    assert len(load(out)) >= len(found)
+    found = list_shards(out)
+    assert len(load_table(out)) >= len(found)
     return found
 
 
@@ -55,7 +57,7 @@ class Deadly:
     times: int
     notes: str
 
-    def __call__(self, unit: Unit) -> Written:
+    def __call__(self, unit: Unit) -> ShardCounts:
         if unit.recording in self.recordings:
             note = Path(self.notes, unit.recording.replace("/", "-"))
             deaths = len(note.read_bytes()) if note.exists() else 0
@@ -72,13 +74,13 @@ class FullDisk:
     work: Work
     most: int
 
-    def __call__(self, unit: Unit) -> Written:
-        if len(names(Path(self.work.out))) >= self.most:
+    def __call__(self, unit: Unit) -> ShardCounts:
+        if len(list_shards(Path(self.work.out))) >= self.most:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), self.work.out)
         return self.work(unit)
 
 
-def interrupt(unit: Unit) -> Written:
+def interrupt(unit: Unit) -> ShardCounts:
     """Work that is interrupted as by Ctrl-C in the driver's terminal, and is not meant to hear of it."""
     os.kill(os.getpid(), signal.SIGINT)
-    return Written(1, 0)
+    return ShardCounts(1, 0)

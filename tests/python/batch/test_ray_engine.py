@@ -19,10 +19,10 @@ from ray._raylet import Config
 from ray.cluster_utils import Cluster
 
 from shared.batch_recordings import SETTINGS, Deadly, FullDisk, find_shards, read_table, save_scenes
-from strand.batch import Done, EngineError, find, load, run
-from strand.batch import ray as engine
-from strand.batch.engines import TRIES
-from strand.batch.shards import Work, made_ready, names
+from strand.batch import Counts, EngineError, find_units, load_table, ray_engine, run
+from strand.batch.engines import MAX_ATTEMPTS
+from strand.batch.shards import list_shards, prepare_folder
+from strand.batch.work import Work
 
 COUNT = 12
 HERE = "127.0.0.1"
@@ -53,7 +53,7 @@ def cluster():
         # else it would leave a key in the user's folder
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("RAY_AUTH_MODE", "token")
-        # as `engine._loopback`, for drivers too
+        # as `ray_engine._loopback_only`, for drivers too
         patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
         patch.setattr(ray._private.ray_constants, "ENABLE_RAY_CLUSTER", False)
         # Ray reads its settings when it is imported
@@ -74,12 +74,12 @@ def by_ray(recordings, out, cluster, **more):
 
 def test_rows_are_those_of_the_local_engine_bit_for_bit(recordings, expected, cluster, tmp_path):
     seen = []
-    assert by_ray(recordings, tmp_path, cluster, progress=seen.append) == Done(COUNT, 0, COUNT, 0)
+    assert by_ray(recordings, tmp_path, cluster, progress=seen.append) == Counts(COUNT, 0, COUNT, 0)
     assert [one.made for one in seen] == list(range(1, COUNT + 1))
     assert read_table(tmp_path).equals(expected)
-    assert by_ray(recordings, tmp_path, cluster) == Done(0, COUNT, 0, 0)
+    assert by_ray(recordings, tmp_path, cluster) == Counts(0, COUNT, 0, 0)
     # what was made by one engine is not made again by the other
-    assert run(recordings, tmp_path, SETTINGS, root=recordings) == Done(0, COUNT, 0, 0)
+    assert run(recordings, tmp_path, SETTINGS, root=recordings) == Counts(0, COUNT, 0, 0)
     assert not ray.is_initialized()
 
 
@@ -90,14 +90,14 @@ def test_both_workers_work_with_as_many_threads_as_were_asked_for(recordings, cl
         assert sorted(node["Resources"].get("CPU", 0) for node in alive) == [0, 1, 1]
         assert {node["NodeManagerAddress"] for node in alive} == {HERE}
         assert reached(alive, cluster) == set()
-        units = list(find([recordings], SETTINGS, recordings))[:6]
-        answers = dict(engine.each(where, iter(units), 1, 1))
+        units = list(find_units([recordings], SETTINGS, recordings))[:6]
+        answers = dict(ray_engine.run_units(where, iter(units), 1, 1))
         # each task had the only CPU of its node
         assert len({node for node, _ in answers.values()}) == 2
         assert {threads for _, threads in answers.values()} == {1}
         # two machines of one CPU have no room for a task of two
         with pytest.raises(ValueError, match="threads: expected at most 1"):
-            next(engine.each(where, iter(units), 1, 2))
+            next(ray_engine.run_units(where, iter(units), 1, 2))
         # a Ray that the caller has connected to stays
         assert ray.is_initialized()
     finally:
@@ -128,7 +128,7 @@ import ray
 from ray._raylet import AuthenticationMode, get_authentication_mode
 from shared.batch_recordings import SETTINGS
 from strand.batch import run
-from test_ray import reached
+from test_ray_engine import reached
 
 def look(done):
     assert reached(ray.nodes(), ray.get_runtime_context().gcs_address) == set()
@@ -172,22 +172,22 @@ def test_room_is_counted_machine_by_machine():
         {"Alive": alive, "Resources": {"CPU": cpus}} for alive, cpus in [(True, 3), (True, 5), (False, 8)]
     ]
     nodes.append({"Alive": True, "Resources": {}})
-    assert [engine._room(nodes, threads) for threads in (1, 2, 3, 4, 5)] == [8, 3, 2, 1, 1]
+    assert [ray_engine._count_tasks(nodes, threads) for threads in (1, 2, 3, 4, 5)] == [8, 3, 2, 1, 1]
     with pytest.raises(ValueError, match="threads: expected at most 5"):
-        engine._room(nodes, 6)
+        ray_engine._count_tasks(nodes, 6)
     with pytest.raises(ValueError, match="threads: expected at most 0"):
-        engine._room([], 1)
+        ray_engine._count_tasks([], 1)
 
 
 @pytest.mark.parametrize("error", [errors.NodeDiedError("gone"), errors.ObjectLostError("ab", None, "")])
 def test_a_machine_that_dies_is_no_other_than_a_process_that_does(monkeypatch, error):
-    assert engine._written(answering(monkeypatch, error), None) is None
+    assert ray_engine._get_counts(answering(monkeypatch, error), None) is None
 
 
 def test_what_work_raises_is_raised_as_it_was(monkeypatch):
     full = OSError("No space left")
     with pytest.raises(OSError, match="No space left"):
-        engine._written(answering(monkeypatch, errors.RayTaskError("f", "", full)), None)
+        ray_engine._get_counts(answering(monkeypatch, errors.RayTaskError("f", "", full)), None)
 
 
 def answering(monkeypatch, error):
@@ -209,7 +209,7 @@ def test_an_error_of_ray_is_one_of_the_engine(recordings, monkeypatch):
 
     monkeypatch.setattr(ray, "put", lost)
     with pytest.raises(EngineError, match=r"Ray: .*the driver's node is gone"):
-        next(engine.each(where, find([recordings], SETTINGS, recordings), 1, 1))
+        next(ray_engine.run_units(where, find_units([recordings], SETTINGS, recordings), 1, 1))
 
 
 def test_a_ray_that_does_not_start_is_an_error_of_the_engine(recordings, monkeypatch):
@@ -219,7 +219,7 @@ def test_a_ray_that_does_not_start_is_an_error_of_the_engine(recordings, monkeyp
     monkeypatch.setattr(ray, "init", other)
     for address in (None, "auto"):
         with pytest.raises(EngineError, match="Ray: Version mismatch"):
-            next(engine.each(where, find([recordings], SETTINGS, recordings), 1, 1, address))
+            next(ray_engine.run_units(where, find_units([recordings], SETTINGS, recordings), 1, 1, address))
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:{}", "ray://localhost:{}", "[::1]:{}", "127.0.0.1:99999"])
@@ -241,7 +241,7 @@ def where(unit):
 
 
 def test_units_are_taken_no_faster_than_they_are_done(recordings, cluster):
-    units = list(find([recordings], SETTINGS, recordings))
+    units = list(find_units([recordings], SETTINGS, recordings))
     taken = []
 
     def given():
@@ -249,33 +249,33 @@ def test_units_are_taken_no_faster_than_they_are_done(recordings, cluster):
             taken.append(unit)
             yield unit
 
-    ends = engine.each(where, given(), 1, 1, cluster)
+    ends = ray_engine.run_units(where, given(), 1, 1, cluster)
     for done, _ in enumerate(ends, start=1):
         # two workers, and for each as many units again that wait
-        assert len(taken) <= done + 2 * engine.AHEAD
+        assert len(taken) <= done + 2 * ray_engine.AHEAD
     assert len(taken) == COUNT
 
 
 def test_a_worker_that_is_killed_is_replaced_and_one_that_always_dies_is_a_row(recordings, cluster, tmp_path):
     out, notes = tmp_path / "out", tmp_path / "notes"
     notes.mkdir()
-    made_ready(out, SETTINGS, recordings)
-    units = list(find([recordings], SETTINGS, recordings))[:6]
+    prepare_folder(out, SETTINGS, recordings)
+    units = list(find_units([recordings], SETTINGS, recordings))[:6]
     bad, bad_once = units[1].recording, units[4].recording
     work = Work(SETTINGS, str(out))
     deadly = Deadly(Deadly(work, (bad_once,), 1, str(notes)), (bad,), 99, str(notes))
-    answers = dict(engine.each(deadly, iter(units), 1, 1, cluster))
+    answers = dict(ray_engine.run_units(deadly, iter(units), 1, 1, cluster))
     assert [unit.recording for unit, written in answers.items() if written is None] == [bad]
     assert len(answers) == len(units)
-    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * TRIES
-    assert len(load(out)) == len(units) - 1
+    assert (notes / bad.replace("/", "-")).read_bytes() == b"x" * MAX_ATTEMPTS
+    assert len(load_table(out)) == len(units) - 1
 
 
 def test_a_full_disk_stops_the_run_and_leaves_whole_shards(recordings, expected, cluster, tmp_path):
-    made_ready(tmp_path, SETTINGS, recordings)
+    prepare_folder(tmp_path, SETTINGS, recordings)
     full = FullDisk(Work(SETTINGS, str(tmp_path)), 4)
     with pytest.raises(OSError, match="No space left"):
-        list(engine.each(full, find([recordings], SETTINGS, recordings), 1, 1, cluster))
+        list(ray_engine.run_units(full, find_units([recordings], SETTINGS, recordings), 1, 1, cluster))
     count = len(find_shards(tmp_path))
     assert 0 < count < COUNT
     assert by_ray(recordings, tmp_path, cluster).skipped >= count
@@ -294,11 +294,11 @@ run(sys.argv[1], sys.argv[2], SETTINGS, root=sys.argv[1], engine="ray", address=
 def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them(
     recordings, expected, cluster, tmp_path
 ):
-    made_ready(tmp_path, SETTINGS, recordings)
+    prepare_folder(tmp_path, SETTINGS, recordings)
     command = [sys.executable, "-c", DRIVER, str(recordings), str(tmp_path), cluster]
     driver = subprocess.Popen(command, stderr=subprocess.PIPE)
     end = time.monotonic() + 60.0
-    while len(names(tmp_path)) < 2:
+    while len(list_shards(tmp_path)) < 2:
         assert time.monotonic() < end
         time.sleep(0.002)
     os.kill(driver.pid, signal.SIGKILL)
@@ -309,7 +309,7 @@ def test_a_driver_that_is_killed_leaves_whole_shards_and_the_next_completes_them
     assert done.made + done.skipped == COUNT
     assert done.skipped >= count
     assert read_table(tmp_path).equals(expected)
-    assert len(names(Path(tmp_path))) == COUNT
+    assert len(list_shards(Path(tmp_path))) == COUNT
 
 
 def test_ray_is_asked_for_where_it_is_missing(recordings, tmp_path, monkeypatch):
