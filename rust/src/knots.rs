@@ -1,9 +1,10 @@
-//! Knots: what is tied in a chain, where, and how sure that is.
+//! Knots: which knot a chain is tied in, where, and how certain that is.
 //!
-//! `projection` makes a diagram of a polyline, `code` its Gauss, planar and Dowker-Thistlethwaite codes. `thinning` takes nodes and
-//! `reidemeister` crossings away that no knot needs. `alexander` and `jones` are polynomials of what is left, by which `table`
-//! names it. An open chain is closed in many directions by `closure`; `knotted_core` is where its knot lies, sought by the
-//! diagrams of `stretches`.
+//! - `projection` makes a diagram of a polyline, and `code` its Gauss, planar and Dowker–Thistlethwaite codes.
+//! - `thinning` removes nodes and `reidemeister` removes crossings that the knot does not need.
+//! - `alexander` and `jones` are the polynomials by which `table` names the knot.
+//! - `closure` closes an open chain in many directions.
+//! - `knotted_core` finds where the knot lies, from the diagrams of `stretches`.
 
 mod alexander;
 mod closure;
@@ -26,58 +27,60 @@ use crate::error::{Error, Result};
 use crate::geometry::boxes::Bounds;
 use crate::geometry::polyline::arc_length;
 use crate::geometry::{Point, normalized, sub};
-use closure::{Answer, closures};
+use closure::{Answer, find_closures};
 pub(crate) use code::{GaussCode, Visit};
 use identity::{Identity, Kind, Known};
 pub(crate) use jones::Laurent;
-use knotted_core::knotted_core;
+use knotted_core::find_knotted_core;
 use projection::{Diagram, Lid, NoDiagram};
 pub(crate) use table::Chirality;
 use table::TABLE;
 
 /// Directions in which an open chain is closed.
 const CLOSURES: usize = 50;
-/// Most pairs of segments of a linking integral.
-const MOST_PAIRS: usize = 100_000_000;
-/// A direction of view is turned by so much where a strand lies over a node, radians, and then by four times more each time.
+/// Pairs of segments of a linking integral at most.
+const MAX_PAIRS: usize = 100_000_000;
+/// First turn of a direction of view in which a strand lies over a node, radians; each further turn is four times
+/// larger.
 const TURN: f64 = 1e-9;
-/// The last of these turns is by about 0.2 mrad.
+/// Number of these turns; the last is about 0.2 mrad.
 const TURNS: i32 = 10;
-/// Ends nearer than this, of the extent, are one place.
+/// Ends nearer than this count as one place, extents of the chain.
 const NEAR_ENDS: f64 = 1e-12;
 
 /// A knot by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Named {
-    /// None outside of the table.
+    /// None if the table does not have it.
     pub name: Option<&'static str>,
     pub chirality: Chirality,
-    /// The share of closures that say so.
+    /// The share of closures that give this knot.
     pub share: f64,
 }
 
-/// What is tied in a chain.
+/// The knot of a chain.
 #[derive(Debug)]
 pub(crate) struct Knot {
-    /// What closures say, the most frequent first; never empty.
+    /// The knots that the closures give, the most frequent first; never empty.
     pub answers: Vec<Named>,
-    /// The first and last node of the shortest stretch that still is this knot.
+    /// The first and last node of the shortest stretch that still has this knot.
     pub core: Option<[usize; 2]>,
-    /// A knot that the polynomials cannot tell from the first answer.
+    /// A knot that has the same polynomials as the first answer.
     pub twin: Option<&'static str>,
-    /// Coefficients, a palindrome with the sum 1; none for a diagram with too many crossings.
+    /// Coefficients of the Alexander polynomial, a palindrome with the sum 1; None if the diagram has too many
+    /// crossings.
     pub alexander: Option<Vec<i64>>,
     pub jones: Option<Laurent>,
-    /// The diagram with the fewest crossings that was found of the first answer.
+    /// The diagram with the fewest crossings found for the first answer.
     pub code: GaussCode,
 }
 
-/// What is tied in a chain of ordered nodes.
+/// Identifies the knot of a chain of ordered nodes.
 ///
 /// # Errors
-/// `InvalidArgument` for nodes that are no polyline, or one that meets itself.
-pub(crate) fn knot(points: &[Point], closed: bool) -> Result<Knot> {
-    let nodes = checked("points", points, closed)?;
+/// `InvalidArgument` if the nodes are no polyline or the polyline meets itself.
+pub(crate) fn identify(points: &[Point], closed: bool) -> Result<Knot> {
+    let nodes = check_nodes("points", points, closed)?;
     let mut known = Known::default();
     if closed || is_joined(&nodes) {
         let ring = if closed { &nodes[..] } else { &nodes[..nodes.len() - 1] };
@@ -86,35 +89,37 @@ pub(crate) fn knot(points: &[Point], closed: bool) -> Result<Knot> {
             Err(_) => Identity::unknown(),
             Ok(found) => found.clone(),
         };
-        return Ok(told(vec![Answer { count: 1, identity }], None));
+        return Ok(make_knot(vec![Answer { count: 1, identity }], None));
     }
-    let answers = closures(&nodes, CLOSURES, &mut known).map_err(|_| meets_itself())?;
+    let answers = find_closures(&nodes, CLOSURES, &mut known).map_err(|_| meets_itself())?;
     let core = match answers[0].identity.kind {
         Kind::Known(1.., _) if 2 * answers[0].count > CLOSURES => {
-            Some(knotted_core(&nodes, &answers[0].identity.code, CLOSURES))
+            Some(find_knotted_core(&nodes, &answers[0].identity.code, CLOSURES))
         }
         _ => None,
     };
-    Ok(told(answers, core))
+    Ok(make_knot(answers, core))
 }
 
-/// The diagram of a chain seen from the unit vector `direction`, as it is. An open chain is closed by an arc above it.
+/// Returns the diagram of a chain seen from the unit vector `direction`. An arc above an open chain closes it.
 ///
 /// # Errors
-/// `InvalidArgument` as of [`knot`], for a direction of another length, or for too many crossings.
-pub(crate) fn seen(points: &[Point], closed: bool, direction: Point) -> Result<GaussCode> {
+/// `InvalidArgument` as in [`identify`], and for a direction of another length or too many crossings.
+pub(crate) fn draw(points: &[Point], closed: bool, direction: Point) -> Result<GaussCode> {
     Ok(diagram_from(points, closed, direction)?.0.code)
 }
 
-/// The probability that errors in the order of crossings, as seen from the unit vector `direction`, leave the knot what it is.
+/// Returns the probability that the knot is right although some crossings, seen from the unit vector `direction`, may
+/// have the wrong order.
 ///
-/// Each row has the arc lengths of two strands that cross, metres, and the probability that the nodes have their order right.
-/// If not `strict`, rows beyond the crossings that are seen must be right, and all if there is no diagram from there.
+/// Each row holds the arc lengths of two strands that cross, metres, and the probability that the nodes give their
+/// order right. Without `strict`, rows beyond the visible crossings must all be right, and so must all rows if there is
+/// no diagram.
 ///
 /// # Errors
-/// `InvalidArgument` for rows that are not arc lengths and a probability; if `strict`, as of [`seen`] and for more rows than
-/// crossings.
-pub(crate) fn order_probability(
+/// `InvalidArgument` if a row does not hold arc lengths and a probability; with `strict`, also as in [`draw`], and for
+/// more rows than crossings.
+pub(crate) fn find_order_probability(
     points: &[Point],
     closed: bool,
     direction: Point,
@@ -163,31 +168,32 @@ pub(crate) fn order_probability(
             None => rest *= probability,
         }
     }
-    Ok(order::order_probability(&diagram.code, &right) * rest)
+    Ok(order::find_order_probability(&diagram.code, &right) * rest)
 }
 
-/// How often two chains wind round each other: a whole number if both are closed.
+/// Returns how often two chains wind around each other: a whole number if both are closed.
 ///
 /// # Errors
-/// `InvalidArgument` for nodes that are no polyline, or more than 1e8 pairs of segments.
-pub(crate) fn linking_number(a: &[Point], b: &[Point], closed: [bool; 2]) -> Result<f64> {
-    checked("a", a, closed[0])?;
-    checked("b", b, closed[1])?;
-    if a.len().saturating_mul(b.len()) > MOST_PAIRS {
-        let got = format!("expected at most {MOST_PAIRS} pairs of nodes, got {} times {}", a.len(), b.len());
+/// `InvalidArgument` if nodes are no polyline, or for more than 1e8 pairs of segments.
+pub(crate) fn find_linking_number(a: &[Point], b: &[Point], closed: [bool; 2]) -> Result<f64> {
+    check_nodes("a", a, closed[0])?;
+    check_nodes("b", b, closed[1])?;
+    if a.len().saturating_mul(b.len()) > MAX_PAIRS {
+        let got = format!("expected at most {MAX_PAIRS} pairs of nodes, got {} times {}", a.len(), b.len());
         return Err(Error::invalid("b", got));
     }
     let all: Vec<Point> = a.iter().chain(b).copied().collect();
     let all = scaled(&all);
     let (a, b) = all.split_at(a.len());
-    let integral = linking::linking_integral(&segments(a, closed[0]), &segments(b, closed[1]));
+    let integral =
+        linking::compute_linking_integral(&list_segments(a, closed[0]), &list_segments(b, closed[1]));
     Ok(if closed == [true; 2] { integral.round() } else { integral })
 }
 
-/// A diagram of a chain, and arc lengths at its nodes, metres; of a closed one also once around.
+/// Returns the diagram of a chain and the arc lengths of its nodes, metres; for a closed chain also the total length.
 fn diagram_from(points: &[Point], closed: bool, direction: Point) -> Result<(Diagram, Vec<f64>)> {
     check_unit("direction", direction)?;
-    let nodes = checked("points", points, closed)?;
+    let nodes = check_nodes("points", points, closed)?;
     let mut path = points.to_vec();
     if closed {
         path.push(points[0]);
@@ -196,13 +202,13 @@ fn diagram_from(points: &[Point], closed: bool, direction: Point) -> Result<(Dia
     let ring = if !closed && lid == Lid::Segment { &nodes[..nodes.len() - 1] } else { &nodes[..] };
     let mut towards = direction;
     for attempt in 0..TURNS {
-        match projection::diagram(ring, lid, normalized(towards)) {
+        match projection::draw_diagram(ring, lid, normalized(towards)) {
             Ok(diagram) => return Ok((diagram, arc_length(&path))),
             Err(NoDiagram::Meets) => {
                 return Err(meets_itself());
             }
             Err(NoDiagram::TooManyCrossings) => {
-                let most = projection::MOST_CROSSINGS;
+                let most = projection::MAX_CROSSINGS;
                 return Err(Error::invalid("points", format!("expected at most {most} crossings")));
             }
             Err(NoDiagram::Unlucky) => {
@@ -219,8 +225,8 @@ fn meets_itself() -> Error {
     Error::invalid("points", "expected a curve that does not meet itself")
 }
 
-/// The nodes about the origin in a box of about unit size, if they are a polyline.
-fn checked(name: &'static str, points: &[Point], closed: bool) -> Result<Vec<Point>> {
+/// Checks that nodes form a polyline; returns them around the origin in a box of about unit size.
+fn check_nodes(name: &'static str, points: &[Point], closed: bool) -> Result<Vec<Point>> {
     check_finite(name, points)?;
     let (least, wanted) = if closed { (3, "three nodes of a closed chain") } else { (2, "two nodes") };
     if points.len() < least {
@@ -237,25 +243,25 @@ fn checked(name: &'static str, points: &[Point], closed: bool) -> Result<Vec<Poi
     Ok(scaled(points))
 }
 
-/// Moved to the origin, and to a size near 1 by a power of two.
+/// Moves points to the origin, and scales them by a power of two to a size near 1.
 fn scaled(points: &[Point]) -> Vec<Point> {
     let moved: Vec<Point> = points.iter().map(|&p| sub(p, points[0])).collect();
     let factor = f64::powi(2.0, -(Bounds::about(&moved).extent().log2().floor() as i32));
     moved.into_iter().map(|p| p.map(|x| x * factor)).collect()
 }
 
-/// Whether an open chain ends where it begins.
+/// Returns whether an open chain ends where it begins.
 fn is_joined(nodes: &[Point]) -> bool {
     let apart = sub(nodes[nodes.len() - 1], nodes[0]);
     nodes.len() > 3 && apart.iter().all(|x| x.abs() <= NEAR_ENDS)
 }
 
-fn segments(nodes: &[Point], closed: bool) -> Vec<[Point; 2]> {
+fn list_segments(nodes: &[Point], closed: bool) -> Vec<[Point; 2]> {
     let last = closed.then(|| [nodes[nodes.len() - 1], nodes[0]]);
     nodes.windows(2).map(|pair| [pair[0], pair[1]]).chain(last).collect()
 }
 
-fn told(answers: Vec<Answer>, core: Option<[usize; 2]>) -> Knot {
+fn make_knot(answers: Vec<Answer>, core: Option<[usize; 2]>) -> Knot {
     let total: usize = answers.iter().map(|answer| answer.count).sum();
     let named = |answer: &Answer| {
         let (name, chirality) = match answer.identity.kind {
@@ -273,7 +279,7 @@ fn told(answers: Vec<Answer>, core: Option<[usize; 2]>) -> Knot {
         core,
         twin: twin.filter(|twin| code.crossings() >= twin.crossings).map(|twin| twin.name),
         alexander: alexander.clone(),
-        jones: jones.clone().or_else(|| alexander.as_ref().and_then(|_| jones::jones(code))),
+        jones: jones.clone().or_else(|| alexander.as_ref().and_then(|_| jones::compute_jones(code))),
         code: code.clone(),
         answers: answers.iter().map(named).collect(),
     }

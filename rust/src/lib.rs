@@ -14,7 +14,7 @@
 //! runs: AVX-512, AVX2, or portable code.
 //!
 //! ```
-// points on the upper half of a tube of radius 1 about the x axis, seen from above
+//! // points on the upper half of a tube of radius 1 about the x axis, seen from above
 //! let points: Vec<strand::Point> = (0..400)
 //!     .map(|i| {
 //!         let (x, angle) = ((i / 20) as f64 * 0.1, (i % 20) as f64 / 19.0 * std::f64::consts::PI);

@@ -1,8 +1,8 @@
-//! What a planner asks of ropes: distances, rays and swept bodies against their tubes.
+//! Queries of planners against tubes: distances, rays and moving bodies.
 //!
-//! A tube is a union of capsules: all that is within the chain's radius of the straight segments between its nodes.
-//! The capsules of all chains lie in one hierarchy of boxes, which is built once. Each query is answered for itself, so
-//! answers are the same bits for any number of threads.
+//! A tube is a union of capsules: everything within the chain's radius of the straight segments between its nodes. One
+//! hierarchy of boxes, built once, holds the capsules of all chains. Each query is answered on its own, so answers are
+//! equal bit for bit for any number of threads.
 
 mod boxes;
 mod capsule;
@@ -21,16 +21,16 @@ use capsule::Capsule;
 use hierarchy::Hierarchy;
 use rays::Line;
 
-/// Queries that a thread answers in one go; as few are answered where they are asked.
+/// Queries that a thread answers in one go; fewer run on the thread of the caller.
 const LOT: usize = 128;
 
 /// One chain's tube.
 pub struct Path<'a> {
-    /// At least two places in order, no two in a row equal; of a closed chain the first again at the end.
+    /// At least two places in order, no two consecutive ones equal; a closed chain repeats its first place at the end.
     pub nodes: &'a [Point],
     /// Arc length at each node, metres.
     pub arc_length: &'a [f64],
-    /// Metres.
+    /// Radius, metres.
     pub radius: f64,
 }
 
@@ -41,33 +41,33 @@ pub struct Place {
     pub chain: usize,
     /// Arc length, metres.
     pub s: f64,
-    /// Metres.
+    /// Position, metres.
     pub point: Point,
 }
 
 /// Where a ray meets a tube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Along the ray, metres.
+    /// Distance along the ray, metres.
     pub distance: f64,
-    /// The place of the axis that the ray's is beside.
+    /// The place of the axis beside the hit.
     pub place: Place,
-    /// Unit vector out of the tube.
+    /// Unit normal, out of the tube.
     pub normal: Point,
 }
 
-/// What becomes of a body that moves.
+/// The contact and clearance of a moving body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sweep {
     /// The first time of contact, from 0 to 1; infinite if there is none.
     pub time: f64,
-    /// The least distance of the body from a tube on its whole way, metres; below 0 where it is in a tube.
+    /// The least distance of the body from a tube during the motion, metres; below 0 inside a tube.
     pub clearance: f64,
-    /// Where on the axis that first contact is; if there is none, that least distance.
+    /// The place of the axis at the first contact or, without contact, at the least distance.
     pub place: Place,
 }
 
-/// Tubes of several chains, for queries.
+/// The tubes of several chains.
 pub struct TubeQueries {
     hierarchy: Hierarchy,
 }
@@ -76,8 +76,8 @@ impl TubeQueries {
     /// Sorts the segments of all chains.
     ///
     /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if coordinates are not finite, arc lengths are fewer or more than nodes,
-    /// nodes in a row are equal, or a radius is not positive.
+    /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite, there is not one arc length for each
+    /// node, consecutive nodes are equal, or a radius is not positive.
     pub fn new(paths: &[Path<'_>]) -> Result<Self> {
         let mut capsules = Vec::new();
         for (chain, path) in paths.iter().enumerate() {
@@ -93,34 +93,36 @@ impl TubeQueries {
         Ok(Self { hierarchy: Hierarchy::new(capsules) })
     }
 
-    /// For each point the least of its distances from an axis minus that tube's radius, metres; infinite without chains.
+    /// Returns for each point the least distance from a tube's surface, metres: negative inside, infinite without
+    /// chains.
     ///
     /// # Errors
     /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
     pub fn signed_distances(&self, points: &[Point]) -> Result<Vec<f64>> {
         check_finite("points", points)?;
-        Ok(each(points.len(), |i| {
+        Ok(answer_each(points.len(), |i| {
             self.hierarchy.nearest(points[i]).map_or(f64::INFINITY, |(value, _)| value)
         }))
     }
 
-    /// For each point the place of the axis in whose tube it is deepest, or whose tube is nearest, and its distance from there,
-    /// metres.
+    /// Returns for each point the nearest place of the axis of the tube that it is nearest to, or deepest in, and the
+    /// distance from the axis, metres.
     ///
     /// # Errors
     /// [`InvalidArgument`](Error::InvalidArgument) if a coordinate is not finite.
     pub fn nearest(&self, points: &[Point]) -> Result<Vec<Option<(Place, f64)>>> {
         check_finite("points", points)?;
-        Ok(each(points.len(), |i| {
+        Ok(answer_each(points.len(), |i| {
             let place = self.nearest_place(points[i])?;
             Some((place, squared_distance(points[i], place.point).sqrt()))
         }))
     }
 
-    /// Where each ray first meets a tube: at once, if it starts in one.
+    /// Returns where each ray first meets a tube: at its origin, if that is inside a tube.
     ///
     /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a direction is zero.
+    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a direction is
+    /// zero.
     pub fn ray_hits(&self, origins: &[Point], directions: &[Point]) -> Result<Vec<Option<Hit>>> {
         check_finite("origins", origins)?;
         check_finite("directions", directions)?;
@@ -130,22 +132,23 @@ impl TubeQueries {
                 format!("expected vectors that are not zero, but row {row} is {:?}", directions[row]);
             return Err(Error::invalid("directions", reason));
         }
-        Ok(each(origins.len(), |i| {
+        Ok(answer_each(origins.len(), |i| {
             let line = Line::ray(origins[i], directions[i]);
             let (distance, capsule) = self.hierarchy.first(&line, 0.0)?;
             let at = line.at(distance);
             let place = if distance > 0.0 { capsule.beside(at) } else { self.nearest_place(at)? };
             let out = sub(at, place.point);
-            // on the axis itself every way out is as near
+            // on the axis, all ways out are equally near
             let normal = if out == [0.0; 3] { line.direction().map(|x| -x) } else { normalized(out) };
             Some(Hit { distance, place, normal })
         }))
     }
 
-    /// What becomes of spheres that move straight and evenly from a start to an end; exact, up to rounding.
+    /// Sweeps spheres straight and evenly from a start to an end; exact up to rounding.
     ///
     /// # Errors
-    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a radius is negative.
+    /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ, a number is not finite, or a radius is
+    /// negative.
     pub fn swept_spheres(
         &self,
         starts: &[Point],
@@ -157,7 +160,7 @@ impl TubeQueries {
         check_same_length("ends", ends.len(), "starts", starts.len())?;
         check_same_length("radius", radii.len(), "starts", starts.len())?;
         radii.iter().try_for_each(|&radius| check_not_negative("radius", radius))?;
-        Ok(each(starts.len(), |i| {
+        Ok(answer_each(starts.len(), |i| {
             let radius = radii[i];
             let (least, approach, closest) = self.hierarchy.closest(starts[i], sub(ends[i], starts[i]))?;
             let clearance = least - radius;
@@ -170,15 +173,15 @@ impl TubeQueries {
                     (line.share(distance), capsule.beside(line.at(distance)))
                 }
                 Some(_) => (0.0, self.nearest_place(starts[i])?),
-                // a touch that rounding took away
+                // a touch that rounding hides
                 None => (approach.time, closest.place(approach.along)),
             };
             Some(Sweep { time, clearance, place })
         }))
     }
 
-    /// What becomes of boxes that move from a pose to another, see [`BoxMotion`]; on the safe side by at most
-    /// its slack.
+    /// Sweeps boxes from one pose to another, see [`BoxMotion`]. Contacts may be early, and clearances small, by at
+    /// most its slack.
     ///
     /// # Errors
     /// [`InvalidArgument`](Error::InvalidArgument) if the lengths differ or a half size is negative or not finite.
@@ -192,7 +195,7 @@ impl TubeQueries {
         check_same_length("ends", ends.len(), "starts", starts.len())?;
         check_same_length("half_sizes", half_sizes.len(), "starts", starts.len())?;
         half_sizes.as_flattened().iter().try_for_each(|&half| check_not_negative("half_sizes", half))?;
-        Ok(each(starts.len(), |i| {
+        Ok(answer_each(starts.len(), |i| {
             let motion = BoxMotion::new(&starts[i], &ends[i], half_sizes[i]);
             let (clearance, closest_at, closest) = self.hierarchy.clearance_of_box(&motion)?;
             let met =
@@ -208,8 +211,8 @@ impl TubeQueries {
     }
 }
 
-/// Answers to so many queries, in order: many of them in parallel.
-fn each<T: Send>(count: usize, answer: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+/// Answers queries in order, many of them in parallel.
+fn answer_each<T: Send>(count: usize, answer: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     if count <= LOT {
         return (0..count).map(answer).collect();
     }
@@ -222,7 +225,7 @@ fn each<T: Send>(count: usize, answer: impl Fn(usize) -> T + Sync + Send) -> Vec
     parallel::run(|| (0..count).into_par_iter().with_min_len(LOT).map(answer).collect())
 }
 
-/// Refuses a length below zero, or as large as no coordinate may be.
+/// Refuses a negative or infinite length.
 fn check_not_negative(name: &'static str, value: f64) -> Result<()> {
     if value == 0.0 {
         Ok(())

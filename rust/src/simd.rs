@@ -1,12 +1,12 @@
-//! Wide instructions: the only place that knows which ones the processor has.
+//! Wide instructions: the only room that knows which ones the processor has.
 //!
-//! A kernel is written once with [`kernel!`], generic in [`Simd`], and compiled for each set of instructions: AVX-512,
-//! AVX2, and what every processor has. The widest that the processor has is chosen when the program runs. There are as
-//! many lanes for every width, what is summed is summed in the same order, and products and sums are never fused: the
-//! answers are the same bits on every processor.
+//! A kernel is written once with [`kernel!`], generic in [`Simd`]. It is compiled for each instruction set: AVX-512,
+//! AVX2 and portable code. When the program runs, it chooses the widest set that the processor has. Answers are equal
+//! bit for bit on every processor. The number of lanes is the same for every width, sums have one order, and products
+//! and sums are never fused.
 //!
-//! Each set has a token that implements [`Simd`]. Wide instructions are reached only through a token, or through numbers
-//! that a token made, and tokens of sets that a processor may lack are only made after asking it.
+//! Each set has a token that implements [`Simd`]. Only a token, or numbers that a token made, give access to wide
+//! instructions. Tokens of optional sets are made only after the processor was asked.
 
 mod eight;
 mod portable;
@@ -29,38 +29,38 @@ pub use avx512::Avx512;
 pub use eight::{Eight, Lanes, Three};
 use portable::Portable;
 
-/// Numbers of a half batch: a register of AVX2 in single precision, one of AVX-512 in double precision.
+/// Numbers of a half batch: a single-precision register of AVX2, a double-precision register of AVX-512.
 pub const LANES: usize = 8;
-/// Numbers that are worked on at a time: a register of AVX-512 in single precision.
+/// Numbers of a batch, which are processed together: a single-precision register of AVX-512.
 pub const BATCH: usize = 2 * LANES;
 
-/// Double precision numbers of a half batch.
+/// A half batch in double precision.
 pub type Doubles = [f64; LANES];
-/// Single precision numbers of a batch.
+/// A batch in single precision.
 pub type Singles = [f32; BATCH];
-/// Whole numbers of a batch.
+/// A batch of integers.
 pub type Whole = [i32; BATCH];
 
-/// A token for a set of instructions, and what can be done with them. No number may be NaN, except in an [`Eight`].
+/// A token for an instruction set, and its operations. No number may be NaN, except in an [`Eight`].
 pub trait Simd: Copy {
-    /// Eight single precision numbers that calculate by operators.
+    /// Eight single-precision numbers with operators.
     type Eight: Eight;
-    /// Single precision numbers of a batch.
+    /// A batch in single precision.
     type F: Copy;
-    /// Double precision numbers of a half batch.
+    /// A half batch in double precision.
     type D: Copy;
-    /// Whole numbers of a batch.
+    /// A batch of integers.
     type I: Copy;
-    /// Which lanes of a batch, and which of a half batch.
+    /// Masks of a batch and of a half batch.
     type M: Copy;
     type H: Copy;
 
-    /// Whether sums over a whole batch of many terms have registers enough.
+    /// Whether there are enough registers to sum many terms over a whole batch.
     const MANY_REGISTERS: bool;
 
-    /// Takes eight numbers from memory.
+    /// Loads eight numbers from memory.
     fn load8(self, x: &Lanes) -> Self::Eight;
-    /// The same number in eight lanes.
+    /// Puts one number into eight lanes.
     fn splat8(self, x: f32) -> Self::Eight;
 
     fn load(self, x: &Singles) -> Self::F;
@@ -69,48 +69,48 @@ pub trait Simd: Copy {
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The smaller of each two.
+    /// The smaller of two numbers, lane by lane.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The larger of each two.
+    /// The larger of two numbers, lane by lane.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
-    /// Where a ≤ b.
+    /// A mask of the lanes where a ≤ b.
     fn le(self, a: Self::F, b: Self::F) -> Self::M;
-    /// a in the lanes of the mask, b in the others.
+    /// Takes a in the lanes of the mask, b in the others.
     fn select(self, mask: Self::M, a: Self::F, b: Self::F) -> Self::F;
-    /// Coordinates relative to an origin, in units.
+    /// Converts coordinates to single precision, relative to an origin and in units.
     fn narrow(self, x: &[f64; BATCH], origin: f64, unit: f64) -> Self::F;
-    /// Puts the lanes of some bits one behind the other at the start of `to`, which has room for a batch.
+    /// Packs the lanes of some bits at the start of `to`, which has room for a batch.
     fn compress(self, bits: u32, x: Self::F, to: &mut [f32]);
 
-    /// The mask of some bits, the lowest for the first lane.
+    /// Makes a mask of bits, the lowest for the first lane.
     fn mask(self, bits: u32) -> Self::M;
-    /// The bits of a mask.
+    /// Returns the bits of a mask.
     fn bits(self, mask: Self::M) -> u32;
-    /// Lanes of either mask.
+    /// The lanes of either mask.
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
-    /// Lanes of only one of two masks.
+    /// The lanes of exactly one of two masks.
     fn xor(self, a: Self::M, b: Self::M) -> Self::M;
-    /// The first or the second half.
+    /// The first or the second half of a mask.
     fn half<const SECOND: bool>(self, mask: Self::M) -> Self::H;
 
     fn splat_whole(self, x: i32) -> Self::I;
     fn store_whole(self, x: Self::I) -> Whole;
-    /// a + x in the lanes of the mask, a in the others.
+    /// Adds x in the lanes of the mask.
     fn add_whole_if(self, mask: Self::M, a: Self::I, x: Self::I) -> Self::I;
 
     fn load_half(self, x: &Doubles) -> Self::D;
     fn store_half(self, x: Self::D) -> Doubles;
     fn splat_half(self, x: f64) -> Self::D;
     fn sub_half(self, a: Self::D, b: Self::D) -> Self::D;
-    /// a + x in the lanes of the mask, a in the others.
+    /// Adds x in the lanes of the mask.
     fn add_half_if(self, mask: Self::H, a: Self::D, x: Self::D) -> Self::D;
 }
 
-/// Defines a function that is compiled for each set of instructions. Its first argument is the token of the one that
-/// runs; callers leave it out.
+/// Defines a function that is compiled for each instruction set. Its first argument is the token of the set that runs;
+/// callers omit it.
 ///
-/// Functions that it calls in its inner loops must be `#[inline(always)]` and have no closures that are not: only what is
-/// inlined is compiled for the set.
+/// Functions that it calls in its inner loops must be `#[inline(always)]` and have no closures that are not: only what
+/// is inlined is compiled for the set.
 macro_rules! kernel {
     (
         $(#[$meta:meta])*
@@ -158,7 +158,7 @@ pub enum Widest {
     Portable(Portable),
 }
 
-/// What [`widest`] gives: one of the numbers below. Those of sets that the processor lacks are never there.
+/// The widest set, as one of the numbers below. Numbers of sets that the processor lacks never appear.
 static WIDEST: AtomicU8 = AtomicU8::new(NOT_ASKED);
 const NOT_ASKED: u8 = 0;
 const PORTABLE: u8 = 1;
@@ -167,7 +167,7 @@ const AVX2: u8 = 2;
 #[cfg(target_arch = "x86_64")]
 const AVX512: u8 = 3;
 
-/// The widest instructions that there are.
+/// Returns the token of the widest instructions that the processor has.
 #[inline(always)]
 pub fn widest() -> Widest {
     let mut number = WIDEST.load(Ordering::Relaxed);
@@ -176,16 +176,16 @@ pub fn widest() -> Widest {
     }
     match number {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: this number is only there where the processor has these instructions
+        // SAFETY: this number appears only if the processor has these instructions
         AVX512 => Widest::Avx512(unsafe { Avx512::assume() }),
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: this number is only there where the processor has these instructions
+        // SAFETY: this number appears only if the processor has these instructions
         AVX2 => Widest::Avx2(unsafe { Avx2::assume() }),
         _ => Widest::Portable(Portable),
     }
 }
 
-/// Asks the processor, which gives the same answer every time.
+/// Asks the processor; the answer is the same every time.
 #[cold]
 fn ask() -> u8 {
     let number = detected();

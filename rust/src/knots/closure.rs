@@ -1,24 +1,24 @@
-//! Closures of an open chain: both ends are led straight to a far sphere in the same direction, and joined there.
+//! Closures of an open chain: both ends are extended straight in one direction to a far sphere, and joined there.
 //!
-//! Which knot that makes can depend on the direction, so there are many, spread evenly and always the same.
-//! Nodes that a closed polyline can do without are sought once for all directions: those count whose triangles none of
-//! the two straight ways passes through.
+//! The knot of a closure can depend on the direction, so many directions are tried, evenly spread and always the same.
+//! The chain's superfluous nodes are sought once for all directions. For each direction, those nodes stay whose
+//! triangles are pierced by one of the two straight extensions.
 
 use super::identity::{Identity, Kind, Known};
-use super::projection::{NoDiagram, frame};
+use super::projection::{NoDiagram, make_frame};
 use super::thinning::{Thinned, thin};
 use crate::geometry::boxes::Bounds;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
-/// Directions that are tried before chains that are too tangled for an answer are given up.
+/// Directions that are tried before a chain counts as too tangled.
 const TOO_TANGLED: usize = 4;
 
-/// How much larger than they are triangles count where it is only asked which may be met.
+/// Relative margin of triangles when the search excludes those that cannot be met.
 const ROUNDING: f64 = 1e-9;
 
-/// Directions of closures, evenly spread over the sphere: a Fibonacci lattice.
-pub fn directions(count: usize) -> impl Iterator<Item = Point> {
+/// Returns directions spread evenly over the sphere: a Fibonacci lattice.
+pub fn spread_directions(count: usize) -> impl Iterator<Item = Point> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..count).map(move |k| {
         let z = 1.0 - (2 * k + 1) as f64 / count as f64;
@@ -28,22 +28,22 @@ pub fn directions(count: usize) -> impl Iterator<Item = Point> {
     })
 }
 
-/// An answer of closures.
+/// A knot that some closures give.
 #[derive(Debug)]
 pub struct Answer {
-    /// How many closures say so.
+    /// The number of those closures.
     pub count: usize,
-    /// One that has the fewest crossings.
+    /// The one with the fewest crossings.
     pub identity: Identity,
 }
 
-/// The answers of closures in so many directions, the most frequent first.
+/// Returns the knots of `count` closures, the most frequent first.
 ///
 /// Closures that are too tangled for a diagram count as one unknown knot.
-pub fn closures(nodes: &[Point], count: usize, known: &mut Known) -> Result<Vec<Answer>, NoDiagram> {
+pub fn find_closures(nodes: &[Point], count: usize, known: &mut Known) -> Result<Vec<Answer>, NoDiagram> {
     let open = Open::new(nodes);
     let (mut answers, mut tangled) = (Vec::<Answer>::new(), 0);
-    for (k, direction) in directions(count).enumerate() {
+    for (k, direction) in spread_directions(count).enumerate() {
         go_on();
         let tangle = Identity::unknown();
         let found = match known.identity(&open.closed(direction)) {
@@ -68,14 +68,14 @@ pub fn closures(nodes: &[Point], count: usize, known: &mut Known) -> Result<Vec<
     Ok(answers)
 }
 
-/// An open chain, to be closed without nodes that it can do without.
+/// An open chain and its superfluous nodes, ready to be closed in any direction.
 struct Open<'a> {
     thinned: Thinned<'a>,
-    /// A ball that holds all nodes.
+    /// A ball around all nodes.
     middle: Point,
     reach: f64,
-    /// By triangle, for the first and the last node: the way to its middle, and the least square of how far that goes
-    /// along a direction in which the triangle may be met.
+    /// For each triangle, from the first and from the last node: the vector to its middle, and the least squared
+    /// component along a direction in which the triangle may be met.
     ways: Vec<[(Point, f64); 2]>,
 }
 
@@ -100,9 +100,9 @@ impl<'a> Open<'a> {
         Self { thinned, middle, reach: squared_distance(high, low).sqrt(), ways }
     }
 
-    /// The closure in a direction.
+    /// Returns the closure in a direction.
     fn closed(&self, direction: Point) -> Vec<Point> {
-        let (nodes, axes) = (self.thinned.nodes, frame(direction));
+        let (nodes, axes) = (self.thinned.nodes, make_frame(direction));
         let ends = [0, nodes.len() - 1];
         let seen = |k: usize| axes.map(|axis| dot(axis, nodes[k]));
         let is_passed = |&k: &usize| {
@@ -123,7 +123,7 @@ impl<'a> Open<'a> {
     }
 }
 
-/// Whether a triangle lies above a place, or so near that rounding cannot tell.
+/// Returns whether a triangle lies above a place, or so near that rounding cannot decide.
 fn is_above(corners: [Point; 3], place: Point) -> bool {
     let [a, b, c] = corners;
     if a[2].max(b[2]).max(c[2]) < place[2] {

@@ -1,4 +1,4 @@
-//! A knot diagram as a signed Gauss code, and the codes that other programs read.
+//! A knot diagram as a signed Gauss code, and its conversion to the codes of other programs.
 
 /// A passage of the knot through a crossing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -9,16 +9,16 @@ pub struct Visit {
     pub over: bool,
 }
 
-/// A diagram of one closed curve: the crossings in the order in which it passes them, twice each.
+/// A diagram of one closed curve: the crossings in the order in which the curve passes them, each twice.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct GaussCode {
     pub visits: Vec<Visit>,
-    /// By crossing: +1 where the lower strand crosses the upper one from its right to its left, else -1.
+    /// For each crossing, +1 if the lower strand crosses the upper one from right to left, else −1.
     pub signs: Vec<i8>,
 }
 
 impl GaussCode {
-    /// How many crossings there are.
+    /// The number of crossings.
     pub fn crossings(&self) -> usize {
         self.signs.len()
     }
@@ -28,7 +28,7 @@ impl GaussCode {
         self.signs.iter().map(|&sign| i64::from(sign)).sum()
     }
 
-    /// By crossing: the places of its upper and of its lower visit.
+    /// Returns for each crossing the places of its upper and its lower visit.
     pub fn places(&self) -> Vec<[usize; 2]> {
         let mut places = vec![[0; 2]; self.crossings()];
         for (k, visit) in self.visits.iter().enumerate() {
@@ -37,7 +37,7 @@ impl GaussCode {
         places
     }
 
-    /// Planar diagram: by crossing the four edges, anticlockwise from where the lower strand comes in.
+    /// Returns the planar diagram: for each crossing its four edges, anticlockwise from the incoming lower strand.
     ///
     /// Edge k leads to visit k, both counted from 0.
     pub fn planar_diagram(&self) -> Vec<[u32; 4]> {
@@ -53,8 +53,8 @@ impl GaussCode {
         self.places().into_iter().zip(&self.signs).map(crossing).collect()
     }
 
-    /// Dowker and Thistlethwaite's code: visits are counted from 1, each crossing has an odd and an even one; the even
-    /// ones in the order of the odd ones, negative where they are over.
+    /// Returns the code of Dowker and Thistlethwaite. Visits are counted from 1, so each crossing has an odd and an
+    /// even one. The code lists the even ones in the order of the odd ones, negative if they are over.
     pub fn dowker_thistlethwaite(&self) -> Vec<i64> {
         let places = self.places();
         let even = |visit: &Visit| {
@@ -64,7 +64,7 @@ impl GaussCode {
         self.visits.iter().step_by(2).map(even).collect()
     }
 
-    /// The diagram with upper and lower strand exchanged at one crossing.
+    /// Exchanges the upper and lower strand at one crossing.
     pub fn switch(&mut self, crossing: usize) {
         self.signs[crossing] = -self.signs[crossing];
         for visit in self.visits.iter_mut().filter(|visit| visit.crossing as usize == crossing) {

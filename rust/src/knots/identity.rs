@@ -1,17 +1,17 @@
-//! Which knot a closed polyline is.
+//! The knot of a closed polyline.
 
 use rustc_hash::FxHashMap;
 
-use super::alexander::alexander;
+use super::alexander::compute_alexander;
 use super::code::GaussCode;
-use super::jones::{Laurent, jones};
-use super::projection::{Diagram, Lid, NoDiagram, diagram};
+use super::jones::{Laurent, compute_jones};
+use super::projection::{Diagram, Lid, NoDiagram, draw_diagram};
 use super::reidemeister::reduced;
-use super::table::{Chirality, has_alexander, named};
+use super::table::{Chirality, find_named, has_alexander};
 use super::thinning::thin;
 use crate::geometry::{Point, normalized};
 
-/// Where thinned polylines are looked at from: no direction that a person or a program would choose.
+/// Directions from which thinned polylines are viewed: none that a person or a program would choose.
 const VIEWPOINTS: [Point; 9] = [
     [0.2631, 0.4172, 0.8699],
     [0.8114, -0.3527, 0.4661],
@@ -23,17 +23,17 @@ const VIEWPOINTS: [Point; 9] = [
     [-0.3347, 0.1427, 0.9315],
     [0.0771, 0.9613, 0.2645],
 ];
-/// So many views are compared; the others stand in for unlucky ones.
+/// Views that are compared; the others replace views from which a strand lies over a node.
 const COMPARED: usize = 3;
-/// Diagrams with no more crossings need no comparison.
+/// Diagrams with at most this many crossings need no comparison.
 const FEW_CROSSINGS: usize = 7;
 
-/// What the polynomials of a diagram say.
+/// The knot that the polynomials of a diagram give.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// A knot of the table.
     Known(usize, Chirality),
-    /// A knot outside of it: with its Alexander polynomial, or none where the diagram is too large to say.
+    /// Another knot, with its Alexander polynomial; None if the diagram is too large.
     Unknown(Option<Vec<i64>>),
 }
 
@@ -41,41 +41,42 @@ pub enum Kind {
 #[derive(Debug, Clone)]
 pub struct Identity {
     pub kind: Kind,
-    /// A diagram without moves of Reidemeister's first and second kind that take crossings away.
+    /// A diagram that no move of Reidemeister's first or second kind can reduce.
     pub code: GaussCode,
     pub alexander: Option<Vec<i64>>,
     pub jones: Option<Laurent>,
 }
 
 impl Identity {
-    /// A knot of which nothing is known.
+    /// Returns an unknown knot.
     pub fn unknown() -> Self {
         Self { kind: Kind::Unknown(None), code: GaussCode::default(), alexander: None, jones: None }
     }
 
-    /// Of a reduced diagram.
+    /// Identifies the knot of a reduced diagram.
     pub fn of(code: GaussCode) -> Self {
-        let alexander = alexander(&code);
-        let jones = alexander.as_ref().filter(|found| has_alexander(found)).and_then(|_| jones(&code));
-        let known = alexander.as_ref().zip(jones.as_ref()).and_then(|(a, j)| named(a, j));
+        let alexander = compute_alexander(&code);
+        let jones =
+            alexander.as_ref().filter(|found| has_alexander(found)).and_then(|_| compute_jones(&code));
+        let known = alexander.as_ref().zip(jones.as_ref()).and_then(|(a, j)| find_named(a, j));
         let kind = known.map_or_else(|| Kind::Unknown(alexander.clone()), |(k, which)| Kind::Known(k, which));
         Self { kind, code, alexander, jones }
     }
 }
 
-/// Knots of diagrams, each worked out once.
+/// Knots of diagrams, each identified once.
 #[derive(Debug, Default)]
 pub struct Known {
     knots: Vec<Identity>,
-    /// Whose the diagrams are that were seen.
+    /// The number of each diagram's knot.
     numbers: FxHashMap<GaussCode, usize>,
 }
 
 impl Known {
-    /// The knot of a closed polyline.
+    /// Identifies the knot of a closed polyline.
     pub fn identity(&mut self, polygon: &[Point]) -> Result<&Identity, NoDiagram> {
         let left = thin(polygon, true, f64::INFINITY).left();
-        // it takes six segments to tie a knot
+        // a knot needs at least six segments
         let seen = if left.len() < 6 { vec![GaussCode::default()] } else { self.diagrams(&left)? };
         let known = seen.iter().find_map(|code| self.numbers.get(code).copied());
         let number = known.unwrap_or_else(|| {
@@ -87,12 +88,12 @@ impl Known {
         Ok(&self.knots[number])
     }
 
-    /// The diagrams that a few views of a closed polyline and the moves give; none after one that is small or known.
+    /// Returns reduced diagrams of a few views of a closed polyline, up to the first that is small or known.
     fn diagrams(&self, polygon: &[Point]) -> Result<Vec<GaussCode>, NoDiagram> {
-        // what lies over a node from everywhere is where that node is
+        // if a strand lies over a node from everywhere, the strand meets the node
         let (mut seen, mut failure) = (Vec::new(), NoDiagram::Meets);
         for towards in VIEWPOINTS {
-            match diagram(polygon, Lid::Segment, normalized(towards)) {
+            match draw_diagram(polygon, Lid::Segment, normalized(towards)) {
                 Ok(Diagram { code, .. }) => {
                     seen.push(reduced(&code));
                     let last = &seen[seen.len() - 1];

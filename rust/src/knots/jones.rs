@@ -1,35 +1,35 @@
-//! The Jones polynomial of a diagram by Kauffman's bracket, exactly.
+//! The exact Jones polynomial of a diagram, by Kauffman's bracket.
 //!
-//! Crossings are added one by one, next to those that are there. What was added is a sum over the ways in which its
-//! open edges are joined without crossings; equal ways are merged, so that time grows with these, not with 2 to the
-//! number of crossings. (L. H. Kauffman: State models and the Jones polynomial, Topology 26, 1987.)
+//! Crossings are added one by one, next to those already there. The partial result is a sum over the ways in which its
+//! open edges can be joined without crossings. Equal ways are merged, so time grows with their number, not with 2 to
+//! the number of crossings. (L. H. Kauffman: State models and the Jones polynomial, Topology 26, 1987.)
 
 use rustc_hash::FxHashMap;
 
 use super::code::GaussCode;
 use crate::parallel::go_on;
 
-/// Diagrams with more crossings have no answer. Coefficients are at most 2 to the number of crossings, so sums that
-/// wrap at 2^64 on the way end right.
-pub const MOST_CROSSINGS: usize = 40;
-/// Nor have those that have more open edges on the way: 1430 ways to join them.
-const WIDEST: usize = 16;
+/// Crossings of a diagram at most. Coefficients are at most 2 to the number of crossings, so intermediate sums may wrap
+/// at 2^64.
+pub const MAX_CROSSINGS: usize = 40;
+/// Open edges at most; there are 1430 ways to join them.
+const MAX_OPEN: usize = 16;
 
-/// A Laurent polynomial: the exponent of its first coefficient, and the coefficients from there up.
+/// A Laurent polynomial: the exponent of the first coefficient, and the coefficients from there up.
 pub type Laurent = (i64, Vec<i64>);
 
-/// By slot: the slot that it is joined with.
-type Joined = [u8; WIDEST];
+/// For each slot of an open edge, the slot that it is joined with.
+type Joined = [u8; MAX_OPEN];
 
-/// V(t), with V = t + t^3 - t^4 for the trefoil of three positive crossings. None where the diagram is too large.
-pub fn jones(code: &GaussCode) -> Option<Laurent> {
-    if code.crossings() > MOST_CROSSINGS {
+/// Returns V(t), with V = t + t^3 − t^4 for the trefoil of three positive crossings; None if the diagram is too large.
+pub fn compute_jones(code: &GaussCode) -> Option<Laurent> {
+    if code.crossings() > MAX_CROSSINGS {
         return None;
     }
     if code.crossings() == 0 {
         return Some((0, vec![1]));
     }
-    let bracket = bracket(&code.planar_diagram())?;
+    let bracket = compute_bracket(&code.planar_diagram())?;
     // V(t) = (-A^3)^-w <D>, t = A^-4
     let writhe = code.writhe();
     let sign = if writhe % 2 == 0 { 1 } else { -1 };
@@ -46,13 +46,13 @@ pub fn jones(code: &GaussCode) -> Option<Laurent> {
     Some((first, coefficients))
 }
 
-/// The bracket in powers of A, 1 for a circle. None where too many edges are open at once.
-fn bracket(diagram: &[[u32; 4]]) -> Option<Laurent> {
+/// Returns the bracket in powers of A, 1 for a circle; None if too many edges are open at once.
+fn compute_bracket(diagram: &[[u32; 4]]) -> Option<Laurent> {
     let mut left: Vec<[u32; 4]> = diagram.to_vec();
-    // the edges that are open, by slot
+    // the open edges, by slot
     let mut open: Vec<u32> = Vec::new();
     let mut ways = FxHashMap::<Joined, Laurent>::default();
-    ways.insert([0; WIDEST], (0, vec![1]));
+    ways.insert([0; MAX_OPEN], (0, vec![1]));
     while !left.is_empty() {
         go_on();
         let edges = |crossing: &[u32; 4]| crossing.iter().filter(|edge| open.contains(edge)).count();
@@ -70,19 +70,19 @@ fn bracket(diagram: &[[u32; 4]]) -> Option<Laurent> {
                 None => {}
             }
         }
-        if then.len() > WIDEST {
+        if then.len() > MAX_OPEN {
             return None;
         }
         let [a, b, c, d] = crossing;
         let mut added = FxHashMap::<Joined, Laurent>::default();
         for (joined, polynomial) in &ways {
             for (pairs, power) in [([(a, b), (c, d)], 1), ([(a, d), (b, c)], -1)] {
-                let (next, circles) = smoothed(&open, joined, pairs, &then);
+                let (next, circles) = smooth(&open, joined, pairs, &then);
                 let mut part = (polynomial.0 + power, polynomial.1.clone());
-                // the last circle is the 1 that the bracket is measured by
+                // the bracket is normalized by the last circle, which counts 1
                 let counted = circles - usize::from(then.is_empty() && left.is_empty());
                 for _ in 0..counted {
-                    part = with_circle(&part);
+                    part = multiply_by_circle(&part);
                 }
                 added.entry(next).and_modify(|all| add(all, &part)).or_insert(part);
             }
@@ -92,10 +92,10 @@ fn bracket(diagram: &[[u32; 4]]) -> Option<Laurent> {
     ways.into_values().next()
 }
 
-/// How open edges are joined once two pairs of a crossing's edges are, and how many circles that closes.
-fn smoothed(open: &[u32], joined: &Joined, pairs: [(u32, u32); 2], then: &[u32]) -> (Joined, usize) {
-    // paths by their ends: those that are there, and two more
-    let mut paths: [(u32, u32); WIDEST] = [(0, 0); WIDEST];
+/// Joins two pairs of a crossing's edges to the open edges; also returns the number of circles that this closes.
+fn smooth(open: &[u32], joined: &Joined, pairs: [(u32, u32); 2], then: &[u32]) -> (Joined, usize) {
+    // paths by their ends: the existing ones, and two more
+    let mut paths: [(u32, u32); MAX_OPEN] = [(0, 0); MAX_OPEN];
     let mut count = 0;
     for (slot, &edge) in open.iter().enumerate() {
         let other = usize::from(joined[slot]);
@@ -128,7 +128,7 @@ fn smoothed(open: &[u32], joined: &Joined, pairs: [(u32, u32); 2], then: &[u32])
             count += 1;
         }
     }
-    let mut next = [0; WIDEST];
+    let mut next = [0; MAX_OPEN];
     let slot = |edge: u32| then.iter().position(|&at| at == edge);
     for &(p, q) in &paths[..count] {
         if let (Some(p), Some(q)) = (slot(p), slot(q)) {
@@ -139,8 +139,8 @@ fn smoothed(open: &[u32], joined: &Joined, pairs: [(u32, u32); 2], then: &[u32])
     (next, circles)
 }
 
-/// Times -A^2 - A^-2.
-fn with_circle((low, coefficients): &Laurent) -> Laurent {
+/// Multiplies by −A^2 − A^−2.
+fn multiply_by_circle((low, coefficients): &Laurent) -> Laurent {
     let mut wider = vec![0_i64; coefficients.len() + 4];
     for (k, &x) in coefficients.iter().enumerate() {
         wider[k] = wider[k].wrapping_sub(x);

@@ -1,23 +1,23 @@
-//! How likely it is that a knot stays what it is when crossings may have been read the wrong way round.
+//! The probability that a knot is right although some crossings may be.
 
 use rustc_hash::FxHashMap;
 
 use super::code::GaussCode;
 use super::identity::{Identity, Kind};
-use super::reidemeister::{reduced, twists};
+use super::reidemeister::{find_twists, reduced};
 use crate::parallel::go_on;
 
-/// Of the crossings that may be wrong so many, the least sure, are tried both ways; the others count as right.
+/// Uncertain crossings that are tried both ways, the least certain first; the others must be right.
 const TRIED: usize = 10;
-/// Combinations less likely than this count as other knots.
-const LEAST: f64 = 1e-8;
+/// Combinations less likely than this count as other knots, probability.
+const MIN_CHANCE: f64 = 1e-8;
 
-/// The probability that the diagram's knot is the one that it shows, given each crossing's probability to be right.
+/// Returns the probability that a diagram shows the right knot, given each crossing's probability to be right.
 ///
-/// Crossings are independent. Those that only twist a strand do not matter; the others that are not tried must all be right:
-/// the answer is then a lower bound.
-pub fn order_probability(code: &GaussCode, right: &[f64]) -> f64 {
-    let twists = twists(code);
+/// Crossings are independent. Crossings that only twist a strand do not matter. Other crossings that are not tried must
+/// all be right, which makes the answer a lower bound.
+pub fn find_order_probability(code: &GaussCode, right: &[f64]) -> f64 {
+    let twists = find_twists(code);
     let mut doubtful: Vec<(usize, f64)> = (right.iter().copied().enumerate())
         .filter(|&(crossing, right)| right < 1.0 && !twists[crossing])
         .collect();
@@ -29,7 +29,7 @@ pub fn order_probability(code: &GaussCode, right: &[f64]) -> f64 {
     kinds.share(code, &doubtful, 1.0, &shown) * rest
 }
 
-/// Kinds of reduced diagrams, each worked out once.
+/// Kinds of reduced diagrams, each found once.
 #[derive(Default)]
 struct Kinds(FxHashMap<GaussCode, Kind>);
 
@@ -39,10 +39,11 @@ impl Kinds {
         found.clone()
     }
 
-    /// How likely the diagram, which is so likely itself, is a knot of a kind, with doubtful crossings either way.
+    /// Returns the probability of a knot's kind, with doubtful crossings either way; `chance` is that of the diagram
+    /// itself.
     fn share(&mut self, code: &GaussCode, doubtful: &[(usize, f64)], chance: f64, kind: &Kind) -> f64 {
         go_on();
-        if chance < LEAST {
+        if chance < MIN_CHANCE {
             return 0.0;
         }
         let Some((&(crossing, right), others)) = doubtful.split_first() else {

@@ -1,38 +1,38 @@
-//! The diagram of a closed polyline: its signed crossings seen from far away.
+//! Diagrams of closed polylines: the signed crossings seen from far away.
 
 use super::code::{GaussCode, Visit};
 use crate::geometry::boxes::{Bounds, BoxTree};
 use crate::geometry::{Point, cross, dot, normalized};
 use crate::parallel::go_on;
 
-/// Most crossings that a diagram may have.
-pub const MOST_CROSSINGS: usize = 20_000;
-/// Most pairs of segments that are looked at.
-const MOST_PAIRS: usize = 200_000_000;
-/// A crossing nearer to a node than this, of a segment, may be on either side of it.
+/// Crossings of a diagram at most.
+pub const MAX_CROSSINGS: usize = 20_000;
+/// Pairs of segments that are examined at most.
+const MAX_PAIRS: usize = 200_000_000;
+/// A crossing nearer to a node than this may be on either side of it, lengths of the segment.
 const NEAR_NODE: f64 = 1e-9;
-/// Strands whose heights differ less than this, of the extent, meet.
+/// Strands whose heights differ less than this meet, extents.
 const NEAR_STRAND: f64 = 1e-12;
 
 /// Why there is no diagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoDiagram {
-    /// From there a strand lies over a node: any other direction will do.
+    /// A strand lies over a node from this direction; any other will do.
     Unlucky,
     /// The polyline meets itself.
     Meets,
     TooManyCrossings,
 }
 
-/// A diagram, and where its visits are.
+/// A diagram, and the places of its visits.
 #[derive(Debug)]
 pub struct Diagram {
     pub code: GaussCode,
-    /// By visit: the number of the segment, and the part of it that lies before the crossing.
+    /// For each visit, the number of the segment and the share of it before the crossing.
     pub at: Vec<(usize, f64)>,
 }
 
-/// What closes the polyline from its last to its first node.
+/// The closing curve from the last node to the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lid {
     /// A segment like the others.
@@ -41,7 +41,7 @@ pub enum Lid {
     Above,
 }
 
-/// An open polyline as it is seen, with the crossings that it has by itself.
+/// A view of an open polyline, with its own crossings.
 #[derive(Debug)]
 pub struct Look {
     flat: Vec<Point>,
@@ -49,20 +49,21 @@ pub struct Look {
 }
 
 impl Look {
-    /// Nodes seen from the unit vector `towards`.
+    /// Views nodes from the unit vector `towards`.
     pub fn new(nodes: &[Point], towards: Point) -> Result<Self, NoDiagram> {
         let flat = seen(nodes, towards);
         let found = crossings(&flat, None)?;
         Ok(Self { flat, found })
     }
 
-    /// The diagram of the stretch between two nodes, closed by an arc above it. None if that lies over a node.
+    /// Returns the diagram of the stretch between two nodes, closed by an arc above it; None if the arc lies over a
+    /// node.
     pub fn stretch(&self, from: usize, to: usize) -> Option<GaussCode> {
         let within = |crossing: &&Crossing| crossing.segments.iter().all(|k| (from..to).contains(k));
         let mut found: Vec<Crossing> = self.found.iter().filter(within).copied().collect();
         let lid = [self.flat[to], self.flat[from]];
         for k in from + 1..to.saturating_sub(1) {
-            match meeting([self.flat[k], self.flat[k + 1]], lid) {
+            match meet([self.flat[k], self.flat[k + 1]], lid) {
                 Meeting::None => {}
                 Meeting::Unclear => return None,
                 Meeting::At { parts, turn, .. } => {
@@ -70,12 +71,12 @@ impl Look {
                 }
             }
         }
-        Some(coded(&found).code)
+        Some(encode(&found).code)
     }
 }
 
-/// Unit vectors right, up and to the viewer.
-pub fn frame(towards: Point) -> [Point; 3] {
+/// Returns unit vectors to the right, up and to the viewer.
+pub fn make_frame(towards: Point) -> [Point; 3] {
     let least = (0..3).min_by(|&a, &b| towards[a].abs().total_cmp(&towards[b].abs())).unwrap_or(0);
     let mut axis = [0.0; 3];
     axis[least] = 1.0;
@@ -83,23 +84,23 @@ pub fn frame(towards: Point) -> [Point; 3] {
     [right, cross(towards, right), towards]
 }
 
-/// The diagram of nodes that are closed by a lid, seen from the unit vector `towards`.
-pub fn diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoDiagram> {
-    Ok(coded(&crossings(&seen(nodes, towards), Some(lid))?))
+/// Returns the diagram of nodes closed by a lid, seen from the unit vector `towards`.
+pub fn draw_diagram(nodes: &[Point], lid: Lid, towards: Point) -> Result<Diagram, NoDiagram> {
+    Ok(encode(&crossings(&seen(nodes, towards), Some(lid))?))
 }
 
-/// Coordinates to the right, up and to the viewer.
+/// Returns coordinates to the right, up and to the viewer.
 fn seen(nodes: &[Point], towards: Point) -> Vec<Point> {
-    let axes = frame(towards);
+    let axes = make_frame(towards);
     nodes.iter().map(|&p| axes.map(|axis| dot(axis, p))).collect()
 }
 
-/// The crossings of nodes as they are seen, closed by a lid or open.
+/// Finds the crossings of viewed nodes, closed by a lid or open.
 fn crossings(flat: &[Point], lid: Option<Lid>) -> Result<Vec<Crossing>, NoDiagram> {
     let count = flat.len();
     let scale = Bounds::about(flat).extent();
     let segment = |k: usize| [flat[k], flat[if k + 1 == count { 0 } else { k + 1 }]];
-    // boxes of no height: those over each other meet
+    // boxes of no height: two that lie over each other meet
     let on_ground = |k: usize| segment(k).map(|[x, y, _]| [x, y, 0.0]);
     let segments = if lid.is_none() { count - 1 } else { count };
     let tree = BoxTree::new((0..segments).map(on_ground));
@@ -111,7 +112,7 @@ fn crossings(flat: &[Point], lid: Option<Lid>) -> Result<Vec<Crossing>, NoDiagra
         let first = segment(k);
         let stopped = tree.any(&Bounds::about(&on_ground(k)), k + 1, |other| {
             pairs += 1;
-            if pairs > MOST_PAIRS {
+            if pairs > MAX_PAIRS {
                 failure = Some(NoDiagram::TooManyCrossings);
                 return true;
             }
@@ -119,13 +120,13 @@ fn crossings(flat: &[Point], lid: Option<Lid>) -> Result<Vec<Crossing>, NoDiagra
                 return false;
             }
             let covered = lid == Some(Lid::Above) && other + 1 == count;
-            match meeting(first, segment(other)) {
+            match meet(first, segment(other)) {
                 Meeting::None => return false,
                 Meeting::Unclear => failure = Some(NoDiagram::Unlucky),
                 Meeting::At { drop, .. } if !covered && drop.abs() <= NEAR_STRAND * scale => {
                     failure = Some(NoDiagram::Meets);
                 }
-                Meeting::At { .. } if found.len() >= MOST_CROSSINGS => {
+                Meeting::At { .. } if found.len() >= MAX_CROSSINGS => {
                     failure = Some(NoDiagram::TooManyCrossings);
                 }
                 Meeting::At { parts, drop, turn } => {
@@ -154,31 +155,31 @@ struct Crossing {
     segments: [usize; 2],
     parts: [f64; 2],
     first_over: bool,
-    /// Whether the second segment crosses the first from its right to its left.
+    /// Whether the second segment crosses the first from right to left.
     turn: bool,
 }
 
 enum Meeting {
     None,
-    /// Too near to a node to tell.
+    /// Too near to a node to decide.
     Unclear,
     At {
         parts: [f64; 2],
-        /// How much higher the first segment is.
+        /// Height of the first segment above the second.
         drop: f64,
         turn: bool,
     },
 }
 
-/// How two segments meet in the plane.
-fn meeting([a, b]: [Point; 2], [c, d]: [Point; 2]) -> Meeting {
+/// Returns how two segments meet in the plane.
+fn meet([a, b]: [Point; 2], [c, d]: [Point; 2]) -> Meeting {
     let flat_cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
     let (along, across) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
     let apart = [c[0] - a[0], c[1] - a[1]];
     let size = flat_cross(along, across);
     let squared = |p: [f64; 2]| p[0] * p[0] + p[1] * p[1];
     if size * size <= 1e-24 * squared(along) * squared(across) {
-        // parallel: beside each other, or on one line, where boxes say that they are apart or that they overlap
+        // parallel segments lie beside each other or on one line, where their boxes show whether they overlap
         let longer = if squared(along) >= squared(across) { along } else { across };
         let beside = flat_cross(longer, apart).abs() > NEAR_NODE * squared(longer);
         return if beside { Meeting::None } else { Meeting::Unclear };
@@ -195,8 +196,8 @@ fn meeting([a, b]: [Point; 2], [c, d]: [Point; 2]) -> Meeting {
     Meeting::At { parts, drop, turn: size > 0.0 }
 }
 
-/// The visits in the order in which the polyline makes them.
-fn coded(found: &[Crossing]) -> Diagram {
+/// Sorts the visits in the order of the polyline.
+fn encode(found: &[Crossing]) -> Diagram {
     let mut visits: Vec<(usize, f64, Visit)> = (found.iter().enumerate())
         .flat_map(|(k, crossing)| {
             [0, 1].map(|which| {

@@ -1,11 +1,11 @@
-//! Fewer crossings for the same knot: Reidemeister's first and second move on a Gauss code.
+//! Reduction of Gauss codes by Reidemeister's first and second moves.
 
 use std::collections::VecDeque;
 
 use super::code::{GaussCode, Visit};
 
-/// Takes out crossings of a strand with itself next to each other (I), and pairs where one strand lies over another
-/// and comes back (II), until there are none.
+/// Removes crossings of a strand with itself next to each other (I), and pairs where one strand lies over another and
+/// comes back (II), until there are none.
 pub fn reduced(code: &GaussCode) -> GaussCode {
     let (count, places) = (code.visits.len(), code.places());
     if count == 0 {
@@ -36,15 +36,15 @@ pub fn reduced(code: &GaussCode) -> GaussCode {
             let (before, after) = (previous[visit], next[visit]);
             next[before] = after;
             previous[after] = before;
-            // a strand that was between may now meet its like
+            // removing a strand may bring its neighbours together
             open.extend([before, previous[before]]);
         }
     }
     renumbered(code, |k| !gone[k])
 }
 
-/// By crossing: whether the first move, again and again, takes it away. It does so whichever strand is on top.
-pub fn twists(code: &GaussCode) -> Vec<bool> {
+/// Returns for each crossing whether repeated first moves remove it, whichever strand is on top.
+pub fn find_twists(code: &GaussCode) -> Vec<bool> {
     let mut gone = vec![false; code.crossings()];
     let mut left: VecDeque<u32> = VecDeque::new();
     for visit in &code.visits {
@@ -64,7 +64,7 @@ pub fn twists(code: &GaussCode) -> Vec<bool> {
     gone
 }
 
-/// The crossings that are left, numbered in the order in which the knot comes to them.
+/// Returns the remaining crossings, renumbered in the order of the knot.
 fn renumbered(code: &GaussCode, stays: impl Fn(usize) -> bool) -> GaussCode {
     let mut numbers = vec![u32::MAX; code.crossings()];
     let mut left = GaussCode::default();

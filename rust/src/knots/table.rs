@@ -1,12 +1,12 @@
-//! Knots to seven crossings, and what is made of those that have no more together, by their polynomials.
+//! Knots up to seven crossings, prime or composite, and their polynomials.
 //!
-//! Values are KnotInfo's (C. Livingston and A. H. Moore, knotinfo.org, 2025), which follow Rolfsen's names; of composite knots
-//! they are products. Each is given for the mirror image that is called right: that whose alternating diagrams with the fewest
+//! Values are KnotInfo's (C. Livingston and A. H. Moore, knotinfo.org, 2025), with Rolfsen's names; those of composite
+//! knots are products. Each entry is the mirror image that is called right: its alternating diagrams with the fewest
 //! crossings have a positive writhe.
 
 use super::jones::Laurent;
 
-/// Which of two mirror images a knot is.
+/// The handedness of a knot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Chirality {
     Right,
@@ -22,15 +22,15 @@ pub struct Entry {
     pub alexander: &'static [i64],
     /// The lowest exponent, and the coefficients from there up.
     pub jones: (i64, &'static [i64]),
-    /// A knot with both polynomials, of all prime ones to twelve crossings and of composite ones to thirteen.
+    /// A knot with both polynomials, among prime knots up to twelve crossings and composite ones up to thirteen.
     pub twin: Option<Twin>,
 }
 
-/// A knot that its polynomials cannot tell from one of the table.
+/// A knot with the same polynomials as one of the table.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Twin {
     pub name: &'static str,
-    /// The fewest crossings of its diagrams: none with fewer shows it.
+    /// The fewest crossings of its diagrams.
     pub crossings: usize,
 }
 
@@ -42,7 +42,7 @@ const fn with_twin(name: &'static str, crossings: usize, entry: Entry) -> Entry 
     Entry { twin: Some(Twin { name, crossings }), ..entry }
 }
 
-/// The table: composite knots of unlike hands have entries of their own.
+/// The table. Composite knots of different handedness have entries of their own.
 pub static TABLE: [Entry; 18] = [
     entry("0_1", &[1], 0, &[1]),
     entry("3_1", &[1, -1, 1], 1, &[1, 0, 1, -1]),
@@ -64,13 +64,13 @@ pub static TABLE: [Entry; 18] = [
     entry("3_1#4_1", &[-1, 4, -5, 4, -1], -1, &[1, -1, 2, -3, 3, -2, 2, -1]),
 ];
 
-/// Whether any knot of the table has this Alexander polynomial.
+/// Returns whether a knot of the table has this Alexander polynomial.
 pub fn has_alexander(alexander: &[i64]) -> bool {
     TABLE.iter().any(|entry| entry.alexander == alexander)
 }
 
-/// The knot with these polynomials: its number in the table, and which mirror image.
-pub fn named(alexander: &[i64], jones: &Laurent) -> Option<(usize, Chirality)> {
+/// Finds the knot with these polynomials: its number in the table, and its handedness.
+pub fn find_named(alexander: &[i64], jones: &Laurent) -> Option<(usize, Chirality)> {
     let mirrored = mirrored(jones);
     let has = |entry: &Entry, jones: &Laurent| entry.jones.0 == jones.0 && entry.jones.1 == jones.1;
     TABLE.iter().enumerate().filter(|(_, entry)| entry.alexander == alexander).find_map(|(k, entry)| {
@@ -83,7 +83,7 @@ pub fn named(alexander: &[i64], jones: &Laurent) -> Option<(usize, Chirality)> {
     })
 }
 
-/// The polynomial of the mirror image.
+/// Returns the polynomial of the mirror image.
 fn mirrored((low, coefficients): &Laurent) -> Laurent {
     (-(low + coefficients.len() as i64 - 1), coefficients.iter().rev().copied().collect())
 }

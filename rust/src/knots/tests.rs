@@ -1,20 +1,20 @@
-//! Knots against their known polynomials, brute force and what must not change them.
+//! Knots against their known polynomials, brute force and invariances.
 
 use std::f64::consts::{PI, TAU};
 
-use super::alexander::{alexander, mark};
-use super::closure::directions;
+use super::alexander::{compute_alexander, compute_mark};
+use super::closure::spread_directions;
 use super::code::{GaussCode, Visit};
 use super::identity::{Identity, Kind};
-use super::jones::{Laurent, jones};
-use super::projection::{Lid, Look, diagram};
-use super::reidemeister::{reduced, twists};
+use super::jones::{Laurent, compute_jones};
+use super::projection::{Lid, Look, draw_diagram};
+use super::reidemeister::{find_twists, reduced};
 use super::table::{Chirality, TABLE};
 use super::thinning::thin;
 use super::*;
 use crate::geometry::boxes::{Bounds, BoxTree};
 
-/// By entry of the table: a braid whose closure is the right knot (KnotInfo, knotinfo.org).
+/// For each entry of the table, a braid whose closure is the right-handed knot (KnotInfo, knotinfo.org).
 const BRAIDS: [&[i32]; 18] = [
     &[1, -2],
     &[1, 1, 1],
@@ -36,7 +36,7 @@ const BRAIDS: [&[i32]; 18] = [
     &[1, 1, 1, 2, -3, 2, -3],
 ];
 
-/// Numbers from 0 to 1 that look like chance.
+/// Pseudo-random numbers from 0 to 1.
 struct Chance(u64);
 
 impl Chance {
@@ -75,11 +75,11 @@ fn closed_braid(word: &[i32]) -> Vec<Point> {
 }
 
 fn code_of(polygon: &[Point], towards: Point) -> GaussCode {
-    diagram(polygon, Lid::Segment, normalized(towards)).unwrap().code
+    draw_diagram(polygon, Lid::Segment, normalized(towards)).unwrap().code
 }
 
 fn first(points: &[Point], closed: bool) -> (Option<&'static str>, Chirality) {
-    let found = knot(points, closed).unwrap();
+    let found = identify(points, closed).unwrap();
     (found.answers[0].name, found.answers[0].chirality)
 }
 
@@ -146,14 +146,14 @@ fn every_knot_of_the_table_is_named_with_its_chirality() {
         assert_eq!(first(&mirrored(&ring), true), (name, flipped));
         let back: Vec<Point> = ring.iter().rev().copied().collect();
         assert_eq!(first(&back, true), (name, chirality));
-        assert_eq!(knot(&ring, true).unwrap().core, None);
+        assert_eq!(identify(&ring, true).unwrap().core, None);
     }
 }
 
 #[test]
 fn polynomials_and_small_diagrams_agree_with_the_table() {
     for (entry, word) in TABLE.iter().zip(BRAIDS) {
-        let found = knot(&closed_braid(word), true).unwrap();
+        let found = identify(&closed_braid(word), true).unwrap();
         assert_eq!(found.alexander.as_deref(), Some(entry.alexander));
         let (low, coefficients) = found.jones.unwrap();
         assert_eq!((low, &coefficients[..]), entry.jones);
@@ -190,12 +190,15 @@ fn polynomials_of_random_diagrams_are_those_of_brute_force_and_do_not_depend_on_
             continue;
         }
         compared += 1;
-        assert_eq!(jones(&one).unwrap(), jones_by_brute_force(&one));
-        assert_eq!(jones(&one), jones(&other));
-        assert_eq!(alexander(&one), alexander(&other));
+        assert_eq!(compute_jones(&one).unwrap(), jones_by_brute_force(&one));
+        assert_eq!(compute_jones(&one), compute_jones(&other));
+        assert_eq!(compute_alexander(&one), compute_alexander(&other));
         let less = reduced(&one);
         assert!(less.crossings() <= one.crossings());
-        assert_eq!((jones(&less), alexander(&less)), (jones(&one), alexander(&one)));
+        assert_eq!(
+            (compute_jones(&less), compute_alexander(&less)),
+            (compute_jones(&one), compute_alexander(&one))
+        );
         assert_eq!(Identity::of(less).kind, Identity::of(reduced(&other)).kind);
     }
 }
@@ -208,10 +211,10 @@ fn thinning_keeps_the_knot_of_random_polygons() {
         let polygon = chance.polygon(16);
         let left = thin(&polygon, true, f64::INFINITY).left();
         let [all, few] = [&polygon, &left].map(|nodes| reduced(&code_of(nodes, [0.35, 0.5, 0.79])));
-        assert_eq!(alexander(&all), alexander(&few));
-        knotted += usize::from(alexander(&few) != Some(vec![1]));
+        assert_eq!(compute_alexander(&all), compute_alexander(&few));
+        knotted += usize::from(compute_alexander(&few) != Some(vec![1]));
         if all.crossings() < 24 {
-            assert_eq!(jones(&all), jones(&few));
+            assert_eq!(compute_jones(&all), compute_jones(&few));
         }
     }
     assert!(knotted > 5, "{knotted}");
@@ -229,10 +232,10 @@ fn crossings_are_those_of_brute_force() {
             flat(a, b, c) * flat(a, b, d) < 0.0 && flat(c, d, a) * flat(c, d, b) < 0.0
         };
         let count = (0..40).flat_map(|j| (0..j).map(move |i| (i, j))).filter(|&(i, j)| cross(i, j)).count();
-        let found = diagram(&polygon, Lid::Segment, [0.0, 0.0, 1.0]).unwrap();
+        let found = draw_diagram(&polygon, Lid::Segment, [0.0, 0.0, 1.0]).unwrap();
         assert_eq!(found.code.crossings(), count);
         assert_eq!(found.code.visits.len(), 2 * count);
-        let closures = directions(8).map(|towards| code_of(&polygon, towards));
+        let closures = spread_directions(8).map(|towards| code_of(&polygon, towards));
         assert!(closures.into_iter().all(|code| code.visits.len() == 2 * code.crossings()));
     }
 }
@@ -262,12 +265,12 @@ fn a_tree_of_boxes_finds_what_brute_force_does() {
 
 #[test]
 fn codes_of_a_trefoil_are_those_of_the_books() {
-    let code = knot(&closed_braid(&[1, 1, 1]), true).unwrap().code;
+    let code = identify(&closed_braid(&[1, 1, 1]), true).unwrap().code;
     assert_eq!(code.signs, [1, 1, 1]);
     assert_eq!(code.writhe(), 3);
     let even: Vec<i64> = code.dowker_thistlethwaite().iter().map(|x| x.abs()).collect();
     assert_eq!(even, [4, 6, 2]);
-    // each edge leaves one crossing and comes to another
+    // each edge leaves one crossing and enters another
     let mut edges: Vec<u32> = code.planar_diagram().concat();
     edges.sort_unstable();
     assert_eq!(edges, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]);
@@ -284,7 +287,7 @@ fn moves_take_away_what_they_can() {
     assert_eq!(reduced(&twist), GaussCode::default());
     let over = [(0, true), (1, true), (1, false), (0, false)];
     assert_eq!(reduced(&code(&over, &[1, -1])), GaussCode::default());
-    let trefoil = knot(&closed_braid(&[1, 1, 1]), true).unwrap().code;
+    let trefoil = identify(&closed_braid(&[1, 1, 1]), true).unwrap().code;
     assert_eq!(reduced(&trefoil).crossings(), 3);
     assert_eq!(reduced(&GaussCode::default()), GaussCode::default());
 }
@@ -304,7 +307,7 @@ fn an_open_trefoil_has_a_core_within_its_ends() {
     let (before, after) = (nodes[1], nodes[119]);
     nodes.splice(0..0, (1..=60).rev().map(|k| ahead(start, before, k)));
     nodes.extend((1..=60).map(|k| ahead(stop, after, k)));
-    let found = knot(&nodes, false).unwrap();
+    let found = identify(&nodes, false).unwrap();
     assert_eq!(found.answers[0].name, Some("3_1"));
     assert!(found.answers[0].share > 0.9);
     let [from, to] = found.core.unwrap();
@@ -324,28 +327,28 @@ fn linking_numbers_of_rings() {
             .collect()
     };
     let (flat, linked, apart) = (ring(0.0, false), ring(1.0, true), ring(3.0, true));
-    let number = linking_number(&flat, &linked, [true; 2]).unwrap();
+    let number = find_linking_number(&flat, &linked, [true; 2]).unwrap();
     // the upright ring goes down through the flat one, which runs anticlockwise
     assert_eq!(number, -1.0);
-    assert_eq!(linking_number(&linked, &flat, [true; 2]).unwrap(), number);
-    assert_eq!(linking_number(&flat, &mirrored(&linked), [true; 2]).unwrap(), -number);
-    assert_eq!(linking_number(&flat, &apart, [true; 2]).unwrap(), 0.0);
+    assert_eq!(find_linking_number(&linked, &flat, [true; 2]).unwrap(), number);
+    assert_eq!(find_linking_number(&flat, &mirrored(&linked), [true; 2]).unwrap(), -number);
+    assert_eq!(find_linking_number(&flat, &apart, [true; 2]).unwrap(), 0.0);
     // a long straight line through the ring winds round it once
     let line: Vec<Point> = [[0.0, 0.1, -1e3], [0.1, 0.0, 1e3]].to_vec();
-    let through = linking_number(&flat, &line, [true, false]).unwrap();
+    let through = find_linking_number(&flat, &line, [true, false]).unwrap();
     assert!((through.abs() - 1.0).abs() < 1e-3, "{through}");
 }
 
 #[test]
 fn uncertain_crossings_carry_over() {
     let ring = closed_braid(&[1, 1, 1]);
-    let code = seen(&ring, true, [0.0, 0.0, 1.0]).unwrap();
+    let code = draw(&ring, true, [0.0, 0.0, 1.0]).unwrap();
     assert_eq!(code.crossings(), 3);
-    let chance = order::order_probability(&code, &[0.9, 0.8, 1.0]);
-    // one wrong crossing of three ends the trefoil
+    let chance = order::find_order_probability(&code, &[0.9, 0.8, 1.0]);
+    // one wrong crossing of three unties the trefoil
     assert!((chance - 0.72).abs() < 1e-12, "{chance}");
-    // all three wrong: the other trefoil
-    let chance = order::order_probability(&code, &[0.5; 3]);
+    // all three wrong give the other trefoil
+    let chance = order::find_order_probability(&code, &[0.5; 3]);
     assert!((chance - 0.125).abs() < 1e-12, "{chance}");
 }
 
@@ -355,7 +358,7 @@ fn marks_are_those_of_the_alexander_polynomial() {
     let mut by_mark = Vec::new();
     for _ in 0..150 {
         let code = reduced(&code_of(&chance.polygon(11), [0.3, 0.5, 0.8]));
-        by_mark.push((mark(&code).unwrap(), alexander(&code).unwrap()));
+        by_mark.push((compute_mark(&code).unwrap(), compute_alexander(&code).unwrap()));
     }
     for (first, polynomial) in &by_mark {
         assert!(by_mark.iter().all(|(other, theirs)| (first == other) == (polynomial == theirs)));
@@ -377,8 +380,8 @@ fn stretches_are_closed_as_chains_are() {
             ring.extend([far(to), far(from)]);
             let code = reduced(&look.stretch(from, to).unwrap());
             let expected = reduced(&code_of(&thin(&ring, true, f64::INFINITY).left(), [0.35, 0.5, 0.79]));
-            assert_eq!(mark(&code), mark(&expected));
-            knotted += usize::from(mark(&code) != Some(1));
+            assert_eq!(compute_mark(&code), compute_mark(&expected));
+            knotted += usize::from(compute_mark(&code) != Some(1));
         }
     }
     assert!(knotted > 3, "{knotted}");
@@ -392,8 +395,8 @@ fn twists_do_not_matter_whichever_strand_is_on_top() {
     let trefoil = [(3, true), (4, false), (5, true), (3, false), (4, true), (5, false)];
     let all = visits.into_iter().chain(trefoil).chain([(0, false)]);
     let code = GaussCode { visits: all.map(visit).collect(), signs: vec![1, -1, 1, 1, 1, 1] };
-    assert_eq!(twists(&code), [true, true, true, false, false, false]);
-    let chance = order::order_probability(&code, &[0.5, 0.5, 0.5, 0.9, 1.0, 1.0]);
+    assert_eq!(find_twists(&code), [true, true, true, false, false, false]);
+    let chance = order::find_order_probability(&code, &[0.5, 0.5, 0.5, 0.9, 1.0, 1.0]);
     assert!((chance - 0.9).abs() < 1e-12, "{chance}");
 }
 
@@ -401,7 +404,7 @@ fn twists_do_not_matter_whichever_strand_is_on_top() {
 fn what_is_no_polyline_is_refused() {
     let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 1.0]];
     assert_eq!(first(&line[..2], false), (Some("0_1"), Chirality::None));
-    let said = |points: &[Point], closed| knot(points, closed).unwrap_err().to_string();
+    let said = |points: &[Point], closed| identify(points, closed).unwrap_err().to_string();
     assert!(said(&line[..1], false).contains("at least two nodes"));
     assert!(said(&line[..2], true).contains("at least three nodes"));
     assert!(said(&[line[0], line[1], line[1]], false).contains("rows 1 and 2"));
@@ -414,7 +417,7 @@ fn what_is_no_polyline_is_refused() {
 
 #[test]
 fn what_is_too_tangled_has_an_answer_all_the_same() {
-    let found = knot(&Chance(1).polygon(2000), false).unwrap();
+    let found = identify(&Chance(1).polygon(2000), false).unwrap();
     assert_eq!(found.answers[0].name, None);
     assert_eq!(found.alexander, None);
     assert_eq!(Identity::unknown().kind, Kind::Unknown(None));

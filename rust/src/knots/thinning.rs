@@ -1,7 +1,7 @@
-//! Fewer nodes for the same knot: Koniaris, Muthukumar and Taylor's reduction of a polyline.
+//! Fewer nodes for the same knot: the reduction of a polyline by Koniaris, Muthukumar and Taylor.
 //!
-//! A node goes where nothing passes through the triangle that it makes with its neighbours: the polyline can be
-//! drawn across it. What lies within rounding of the triangle counts as passing through.
+//! A node can go if nothing passes through the triangle that it forms with its neighbours: the polyline can then be
+//! drawn across the triangle. A strand within rounding of the triangle counts as passing through.
 //!
 //! K. Koniaris, M. Muthukumar: Knottedness in ring polymers, Phys. Rev. Lett. 66 (1991);
 //! W. R. Taylor: A deeply knotted protein structure and how it might fold, Nature 406 (2000).
@@ -10,36 +10,35 @@ use crate::geometry::boxes::{Bounds, BoxTree};
 use crate::geometry::{Point, cross, dot, squared_distance, sub};
 use crate::parallel::go_on;
 
-/// Most pairs of a triangle and a segment that are looked at: fewer nodes go than could.
-const MOST_PAIRS: usize = 50_000_000;
-/// A pass that takes less than one in so many nodes is the last.
-const FEW: usize = 10;
-/// Rounding of coordinates, of the extent.
+/// Pairs of a triangle and a segment that are examined at most; beyond that, superfluous nodes stay.
+const MAX_PAIRS: usize = 50_000_000;
+/// A pass that removes less than one node in this many is the last.
+const MIN_YIELD: usize = 10;
+/// Rounding of coordinates, extents.
 const ROUNDING: f64 = 1e-14;
 
-/// A polyline and the nodes that it can do without, in the order in which they go.
+/// A polyline and its superfluous nodes, in the order of their removal.
 pub struct Thinned<'a> {
     pub nodes: &'a [Point],
-    /// The triangles over which the polyline is drawn, one by one: each ends the node in its middle.
+    /// The triangles across which the polyline is drawn, one by one; each removes its middle node.
     pub triangles: Vec<[u32; 3]>,
-    /// By node: the number of the triangle that ends it; `u32::MAX` for those that stay.
+    /// For each node, the number of the triangle that removes it; `u32::MAX` if it stays.
     ends: Vec<u32>,
 }
 
 impl Thinned<'_> {
-    /// The nodes that are left when so many triangles have been passed.
+    /// Returns the nodes that remain after some triangles.
     pub fn after(&self, triangles: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.nodes.len()).filter(move |&k| self.ends[k] as usize >= triangles)
     }
 
-    /// The nodes that stay.
+    /// Returns the nodes that stay.
     pub fn left(&self) -> Vec<Point> {
         self.after(self.triangles.len()).map(|k| self.nodes[k]).collect()
     }
 }
 
-/// Leaves out nodes as long as any can go whose neighbours are no farther apart than `reach`. Both ends of an open polyline
-/// stay.
+/// Removes nodes as long as any can go whose neighbours are at most `reach` apart. Both ends of an open polyline stay.
 pub fn thin(nodes: &[Point], closed: bool, reach: f64) -> Thinned<'_> {
     let count = nodes.len();
     let mut work = Work {
@@ -54,12 +53,12 @@ pub fn thin(nodes: &[Point], closed: bool, reach: f64) -> Thinned<'_> {
     let mut kept: Vec<u32> = (0..count as u32).collect();
     loop {
         let before = kept.len();
-        if before <= work.least() || work.pairs > MOST_PAIRS {
+        if before <= work.least() || work.pairs > MAX_PAIRS {
             return work.thinned;
         }
         work.pass(&kept);
         kept.retain(|&k| work.thinned.ends[k as usize] == u32::MAX);
-        if kept.len() * FEW > before * (FEW - 1) {
+        if kept.len() * MIN_YIELD > before * (MIN_YIELD - 1) {
             return work.thinned;
         }
     }
@@ -67,9 +66,9 @@ pub fn thin(nodes: &[Point], closed: bool, reach: f64) -> Thinned<'_> {
 
 struct Work<'a> {
     thinned: Thinned<'a>,
-    /// By node: where the segment from there ends.
+    /// For each node, the end of the segment from there.
     next: Vec<u32>,
-    /// By node: the triangle's other corners when it was tried last, and the segment that came through.
+    /// For each node, the triangle's other corners when it was last tried, and the segment that passed through.
     obstacles: Vec<[u32; 4]>,
     closed: bool,
     scale: f64,
@@ -78,19 +77,19 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// The fewest nodes that a polyline has.
+    /// The fewest nodes of a polyline.
     fn least(&self) -> usize {
         if self.closed { 3 } else { 2 }
     }
 
-    /// Tries each node but those after one that went, so that all triangles grow alike.
+    /// Tries all nodes except those after a removed one, so that all triangles grow alike.
     fn pass(&mut self, kept: &[u32]) {
         let (count, nodes) = (kept.len(), self.thinned.nodes);
         let node = |k: u32| nodes[k as usize];
         let tried = if self.closed { count } else { count - 1 };
         let mut tree = BoxTree::new(kept[..tried].iter().map(|&k| [node(k), node(self.next[k as usize])]));
         let (mut left, mut before, mut rank) = (count, 0, 1);
-        while rank < tried && left > self.least() && self.pairs <= MOST_PAIRS {
+        while rank < tried && left > self.least() && self.pairs <= MAX_PAIRS {
             if rank % 256 == 0 {
                 go_on();
             }
@@ -112,7 +111,7 @@ impl Work<'_> {
         }
     }
 
-    /// Whether nothing passes through a node's triangle. The tree has the segments from kept nodes.
+    /// Returns whether nothing passes through a node's triangle. The tree holds the segments from kept nodes.
     fn is_free(&mut self, corners: [u32; 3], kept: &[u32], tree: &BoxTree) -> bool {
         let nodes = self.thinned.nodes;
         let node = |k: u32| nodes[k as usize];
@@ -158,7 +157,7 @@ struct Triangle {
     size: f64,
     /// Rounding of products of a coordinate and an edge.
     rounding: f64,
-    /// Whether rounding cannot tell it from a straight stretch.
+    /// Whether rounding cannot distinguish it from a straight stretch.
     is_flat: bool,
 }
 
@@ -171,8 +170,8 @@ impl Triangle {
         Self { corners, normal, size, rounding, is_flat: norm(normal) <= rounding }
     }
 
-    /// Whether a segment comes through, or near enough that rounding cannot tell. `shared`: whether
-    /// it ends at the first corner, and whether it begins at the last.
+    /// Returns whether a segment passes through, or so near that rounding cannot decide. `shared` holds whether it ends
+    /// at the first corner, and whether it begins at the last.
     fn is_pierced(&self, p: Point, q: Point, shared: [bool; 2]) -> bool {
         let [a, b, c] = self.corners;
         if self.is_flat {
@@ -213,7 +212,7 @@ impl Triangle {
     }
 }
 
-/// The sum of the absolute coordinates: at least the length.
+/// Returns the sum of the absolute coordinates, which is at least the length.
 fn norm(p: Point) -> f64 {
     p[0].abs() + p[1].abs() + p[2].abs()
 }

@@ -24,8 +24,8 @@ use crate::parallel;
 ///
 /// ```
 /// let points: Vec<strand::Point> = (0..10).map(|i| [f64::from(i) * 0.01, 0.0, 0.0]).collect();
-/// let chains = strand::trace_chains(&points, 0.015, 0.035, None)?;
-/// assert_eq!(chains, [[0, 2, 4, 6, 8]]);
+/// let chains = strand::trace_chains(&points, 0.015, 0.035, Some(0))?;
+/// assert_eq!(chains, [[8, 6, 4, 2, 0]]);
 /// # Ok::<(), strand::Error>(())
 /// ```
 pub fn trace_chains(points: &[Point], near: f64, far: f64, start: Option<usize>) -> Result<Vec<Vec<usize>>> {

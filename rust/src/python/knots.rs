@@ -16,7 +16,7 @@ type Knot = (Vec<Answer>, Option<[usize; 2]>, Option<&'static str>, Option<Vec<i
 #[pyfunction]
 pub(super) fn knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> PyResult<Knot> {
     let points = Points::new("points", points, "(N, 3)")?;
-    let found = released(py, move || knots::knot(&points, closed))??;
+    let found = released(py, move || knots::identify(&points, closed))??;
     let answers = found.answers.iter().map(|answer| (answer.name, chirality(answer.chirality), answer.share));
     Ok((answers.collect(), found.core, found.twin, found.alexander, found.jones, codes(&found.code)))
 }
@@ -31,7 +31,7 @@ pub(super) fn knot_diagram(
 ) -> PyResult<Codes> {
     let points = Points::new("points", points, "(N, 3)")?;
     let direction = point("direction", direction)?;
-    Ok(codes(&released(py, move || knots::seen(&points, closed, direction))??))
+    Ok(codes(&released(py, move || knots::draw(&points, closed, direction))??))
 }
 
 /// The probability that errors in the order of crossings leave a knot what it is; see `strand.knot`.
@@ -49,7 +49,7 @@ pub(super) fn order_probability(
     let points = Points::new("points", points, "(N, 3)")?;
     let crossings = Points::new("crossings", crossings, "(K, 3)")?;
     let direction = point("direction", direction)?;
-    Ok(released(py, move || knots::order_probability(&points, closed, direction, &crossings, strict))??)
+    Ok(released(py, move || knots::find_order_probability(&points, closed, direction, &crossings, strict))??)
 }
 
 /// How often two chains wind round each other; see `strand.linking_number`.
@@ -61,7 +61,7 @@ pub(super) fn linking_number(
     closed: [bool; 2],
 ) -> PyResult<f64> {
     let (a, b) = (Points::new("a", a, "(N, 3)")?, Points::new("b", b, "(M, 3)")?);
-    Ok(released(py, move || knots::linking_number(&a, &b, closed))??)
+    Ok(released(py, move || knots::find_linking_number(&a, &b, closed))??)
 }
 
 fn chirality(chirality: Chirality) -> Option<&'static str> {

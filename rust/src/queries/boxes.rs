@@ -1,7 +1,7 @@
-//! Boxes that move and turn, against capsules.
+//! Moving and turning boxes against capsules.
 //!
-//! A plane between a box and an axis bounds their distance from below while the box moves: for each corner its place
-//! along the plane's normal is known to the second order in time, with a bound on the rest. Steps by such bounds, as in
+//! A plane between a box and an axis bounds their distance from below while the box moves. Each corner's place along
+//! the plane's normal is known to the second order in time, with a bound on the rest. Steps by these bounds, as in
 //! conservative advancement (Mirtich 1996), never step over a contact.
 
 use nalgebra::{Rotation3, Unit, UnitQuaternion, Vector3};
@@ -11,20 +11,21 @@ use super::least::least_place;
 use super::rays::Line;
 use crate::geometry::{Point, RigidMotion, advance, cross, dot};
 
-/// A bound on steps, which rounding alone can reach; what is left open then counts as contact.
-const MOST: usize = 10_000;
-/// So often a step's length is improved.
+/// Steps at most; only rounding can reach this, and the rest then counts as contact.
+const MAX_STEPS: usize = 10_000;
+/// Improvements of a step's length.
 const CHORDS: usize = 3;
-/// Stretches of time that are left are halved, so they are not as many.
-const OPEN: usize = 80;
-/// Shorter stretches of time are not divided.
+/// Open intervals of time at most; there are fewer, because intervals are halved.
+const MAX_OPEN: usize = 80;
+/// Shorter intervals of time are not divided, shares of the motion.
 const BRIEF: f64 = 1e-12;
-/// How much too early a contact is: metres, and of the way that corners turn.
+/// Slack of a contact, metres.
 const NEAR: f64 = 1e-6;
+/// Slack of a contact, shares of the corners' way by turning.
 const OF_TURN: f64 = 1e-5;
 
-/// The place of a segment that is nearest to a box around the origin along the axes, from 0 to 1, and the vector to it from
-/// the box.
+/// Finds the place of a segment, from 0 to 1, that is nearest to an axis-aligned box around the origin; returns it and
+/// the vector from the box to it.
 #[inline]
 pub fn segment_to_box(start: Point, step: Point, half: Point) -> (f64, Point) {
     let beyond = |place: f64| -> Point {
@@ -39,7 +40,7 @@ pub fn segment_to_box(start: Point, step: Point, half: Point) -> (f64, Point) {
     (place, beyond(place))
 }
 
-/// A box whose centre moves straight and evenly from one pose's to another's, while it turns evenly about one axis, the
+/// A box whose centre moves straight and evenly from one pose's to another's. It turns evenly about one axis, the
 /// shorter way round.
 #[derive(Debug, Clone)]
 pub struct BoxMotion {
@@ -48,37 +49,37 @@ pub struct BoxMotion {
     step: Vector3<f64>,
     axis: Unit<Vector3<f64>>,
     angle: f64,
-    /// The axis in the box' frame, as long as the angle.
+    /// The axis of the turn in the box's frame; its length is the angle.
     turning: Point,
-    /// How far a corner moves at most by turning.
+    /// The way of a corner by turning, at most.
     turn: f64,
     /// The way of its centre.
     pub line: Line,
-    /// How far it reaches from its centre along each axis, slack and all.
+    /// The box's reach from its centre along each axis, slack included.
     pub reach: Point,
 }
 
-/// How a box stands to a capsule's axis at a time.
+/// A box's position relative to a capsule's axis at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Gap {
-    /// Of the box from the axis, metres.
+    /// Distance of the box from the axis, metres.
     distance: f64,
     /// The nearest place of the axis, metres from its start.
     pub along: f64,
-    /// Unit vector from the box to that place, and how it changes as the box sees it, in the box' frame.
+    /// Unit vector from the box to that place, in the box's frame, and its rate of change there.
     normal: Point,
     tilt: Point,
-    /// How fast the box' centre moves along it, metres in all the time.
+    /// Motion of the box's centre along that vector, metres over the whole time.
     closing: f64,
 }
 
 impl BoxMotion {
-    /// From a pose to another.
+    /// Moves a box from one pose to another.
     pub fn new(start: &RigidMotion, end: &RigidMotion, half: Point) -> Self {
         let step = end.translation - start.translation;
         let between = Rotation3::from_matrix_unchecked(end.rotation * start.rotation.transpose());
         let turned = UnitQuaternion::from_rotation_matrix(&between).axis_angle();
-        // poses that differ by rounding alone turn nothing
+        // poses that differ only by rounding do not turn
         let still = (end.rotation - start.rotation).amax() < 1e-14;
         let (axis, angle) = turned.filter(|_| !still).unwrap_or((Vector3::x_axis(), 0.0));
         let mine = start.rotation.transpose() * axis.into_inner();
@@ -105,17 +106,17 @@ impl BoxMotion {
         }
     }
 
-    /// How much too early a contact, and how much too small a clearance is at most, metres.
+    /// Contacts are early, and clearances small, by at most this, metres.
     pub fn slack(&self) -> f64 {
         NEAR + OF_TURN * self.turn
     }
 
-    /// Where its centre is at first, and how far that moves.
+    /// The start of its centre, and the vector to the end.
     pub fn way(&self) -> (Point, Point) {
         (self.start.translation.into(), self.step.into())
     }
 
-    /// How it stands to a capsule at a time from 0 to 1.
+    /// Returns its position relative to a capsule at a time from 0 to 1.
     pub fn nearest(&self, time: f64, capsule: &Capsule) -> Gap {
         let turned = match self.angle {
             0.0 => self.start.rotation,
@@ -131,7 +132,7 @@ impl BoxMotion {
         Gap { distance, along: place * capsule.length, normal, tilt: cross(normal, self.turning), closing }
     }
 
-    /// How much nearer the box may be to the axis when so much time is over; convex, and 0 if it is none.
+    /// Bounds how much nearer to the axis the box may be after some time; convex, and 0 at first.
     #[inline]
     fn nearing(&self, gap: &Gap, time: f64) -> f64 {
         let support = |direction: Point| -> f64 { (0..3).map(|k| self.half[k] * direction[k].abs()).sum() };
@@ -139,10 +140,10 @@ impl BoxMotion {
         leaning + gap.closing * time + 0.5 * self.turn * self.angle * time * time
     }
 
-    /// The first time from 0 to `latest` at which a capsule is nearer than the slack.
+    /// Returns the first time from 0 to `latest` at which a capsule is nearer than the slack.
     pub fn first_contact(&self, capsule: &Capsule, latest: f64) -> Option<f64> {
         let mut time = 0.0;
-        for _ in 0..MOST {
+        for _ in 0..MAX_STEPS {
             let gap = self.nearest(time, capsule);
             let apart = gap.distance - capsule.radius;
             if apart <= self.slack() {
@@ -153,7 +154,7 @@ impl BoxMotion {
             if over <= 0.0 {
                 return None;
             }
-            // chords of a convex function cross its zero before it does
+            // a chord of a convex function crosses zero earlier than the function
             let (mut step, mut under) = (0.0, -apart);
             for _ in 0..CHORDS {
                 step += (left - step) * (under / (under - over));
@@ -171,8 +172,10 @@ impl BoxMotion {
         Some(time)
     }
 
-    /// The least distance from a capsule's surface on the whole way, at most the slack too small, and the time of it; not
-    /// less than `best` if it is none that is less. The axis in the box is as deep as can be.
+    /// Returns the least distance from a capsule's surface during the motion, at most the slack too small, and its
+    /// time.
+    ///
+    /// It returns `best` if no distance is less. If the axis enters the box, the distance is minus the radius.
     pub fn clearance(&self, capsule: &Capsule, best: f64) -> (f64, f64) {
         let deepest = -capsule.radius;
         let mut upper = (f64::INFINITY, 0.0);
@@ -185,7 +188,7 @@ impl BoxMotion {
             (gap, apart, upper)
         };
         let (mut found, mut least) = (f64::INFINITY, (f64::INFINITY, 0.0));
-        let mut open = [(0.0, 1.0); OPEN];
+        let mut open = [(0.0, 1.0); MAX_OPEN];
         let mut count = usize::from(best > deepest);
         while count > 0 {
             count -= 1;
@@ -209,7 +212,7 @@ impl BoxMotion {
                 found = found.min(lowest);
                 continue;
             }
-            // the half that may be nearer first
+            // the half that may be nearer comes first
             let halves = [(from, middle), (middle, to)];
             let nearer = usize::from(ahead > back);
             open[count] = halves[1 - nearer];
@@ -261,7 +264,7 @@ mod tests {
             let motion = BoxMotion::new(&pose(turns[0], places[0]), &pose(turns[1], places[1]), half);
             let capsule = Capsule::new([[1.0, 0.2, -0.3], [0.6, -0.7, 0.5]], [0.0, 1.0], 0.1, 0).unwrap();
             let gap = motion.nearest(from, &capsule);
-            // rounding turns the normal by so much, times lengths of about 1 m, and by anything where the axis is in the box
+            // rounding turns the normal by this much, times lengths of about 1 m; arbitrarily if the axis is in the box
             let rounding = 1e-12 + 1e-15 / gap.distance;
             let distances = (0..=400).map(|k| f64::from(k) / 400.0).map(|t| (t, motion.nearest(t, &capsule).distance));
             let distances: Vec<(f64, f64)> = distances.collect();

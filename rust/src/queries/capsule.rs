@@ -1,10 +1,10 @@
-//! A capsule: all that is within a radius of a segment of a chain's axis.
+//! A capsule: everything within a radius of a segment of a chain's axis.
 
 use super::Place;
 use super::least::least_place;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
 
-/// A segment of an axis, and what is within a radius of it.
+/// A segment of an axis and its radius.
 #[derive(Debug, Clone, Copy)]
 pub struct Capsule {
     pub start: Point,
@@ -12,27 +12,27 @@ pub struct Capsule {
     pub along: Point,
     pub length: f64,
     pub radius: f64,
-    /// Arc length at its start, and how much of it there is for each metre.
+    /// Arc length at its start, and arc length for each metre.
     arc: f64,
     pace: f64,
     chain: u32,
-    /// Among the capsules of all chains.
+    /// Its number among the capsules of all chains.
     pub number: u32,
 }
 
-/// The place of a capsule's axis that is nearest to a moving point.
+/// The nearest approach of a moving point to a capsule's axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Approach {
-    /// The square of their distance.
+    /// The squared distance, m².
     pub squared: f64,
-    /// The place, metres from the axis' start.
+    /// The place of the axis, metres from its start.
     pub along: f64,
     /// The time, from 0 to 1.
     pub time: f64,
 }
 
 impl Capsule {
-    /// Around the segment from one place to another; none if it has no length.
+    /// Makes the capsule around a segment; None if the segment has no length.
     pub fn new(ends: [Point; 2], arc: [f64; 2], radius: f64, chain: usize) -> Option<Self> {
         let step = sub(ends[1], ends[0]);
         let length = dot(step, step).sqrt();
@@ -48,25 +48,25 @@ impl Capsule {
         })
     }
 
-    /// A place on its axis, so many metres from the start.
+    /// Returns the place of its axis at a distance from the start, metres.
     #[inline]
     pub fn at(&self, along: f64) -> Point {
         advance(self.start, along, self.along)
     }
 
-    /// The place of its axis nearest to a point, in metres from the start.
+    /// Returns the place of its axis nearest to a point, metres from the start.
     #[inline]
     pub fn foot(&self, point: Point) -> f64 {
         dot(sub(point, self.start), self.along).clamp(0.0, self.length)
     }
 
-    /// The square of a point's distance from its axis.
+    /// Returns the squared distance of a point from its axis.
     #[inline]
     pub fn squared_distance(&self, point: Point) -> f64 {
         squared_distance(point, self.at(self.foot(point)))
     }
 
-    /// Where its axis is nearest to a point that moves straight and evenly.
+    /// Finds the nearest approach of a point that moves straight and evenly.
     #[inline]
     pub fn approach(&self, start: Point, step: Point) -> Approach {
         let at = |time: f64| advance(start, time, step);
@@ -81,12 +81,12 @@ impl Capsule {
         Approach { squared: squared_distance(point, self.at(along)), along, time }
     }
 
-    /// A place of its axis as one of its chain's.
+    /// Returns a place of its axis as a place of the chain.
     pub fn place(&self, along: f64) -> Place {
         Place { chain: self.chain as usize, s: self.arc + self.pace * along, point: self.at(along) }
     }
 
-    /// The place of its axis that a point is beside.
+    /// Returns the place of its axis nearest to a point.
     pub fn beside(&self, point: Point) -> Place {
         self.place(self.foot(point))
     }

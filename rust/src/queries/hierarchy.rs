@@ -1,4 +1,4 @@
-//! Boxes of capsules within boxes, halved across their longest side, and the searches through them.
+//! A tree of boxes of capsules, and the searches through it.
 
 use super::boxes::{BoxMotion, segment_to_box};
 use super::capsule::{Approach, Capsule};
@@ -6,31 +6,31 @@ use super::rays::Line;
 use crate::geometry::{Point, advance, dot, squared_distance, sub};
 use crate::index::bounds::Bounds;
 
-/// Boxes of so few capsules are not divided.
-const FEW: usize = 4;
-/// Boxes are halved, so 2³² capsules are not as deep.
-const DEEPEST: usize = 40;
+/// Boxes of at most this many capsules are not divided.
+const LEAF_CAPSULES: usize = 4;
+/// Depth of the tree at most: boxes are halved, so even 2³² capsules are not as deep.
+const MAX_DEPTH: usize = 40;
 
-/// A binary tree of boxes around capsules' axes.
+/// A binary tree of boxes around the axes of capsules, halved across their longest side.
 pub struct Hierarchy {
-    /// Each box's first half follows it.
+    /// The first half of each box follows it.
     nodes: Vec<Node>,
-    /// Those of a box one behind the other.
+    /// The capsules, grouped by box.
     capsules: Vec<Capsule>,
 }
 
 struct Node {
-    /// Around the axes.
+    /// The box around the axes.
     bounds: Bounds,
-    /// The largest.
+    /// The largest radius.
     radius: f64,
     first: u32,
     end: u32,
-    /// The second half; 0 where the box is not divided.
+    /// The number of the second half; 0 if the box is not divided.
     second: u32,
 }
 
-/// Whether a distance, given its square, from an axis is more than `best` from what is at a radius around it.
+/// Returns whether the distance from a surface exceeds `best`, given the squared distance from its axis and its radius.
 #[inline(always)]
 fn is_beyond(squared: f64, radius: f64, best: f64) -> bool {
     let reach = best + radius;
@@ -38,7 +38,7 @@ fn is_beyond(squared: f64, radius: f64, best: f64) -> bool {
 }
 
 impl Hierarchy {
-    /// Sorts at most 2³² capsules, and numbers them as they are given.
+    /// Sorts at most 2³² capsules, and numbers them in the given order.
     pub fn new(mut capsules: Vec<Capsule>) -> Self {
         for (number, capsule) in capsules.iter_mut().enumerate() {
             capsule.number = number as u32;
@@ -50,7 +50,7 @@ impl Hierarchy {
         Self { nodes, capsules }
     }
 
-    /// The least of a point's distances from an axis minus the radius around it, and whose it is.
+    /// Finds the capsule with the least distance from a point to its surface; returns that distance and the capsule.
     pub fn nearest(&self, point: Point) -> Option<(f64, &Capsule)> {
         let place = Bounds { low: point, high: point };
         let found = self.search(
@@ -65,11 +65,11 @@ impl Hierarchy {
         found.map(|(least, (), capsule)| (least, capsule))
     }
 
-    /// The same of a point that moves straight and evenly, with the place and the time.
+    /// As [`Hierarchy::nearest`], for a point that moves straight and evenly.
     pub fn closest(&self, start: Point, step: Point) -> Option<(f64, Approach, &Capsule)> {
         let square = dot(step, step);
         let inverse = if square > 0.0 { 1.0 / square } else { 0.0 };
-        // balls around boxes are asked in a tenth of the time of boxes, and of small boxes they are small
+        // balls around boxes take a tenth of the time of boxes, and fit small boxes well
         let gap = |node: &Node| {
             let time = (dot(sub(node.bounds.middle(), start), step) * inverse).clamp(0.0, 1.0);
             let distance = squared_distance(node.bounds.middle(), advance(start, time, step)).sqrt();
@@ -87,7 +87,7 @@ impl Hierarchy {
         )
     }
 
-    /// The distance at which a line first enters a capsule that is wider by some length, and which.
+    /// Finds the capsule, widened by some length, that a line enters first; returns the distance along the line.
     pub fn first(&self, line: &Line, wider: f64) -> Option<(f64, &Capsule)> {
         let found = self.search(
             None,
@@ -98,10 +98,10 @@ impl Hierarchy {
         found.map(|(distance, (), capsule)| (distance, capsule))
     }
 
-    /// The clearance of a moving box, the time of it, and from which capsule.
+    /// Finds the clearance of a moving box, its time, and the capsule.
     pub fn clearance_of_box(&self, motion: &BoxMotion) -> Option<(f64, f64, &Capsule)> {
         let (start, step) = motion.way();
-        // few others come as near as what is nearest to its centre
+        // few capsules come as near as the nearest to its centre
         let (_, _, near) = self.closest(start, step)?;
         let (clearance, time) = motion.clearance(near, f64::INFINITY);
         self.search(
@@ -112,7 +112,7 @@ impl Hierarchy {
         )
     }
 
-    /// The first time at which a moving box touches a capsule, and which; `near` is one that it comes near to.
+    /// Finds the first contact of a moving box: its time and the capsule. `near` is a capsule that it comes near to.
     pub fn first_of_box<'a>(&'a self, motion: &BoxMotion, near: &'a Capsule) -> Option<(f64, &'a Capsule)> {
         let found = self.search(
             motion.first_contact(near, 1.0).map(|time| (time, (), near)),
@@ -123,11 +123,10 @@ impl Hierarchy {
         found.map(|(time, (), capsule)| (time, capsule))
     }
 
-    /// The capsule for which `ask` tells the least value, of equals the first in number, with what else it tells; at worst
-    /// what is `held`.
+    /// Finds the capsule with the least value of `ask`, the lowest number among equals; returns `held` if none is less.
     ///
-    /// `ask` gets the least value so far, and need not tell a larger one. A box' `key` is asked once; boxes of smaller keys
-    /// are gone through first, and none that is `out`, given that value.
+    /// `ask` gets the least value so far and may return None for larger ones. The `key` of a box is computed once.
+    /// Boxes with smaller keys come first. Boxes that are `out`, given the least value, are skipped.
     #[inline]
     fn search<'a, T>(
         &'a self,
@@ -138,7 +137,7 @@ impl Hierarchy {
     ) -> Option<(f64, T, &'a Capsule)> {
         let mut found = held;
         let mut best = found.as_ref().map_or(f64::INFINITY, |held| held.0);
-        let mut left = [(0, 0.0); DEEPEST];
+        let mut left = [(0, 0.0); MAX_DEPTH];
         let mut count = 0;
         if let Some(root) = self.nodes.first() {
             left[0] = (0, key(root));
@@ -176,7 +175,7 @@ impl Hierarchy {
     }
 }
 
-/// The square of the distance of a straight way from a box that is wider by some lengths to each side.
+/// Returns the squared distance of a segment from a box that is wider by some lengths on each side.
 #[inline]
 fn squared_distance_to_box(start: Point, step: Point, bounds: &Bounds, wider: Point) -> f64 {
     let from_middle = std::array::from_fn(|k| start[k] - 0.5 * (bounds.low[k] + bounds.high[k]));
@@ -185,7 +184,7 @@ fn squared_distance_to_box(start: Point, step: Point, bounds: &Bounds, wider: Po
     dot(off, off)
 }
 
-/// Puts capsules in order of their boxes.
+/// Sorts capsules into boxes, recursively.
 fn divide(capsules: &mut [Capsule], first: u32, nodes: &mut Vec<Node>) {
     let (mut bounds, mut middles, mut radius) = (Bounds::NONE, Bounds::NONE, 0.0_f64);
     for capsule in capsules.iter() {
@@ -196,14 +195,14 @@ fn divide(capsules: &mut [Capsule], first: u32, nodes: &mut Vec<Node>) {
     }
     let number = nodes.len();
     nodes.push(Node { bounds, radius, first, end: first + capsules.len() as u32, second: 0 });
-    if capsules.len() <= FEW {
+    if capsules.len() <= LEAF_CAPSULES {
         return;
     }
     let side = |k: usize| middles.high[k] - middles.low[k];
     let longest = (1..3).fold(0, |longest, k| if side(k) > side(longest) { k } else { longest });
     let place = |capsule: &Capsule| capsule.at(0.5 * capsule.length)[longest];
     let half = capsules.len() / 2;
-    // of equals the first in number, so that the order is the same whatever the selection did
+    // equals go by their number, so that the order does not depend on the selection
     capsules.select_nth_unstable_by(half, |a, b| place(a).total_cmp(&place(b)).then(a.number.cmp(&b.number)));
     let (one, other) = capsules.split_at_mut(half);
     divide(one, first, nodes);

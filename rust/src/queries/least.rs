@@ -1,8 +1,8 @@
-//! Where convex functions made of parabolas are least: squared distances of a moving point from a box or a segment.
+//! Minima of convex functions made of parabolas, as the squared distance of a moving point from a box or a segment.
 
-/// The place from 0 to 1 at which a convex function is least, of several the first or nearly so.
+/// Finds the place from 0 to 1 at which a convex function is least; the first one, or nearly so, if there are several.
 ///
-/// Its slope grows, and is linear between the `breaks`, which may be in any order, beyond the range or NaN.
+/// The slope increases, and is linear between the `breaks`. These may be in any order, out of range, or NaN.
 #[inline(always)]
 pub fn least_place<const N: usize>(slope: impl Fn(f64) -> f64, breaks: [f64; N]) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);

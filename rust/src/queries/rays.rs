@@ -1,32 +1,32 @@
-//! Where lines enter capsules: rays, and the ways of spheres' centres.
+//! Lines that enter capsules: rays, and the ways of spheres' centres.
 
 use super::capsule::Capsule;
 use crate::geometry::{Point, advance, cross, dot, squared_distance, sub};
 use crate::index::bounds::Bounds;
 
-/// A straight way from an origin on.
+/// A straight way from an origin.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
     origin: Point,
     /// Unit vector; zero if the line has no length.
     direction: Point,
-    /// One over its coordinates.
+    /// The reciprocals of its coordinates.
     inverse: Point,
-    /// Infinite for a ray.
+    /// Metres; infinite for a ray.
     length: f64,
 }
 
 impl Line {
-    /// A ray along a vector of any length but zero.
+    /// Makes a ray along a vector that is not zero.
     pub fn ray(origin: Point, direction: Point) -> Self {
-        // relative to the largest coordinate, so that squares neither overflow nor vanish
+        // scale by the largest coordinate, so that squares neither overflow nor underflow
         let largest = direction.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
         let direction = direction.map(|x| x / largest);
         let length = dot(direction, direction).sqrt();
         Self::new(origin, direction.map(|x| x / length), f64::INFINITY)
     }
 
-    /// The way from one place to another.
+    /// Makes the way from one place to another.
     pub fn between(start: Point, end: Point) -> Self {
         let step = sub(end, start);
         let length = dot(step, step).sqrt();
@@ -43,19 +43,19 @@ impl Line {
         self.direction
     }
 
-    /// The place at a distance from the origin.
+    /// Returns the place at a distance from the origin.
     #[inline]
     pub fn at(&self, distance: f64) -> Point {
         advance(self.origin, distance, self.direction)
     }
 
-    /// A distance as a share of the length.
+    /// Returns a distance as a share of the length.
     #[inline]
     pub fn share(&self, distance: f64) -> f64 {
         if self.length > 0.0 { (distance / self.length).min(1.0) } else { 0.0 }
     }
 
-    /// The distance at which it enters a box that is wider by some lengths to each side; infinite if it does not.
+    /// Returns the distance at which it enters a box, widened by some lengths on each side; infinite if it does not.
     #[inline]
     pub fn enters_box(&self, bounds: &Bounds, wider: Point) -> f64 {
         let (mut enters, mut leaves) = (0.0_f64, self.length);
@@ -75,7 +75,7 @@ impl Line {
         if enters <= leaves { enters } else { f64::INFINITY }
     }
 
-    /// The distance at which it enters a capsule that is wider by some length; 0 if it starts inside.
+    /// Returns the distance at which it enters a capsule, widened by some length; 0 if it starts inside.
     #[inline]
     pub fn enters(&self, capsule: &Capsule, wider: f64) -> Option<f64> {
         let radius = capsule.radius + wider;
@@ -83,7 +83,7 @@ impl Line {
         if self.length == 0.0 {
             return starts_inside();
         }
-        // from the place beside the capsule's middle, so that distant origins lose nothing
+        // from the place beside the capsule's middle, so that no precision is lost at distant origins
         let beside = dot(sub(capsule.at(0.5 * capsule.length), self.origin), self.direction);
         let place = self.at(beside);
         let from_start = sub(place, capsule.start);
@@ -154,7 +154,7 @@ mod tests {
                 prop_assert!(there <= radius);
             } else {
                 prop_assert!((there - radius).abs() < 10.0 * rounding.max(1e-13), "{there} {radius}");
-                // not the way out
+                // the way in, not out
                 let before = capsule.squared_distance(line.at(distance - 1e-3)).sqrt();
                 prop_assert!(before > radius - 1e-9);
             }

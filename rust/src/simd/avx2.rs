@@ -6,12 +6,12 @@ use std::ops::{Add, Div, Mul, Sub};
 use super::proven::proven;
 use super::{BATCH, Doubles, Eight, LANES, Lanes, Simd, Singles, Whole, portable};
 
-/// Proof that the processor has AVX2, and the instructions for bits that came with it.
+/// Proof that the processor has AVX2 and the bit instructions that came with it.
 #[derive(Clone, Copy)]
 pub struct Avx2(());
 
 impl Avx2 {
-    /// Whether the processor has these instructions: all that `kernel!` compiles for.
+    /// Returns whether the processor has all features that `kernel!` compiles for.
     pub fn is_there() -> bool {
         is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("bmi1")
@@ -20,7 +20,7 @@ impl Avx2 {
             && is_x86_feature_detected!("popcnt")
     }
 
-    /// The token.
+    /// Makes the token.
     ///
     /// # Safety
     /// [`Avx2::is_there`] must hold.
@@ -92,7 +92,7 @@ impl Simd for Avx2 {
             let (origin, unit) = (_mm256_set1_pd(origin), _mm256_set1_pd(unit));
             let mut quarters = [_mm_setzero_ps(); 4];
             for i in 0..4 {
-                // SAFETY: four numbers are left from there on
+                // SAFETY: four numbers remain from there on
                 let x = unsafe { _mm256_loadu_pd(x[4 * i..].as_ptr()) };
                 quarters[i] = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_sub_pd(x, origin), unit));
             }
@@ -156,7 +156,7 @@ impl Simd for Avx2 {
     }
 }
 
-/// Eight numbers in a register. That there are any proves AVX2, as a token does: only tokens make them.
+/// Eight numbers in a register. Its existence proves AVX2, as a token does: only tokens make it.
 #[derive(Clone, Copy)]
 pub struct InRegister(__m256);
 

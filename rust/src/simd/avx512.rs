@@ -11,7 +11,7 @@ use super::{BATCH, Doubles, LANES, Lanes, Simd, Singles, Whole};
 pub struct Avx512(Avx2);
 
 impl Avx512 {
-    /// Whether the processor has these instructions: all that `kernel!` compiles for.
+    /// Returns whether the processor has all features that `kernel!` compiles for.
     pub fn is_there() -> bool {
         Avx2::is_there()
             && is_x86_feature_detected!("avx512f")
@@ -20,13 +20,13 @@ impl Avx512 {
             && is_x86_feature_detected!("avx512bw")
     }
 
-    /// The token.
+    /// Makes the token.
     ///
     /// # Safety
     /// [`Avx512::is_there`] must hold.
     #[inline(always)]
     pub const unsafe fn assume() -> Self {
-        // SAFETY: then `Avx2::is_there` holds as well
+        // SAFETY: `Avx2::is_there` then holds as well
         Self(unsafe { Avx2::assume() })
     }
 }

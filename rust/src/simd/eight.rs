@@ -1,42 +1,42 @@
-//! Eight numbers, and eight vectors, that calculate by operators.
+//! Eight numbers, and eight vectors, with operators.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use super::{LANES, Simd};
 
-/// Eight numbers in single precision, as they lie in memory.
+/// Eight single-precision numbers in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
 pub struct Lanes(pub [f32; LANES]);
 
 impl Lanes {
-    /// The same number in all lanes.
+    /// Puts one number into all lanes.
     pub const fn all(value: f32) -> Self {
         Self([value; LANES])
     }
 }
 
-/// Eight numbers to work with. They are made by a [`Simd`] token.
+/// Eight numbers to compute with; a [`Simd`] token makes them.
 pub trait Eight:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Puts the numbers into memory.
+    /// Stores the numbers in memory.
     fn store(self) -> Lanes;
     /// Square roots.
     fn sqrt(self) -> Self;
-    /// The greatest whole numbers that are not greater.
+    /// The greatest integers that are not greater.
     fn floor(self) -> Self;
     /// Absolute values.
     fn abs(self) -> Self;
-    /// The larger of each two; the other one if this is not a number.
+    /// The larger of two numbers; `other` if this is NaN.
     fn max(self, other: Self) -> Self;
-    /// The smaller of each two; the other one if this is not a number.
+    /// The smaller of two numbers; `other` if this is NaN.
     fn min(self, other: Self) -> Self;
-    /// Where this is less than the other: 1, elsewhere 0.
+    /// 1 where this is less than the other number, else 0.
     fn below(self, other: Self) -> Self;
-    /// Where this is not above the other: 1, elsewhere 0.
+    /// 1 where this is not above the other number, else 0.
     fn not_above(self, other: Self) -> Self;
-    /// The first number where this is not 0, elsewhere the second.
+    /// The first number where this is not 0, else the second.
     fn choose(self, yes: Self, no: Self) -> Self;
 
     /// The sum of all lanes.
@@ -55,32 +55,32 @@ pub trait Eight:
 pub struct Three<V>(pub [V; 3]);
 
 impl<V: Eight> Three<V> {
-    /// The same vector in all lanes.
+    /// Puts one vector into all lanes.
     #[inline(always)]
     pub fn all(simd: impl Simd<Eight = V>, vector: [f32; 3]) -> Self {
         Self([simd.splat8(vector[0]), simd.splat8(vector[1]), simd.splat8(vector[2])])
     }
 
-    /// Takes vectors from memory.
+    /// Loads vectors from memory.
     #[inline(always)]
     pub fn load(simd: impl Simd<Eight = V>, vectors: &[Lanes; 3]) -> Self {
         Self([simd.load8(&vectors[0]), simd.load8(&vectors[1]), simd.load8(&vectors[2])])
     }
 
-    /// Inner products.
+    /// Dot products.
     #[inline(always)]
     pub fn dot(self, other: Self) -> V {
         self.0[0] * other.0[0] + self.0[1] * other.0[1] + self.0[2] * other.0[2]
     }
 
-    /// Vector products.
+    /// Cross products.
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {
         let (a, b) = (self.0, other.0);
         Self([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
     }
 
-    /// Unit vectors; 0 for those without length.
+    /// Unit vectors; 0 for vectors without length.
     #[inline(always)]
     pub fn unit(self, simd: impl Simd<Eight = V>) -> Self {
         self * (simd.splat8(1.0) / self.dot(self).sqrt().max(simd.splat8(f32::MIN_POSITIVE)))

@@ -1,10 +1,10 @@
-//! What every processor can do, in loops that the compiler itself may turn into wide instructions.
+//! Portable code: loops that the compiler may vectorize itself.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use super::{BATCH, Doubles, Eight, LANES, Lanes, Simd, Singles, Whole};
 
-/// The token that anyone may make.
+/// A token that anyone may make.
 #[derive(Clone, Copy)]
 pub struct Portable;
 
@@ -128,7 +128,7 @@ impl Simd for Portable {
     }
 }
 
-/// Puts the lanes of some bits one behind the other.
+/// Packs the lanes of some bits.
 #[inline(always)]
 pub fn compress(mut bits: u32, x: &Singles, to: &mut [f32]) {
     for slot in to {

@@ -1,9 +1,9 @@
-//! Methods whose instructions are proven by what they are called on.
+//! Methods whose receiver proves that the processor has the instructions.
 
 /// Defines methods of a token, or of numbers that a token made, whose bodies are compiled for the given features.
 ///
-/// In a body the features' intrinsics are safe, but for those that read or write through pointers. A method of a token
-/// does not see it; numbers go by the name of the first argument.
+/// In a body the features' intrinsics are safe, except those that read or write through pointers. A token is not
+/// visible in the body of its method; numbers have the name of the first argument.
 macro_rules! proven {
     ($features:literal;) => {};
     (
@@ -16,7 +16,7 @@ macro_rules! proven {
             #[inline]
             #[target_feature(enable = $features)]
             fn compiled($($argument: $type),*) $(-> $result)? $body
-            // SAFETY: a token is only made where the processor has these features
+            // SAFETY: a token is made only if the processor has these features
             unsafe { compiled($($argument),*) }
         }
         proven! { $features; $($rest)* }
@@ -31,7 +31,7 @@ macro_rules! proven {
             #[inline]
             #[target_feature(enable = $features)]
             fn compiled($this: $own $(, $argument: $type)*) $(-> $result)? $body
-            // SAFETY: such numbers are only made by a token, where the processor has these features
+            // SAFETY: only a token makes these numbers, if the processor has these features
             unsafe { compiled(self $(, $argument)*) }
         }
         proven! { $features; $($rest)* }

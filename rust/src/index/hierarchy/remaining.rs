@@ -1,4 +1,5 @@
 //! A hierarchy from which points are taken.
+
 use super::super::bounds::Bounds;
 use super::Hierarchy;
 use crate::geometry::{Point, squared_distance};
