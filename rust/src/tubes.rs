@@ -1,4 +1,4 @@
-//! Ropes as tubes: traced through a cloud, then fitted together with the poses of the cameras.
+//! Ropes as tubes: traced through a cloud, then fitted together with the cameras' poses.
 
 pub mod ends;
 pub mod tracing;

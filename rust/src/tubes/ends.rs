@@ -1,4 +1,4 @@
-//! Where a rope ends: its points stop, which counting finds.
+//! The ends of ropes, found by counting points.
 
 use crate::checks::{check_finite, check_positive};
 use crate::error::{Error, Result};
@@ -7,46 +7,46 @@ use crate::geometry::median::median;
 use crate::geometry::{Point, advance, dot, sub};
 use crate::tubes::tubefit::Tube;
 
-/// Width of the bins in which points are counted, in radii.
+/// Width of the bins in which points are counted, radii.
 const BIN: f64 = 0.5;
-/// Points this near to an end may lie on another rope's surface too, in radii.
+/// Points nearer than this to an end may also lie on another rope's surface, radii.
 const NEAR_END: f64 = 7.0;
-/// From where to where inside an end the density of points is taken, in radii.
+/// Distances from an end between which the density of points is measured, radii.
 const INSIDE: [f64; 2] = [1.0, 5.0];
-/// How far an end may lie from the first full bin, in radii.
+/// Largest distance of an end from the first full bin, radii.
 const REACH: f64 = 1.5;
-/// Longest curve, in radii.
-const MOST_RADII: f64 = 1e6;
-/// Fewer points support no curve.
-const FEWEST: usize = 8;
+/// Largest length of a curve, radii.
+const MAX_RADII: f64 = 1e6;
+/// Points that support a curve at least.
+const MIN_POINTS: usize = 8;
 
-/// Surface points, and what curves explain them, in arrays of one length.
+/// Surface points and the curves that explain them, in arrays of one length.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct OnTubes<'a> {
-    /// Whether each counts.
+    /// Whether each point counts.
     pub inlier: &'a [bool],
-    /// Number of the curve.
+    /// The number of its curve.
     pub curve: &'a [i64],
-    /// Parameter of its foot point there.
+    /// The curve's parameter at its foot point.
     pub parameter: &'a [f64],
-    /// Where it is, metres.
+    /// Position, metres.
     pub position: &'a [Point],
     /// Unit vector to the camera that saw it.
     pub to_camera: &'a [Point],
 }
 
-/// Cuts fitted curves to the stretch that points support: the parameters from which to which each is rope, if it is.
+/// Cuts fitted curves to the part that points support: returns the first and the last parameter of each rope, or None.
 ///
-/// With n points for each metre of rope and m points past L₀ − r, L₀ being about where they give out, the end is at
-/// L₀ − r + m / n: unbiased, where a threshold on the density is not.
+/// Let n be the number of points for each metre of rope, and m the number of points past L₀ − r, where the points end
+/// at about L₀. The end is at L₀ − r + m / n. This estimate is unbiased, unlike a threshold on the density.
 ///
-/// Points near an end that lie on another curve's surface too say nothing about that end. `surface_tolerance` gives for
-/// each curve how far from a surface its points may lie to count as on it, metres, and leaves these points out; None
-/// counts all points.
+/// Near an end, points may also lie on another curve's surface, and then say nothing about the end. `surface_tolerance`
+/// gives for each curve the largest distance from its surface at which points count as on it, metres; the function
+/// skips these points. With None it counts all points.
 ///
 /// # Errors
 /// [`InvalidArgument`](Error::InvalidArgument) if a curve is not finite, a radius is not positive, or a curve is too
-/// long for it.
+/// long for its radius.
 pub(crate) fn rope_extents(
     tubes: &[Tube],
     radii: &[f64],
@@ -63,10 +63,10 @@ pub(crate) fn rope_extents(
         tubes.iter().map(|tube| ByLength::new(&tube.curve, 0.0, tube.curve.end())).collect();
     for (curve, tube) in curves.iter().zip(tubes) {
         let length = curve.length() / radii[tube.radius_class];
-        if length > MOST_RADII {
+        if length > MAX_RADII {
             return Err(Error::invalid(
                 "radii",
-                format!("a curve is {length:.1e} radii long, more than {MOST_RADII:e}"),
+                format!("a curve is {length:.1e} radii long, more than {MAX_RADII:e}"),
             ));
         }
     }
@@ -101,22 +101,22 @@ pub(crate) fn rope_extents(
         .into_iter()
         .enumerate()
         .map(|(number, s)| {
-            if s.len() < FEWEST {
+            if s.len() < MIN_POINTS {
                 return None;
             }
             let (curve, radius) = (&curves[number], radii[tubes[number].radius_class]);
             let length = curve.length();
-            let start = end(&s, length, radius);
+            let start = find_end(&s, length, radius);
             let backwards: Vec<f64> = s.iter().map(|s| length - s).collect();
-            let stop = length - end(&backwards, length, radius);
+            let stop = length - find_end(&backwards, length, radius);
             (stop - start > radius).then(|| [curve.parameter(start), curve.parameter(stop)])
         })
         .collect();
     Ok(found)
 }
 
-/// Arc length at which places of points, in any order and at least two, begin.
-fn end(s: &[f64], length: f64, radius: f64) -> f64 {
+/// Returns the arc length at which points begin; `s` holds the points' arc lengths, at least two, in any order.
+fn find_end(s: &[f64], length: f64, radius: f64) -> f64 {
     let width = BIN * radius;
     let bins = (length / width) as usize + 1;
     let mut counts = vec![0.0; bins];
@@ -139,7 +139,7 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
         return about;
     }
     let density = inside as f64 / (far - near);
-    // where another strand occludes part of the inside, the density is too low: no end lies beyond all points
+    // another strand may occlude part of the inside and lower the density: no end lies beyond all points
     let [_, second] =
         s.iter().fold(
             [f64::INFINITY; 2],
@@ -151,7 +151,7 @@ fn end(s: &[f64], length: f64, radius: f64) -> f64 {
     end.max((about - REACH * radius).max(0.0)).min(about + REACH * radius)
 }
 
-/// A place of a strand's axis.
+/// A place on a strand's axis.
 struct Node {
     curve: usize,
     s: f64,
@@ -160,7 +160,7 @@ struct Node {
     radius: f64,
 }
 
-/// Places along all curves, for what else a point may belong to.
+/// Places along all curves, to find other strands that a point may belong to.
 struct Strands {
     nodes: Vec<Node>,
     radii: Vec<f64>,
@@ -181,7 +181,7 @@ impl Strands {
         Self { nodes, widest: radii.iter().copied().fold(0.0, f64::max), radii: radii_of }
     }
 
-    /// Places along a curve of those of its points near one end that lie on no other strand's surface.
+    /// Returns the arc lengths of a curve's points near one end that lie on no other strand's surface.
     fn alone(&self, curve: usize, tolerance: f64, at_end: &[(f64, usize)], points: &OnTubes) -> Vec<f64> {
         let r = self.radii[curve];
         let reach = 1.3 * self.widest + tolerance;
@@ -221,20 +221,20 @@ mod tests {
     use super::*;
     use crate::geometry::spline::Spline;
 
-    /// The curve of a tube that is straight along x from 0.
+    /// Returns the axis of a tube along x, from 0.
     fn straight(length: f64, spans: usize) -> Spline {
         let step = length / spans as f64;
         Spline { control: (0..spans + 3).map(|i| [(i as f64 - 1.0) * step, 0.0, 0.0]).collect() }
     }
 
-    /// Points on top of a straight tube of radius 1 along x, from 3 to 37.
+    /// Returns points on top of a straight tube of radius 1 along x, from 3 to 37.
     fn on_top(tube: &Tube) -> (Vec<f64>, Vec<Point>) {
         let whole = ByLength::new(&tube.curve, 0.0, tube.curve.end());
         let x: Vec<f64> = (0..340).map(|i| 3.05 + 0.1 * f64::from(i)).collect();
         (x.iter().map(|&x| whole.parameter(x)).collect(), x.iter().map(|&x| [x, 0.0, 1.0]).collect())
     }
 
-    /// The extents of tubes of radius 1 where the first one's points for which `inlier` holds are as `on_top` says.
+    /// Returns the extents of tubes of radius 1, with the points of `on_top` for which `inlier` holds.
     fn extents(
         tubes: &[Tube],
         radius: f64,
@@ -263,7 +263,7 @@ mod tests {
             assert!((start - 3.0).abs() < 0.1 && (stop - 37.0).abs() < 0.1, "{start} {stop}");
         }
         assert_eq!(extents(&tubes, 1.0, |i, _| i < 7, None).unwrap(), [None]);
-        // bins of a rope as thin as this would fill the memory
+        // the bins of a rope this thin would fill the memory
         assert!(extents(&tubes, 1e-9, |_, _| true, None).is_err());
     }
 

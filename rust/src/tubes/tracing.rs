@@ -1,7 +1,7 @@
 //! Arcs of tubes traced through oriented points.
 //!
-//! Where strands touch, an average over a neighbourhood mixes them. A tube with nothing inside it, fitted to the points
-//! that face their cameras, does not: of two strands in contact each lies outside the other.
+//! Where strands touch, an average over a neighbourhood mixes them. A tube fitted to the points that face their
+//! cameras, with no points inside it, keeps them separate: two touching strands lie outside each other.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -14,54 +14,60 @@ use crate::geometry::{
 use crate::index::Grid;
 use crate::normals::Viewpoints;
 use crate::parallel;
-use crate::tubes::tubelet::{Freedom, Patch, Support, Tubelet, fit, frame};
+use crate::tubes::tubelet::{Freedom, Patch, Support, Tubelet, fit, make_frame};
 
-/// How far from a tubelet's centre points can matter to it, in radii.
+/// Largest distance of points from a tubelet's centre that matter to it, radii.
 const PATCH: f64 = 2.6;
-/// Share of the seeds' 90th percentile of scores that a seed must reach.
-const LEAST_SCORE: f64 = 0.25;
-/// Seeds nearer than this to a node are left out, in radii.
+/// Score of a seed at least, as a share of the seeds' 90th percentile.
+const MIN_SCORE: f64 = 0.25;
+/// Seeds nearer than this to a node are dropped, radii.
 const CLEARANCE: f64 = 0.7;
-/// An arc ends where it comes nearer than this to another arc, or to its own nodes farther back, in radii.
+/// An arc ends nearer than this to another arc, or to its own earlier nodes, radii.
 const COLLISION: f64 = 0.6;
-/// Side of the cubes that nodes are found by, radii: long beside these two, so most searches meet one cube or two.
+/// Side of the cubes in which nodes are looked up, radii: much longer than these two, so most look-ups meet one or two
+/// cubes.
 const CUBE: f64 = 6.0;
-/// Fewest nodes of an arc, where the caller does not say.
+/// Default of the fewest nodes of an arc.
 pub const MIN_NODES: usize = 4;
-/// Distance between the nodes of an arc, in radii.
+/// Distance between the nodes of an arc, radii.
 const STEP: f64 = 0.5;
-/// Sides of the voxels that give a seed each, in radii. A smaller size follows where arcs left points free.
+/// Sides of the voxels that give one seed each, radii; a smaller side follows where arcs left points free.
 const SEED_VOXELS: [f64; 3] = [4.8, 2.4, 0.8];
-/// Directions tried at a seed.
+/// Directions that are tried at a seed.
 const DIRECTIONS: usize = 6;
-/// Seeds fitted by one task; fixed, so that results do not depend on the number of threads.
+/// Seeds that one task fits; fixed, so that results do not depend on the number of threads.
 const SEEDS_PER_TASK: usize = 4;
 
-/// What a seed may become: any direction, no bend.
+/// First fit of a seed: any direction, no bend.
 const FIRST_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.8, steps: 3, prior: [1.0, 1.0, 0.0] };
+/// Second fit of a seed.
 const SECOND_LOOK: Freedom = Freedom { half_length: 1.5, band: 0.5, steps: 6, prior: [1.0, 1.0, 0.0] };
-/// What a step may change.
+/// Fit of a step along an arc.
 const MARCH: Freedom = Freedom { half_length: 1.6, band: 0.5, steps: 6, prior: [0.25, 0.25, 0.12] };
 
-/// A stretch of rope along which its surface was seen.
+/// A stretch of rope whose surface the cameras saw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arc {
     /// Nodes of the axis, half a radius apart, metres.
     pub nodes: Vec<Point>,
-    /// Points that support each node: on the surface, facing their camera, within a radius ahead of it.
+    /// Points that support each node: on the surface, facing their camera, within a radius ahead of the node.
     pub support: Vec<f64>,
 }
 
 /// Traces arcs of tubes of a known radius through surface points.
 ///
-/// Tubelets are fitted at seeds 4.8 r apart, in several directions. From the best one that is still free the
-/// axis is followed both ways in steps of r / 2, each a fit with a prior about the last one, until the points
-/// ahead give out, the axis turns by more than 0.5 rad or jumps, points lie inside the tube, or another arc is
-/// reached. An arc claims its points, and the next best seed follows; then seeds 2.4 r and 0.8 r apart among the
-/// points that are left free. Arcs of fewer than `min_nodes` nodes are left out.
+/// 1. It fits tubelets in several directions at seeds 4.8 r apart.
+/// 2. From the best free tubelet, it follows the axis both ways in steps of r / 2. Each step is a fit with a prior
+/// around the
+///    last one. An arc ends where no points lie ahead, the axis jumps or turns by more than 0.5 rad, points lie inside the
+///    tube, or another arc is near.
+/// 3. The arc claims its points, and the next best seed follows.
+/// 4. The same is done with seeds 2.4 r and 0.8 r apart among the remaining points.
+///
+/// Arcs of fewer than `min_nodes` nodes are dropped.
 ///
 /// # Errors
-/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, the viewpoints are not one for
+/// [`InvalidArgument`](crate::Error::InvalidArgument) if a coordinate is not finite, there is not one viewpoint for
 /// each point, or `radius` is not positive.
 pub fn trace_tubes(
     points: &[Point],
@@ -99,22 +105,22 @@ pub fn trace_tubes(
 
 struct Tracer {
     grid: Grid,
-    /// Directions to the cameras and what is not claimed, in the grid's order.
+    /// Directions to the cameras, and whether points are unclaimed, in the grid's order.
     to_camera: Vec<Point>,
     free: Vec<bool>,
     radius: f64,
-    /// Nodes of all arcs so far.
+    /// The nodes of all arcs so far.
     nodes: Nodes,
 }
 
-/// Nodes by cubes of space.
+/// Nodes, looked up by cubes of space.
 struct Nodes {
     side: f64,
     cubes: FxHashMap<[i64; 3], Vec<Point>>,
 }
 
 impl Nodes {
-    /// None yet.
+    /// Starts without nodes.
     fn new(side: f64) -> Self {
         Self { side, cubes: FxHashMap::default() }
     }
@@ -125,9 +131,9 @@ impl Nodes {
         }
     }
 
-    /// Whether one is nearer to a place than a distance, given its square.
+    /// Returns whether a node is nearer to a place than a distance, given its square.
     fn any_within(&self, place: Point, limit: f64) -> bool {
-        // rounding may move a border by less than this
+        // rounding moves a cube's border by less than this
         let reach = limit.sqrt() * (1.0 + 1e-9) + 1e-12 * self.side;
         let low = cell_of(place.map(|x| x - reach), self.side);
         let high = cell_of(place.map(|x| x + reach), self.side);
@@ -153,13 +159,13 @@ impl Tracer {
             let mut seeds = self.seeds(size);
             seeds.sort_by(|a, b| b.support.score.total_cmp(&a.support.score));
             let Some(good) = seeds.get(seeds.len() / 10) else { continue };
-            let enough = *enough.get_or_insert(LEAST_SCORE * good.support.score);
+            let enough = *enough.get_or_insert(MIN_SCORE * good.support.score);
             self.follow(seeds, enough, min_nodes, &mut arcs);
         }
         arcs
     }
 
-    /// Traces arcs from seeds, the best first, of at least a score.
+    /// Traces arcs from seeds of at least a score, the best first.
     fn follow(&mut self, seeds: Vec<Seed>, enough: f64, min_nodes: usize, arcs: &mut Vec<Arc>) {
         for seed in seeds {
             parallel::go_on();
@@ -169,7 +175,7 @@ impl Tracer {
             if self.taken(seed.tubelet.center) {
                 continue;
             }
-            // what is left of its points may no longer be a tube
+            // the free points that remain may no longer form a tube
             let (tubelet, support) = fit(&self.patch(seed.tubelet.center), seed.tubelet, &SECOND_LOOK);
             let moved = squared_distance(tubelet.center, seed.tubelet.center).sqrt();
             if support.score < (0.6 * seed.support.score).max(enough)
@@ -181,7 +187,7 @@ impl Tracer {
             let density = support.inliers as f64 / 3.0;
             let (ahead, mut back) =
                 rayon::join(|| self.march(tubelet, density), || self.march(tubelet.reversed(), density));
-            // of a ring each way is all the way round
+            // on a ring, each way leads all the way round
             let limit = (COLLISION * self.radius).powi(2);
             let passed =
                 |node: Point| ahead.iter().skip(3).any(|step| squared_distance(step.0.center, node) < limit);
@@ -201,7 +207,7 @@ impl Tracer {
         }
     }
 
-    /// Free points near a place, in the grid's order.
+    /// Collects the free points near a place, in the grid's order.
     fn patch(&self, center: Point) -> Patch {
         let mut patch = Patch::new(center, self.radius);
         self.grid.visit_near(center, |i, p, _| {
@@ -217,7 +223,8 @@ impl Tracer {
         self.nodes.any_within(center, (CLEARANCE * self.radius).powi(2))
     }
 
-    /// Tubelets at one free point of each voxel of a size, in radii, the best of several directions.
+    /// Fits tubelets at one free point of each voxel; `size` is the voxel's side in radii. Keeps the best of several
+    /// directions.
     fn seeds(&self, size: f64) -> Vec<Seed> {
         let chosen = self.grid.sample(size * self.radius, |i| self.free[i]);
         let fitted: Vec<Vec<Option<Seed>>> = chosen
@@ -250,7 +257,7 @@ impl Tracer {
             return None;
         }
         let patch = self.patch(center);
-        let (f1, f2) = frame(normal);
+        let (f1, f2) = make_frame(normal);
         let rough = (0..DIRECTIONS).map(|k| {
             let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
             let tangent = std::array::from_fn(|i| cos * f1[i] + sin * f2[i]);
@@ -296,7 +303,7 @@ impl Tracer {
         }
     }
 
-    /// Takes the points of an arc out of the search.
+    /// Claims the points of an arc.
     fn claim(&mut self, steps: &[(Tubelet, f64)]) {
         let r = self.radius;
         for (tubelet, _) in steps {
@@ -304,7 +311,7 @@ impl Tracer {
             grid.visit_near(tubelet.center, |i, p, _| {
                 let x = sub(p, tubelet.center);
                 let along = dot(x, tubelet.tangent);
-                // most are beside the step or claimed by the last one
+                // most points are beside the step, or claimed by the last one
                 if !free[i] || along.abs() > 0.6 * r {
                     return true;
                 }

@@ -5,27 +5,27 @@ use nalgebra::{Matrix6, Vector6};
 use crate::geometry::{Point, advance, cross, dot, normalized, sub};
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
-/// Standard deviation of the points' distances that weighs them against the priors, in radii.
+/// Standard deviation of the points' distances, which weighs them against the priors, radii.
 const NOISE: f64 = 0.25;
 
-/// Blocks of a patch that there is room for from the start.
-const TYPICAL: usize = 64;
+/// Blocks for which a patch reserves memory.
+const TYPICAL_BLOCKS: usize = 64;
 
-/// A piece of a bent tube: its axis is c + a τ + ½ a² κ for |a| up to its half length.
+/// A piece of a bent tube with the axis c + a τ + ½ a² κ, where |a| is at most its half length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tubelet {
     /// c, metres.
     pub center: Point,
     /// τ, a unit vector.
     pub tangent: Point,
-    /// κ, the curvature vector, 1/m, at a right angle to τ.
+    /// κ, the curvature vector, 1/m, perpendicular to τ.
     pub curvature: Point,
 }
 
-/// Some points of a patch, coordinate by coordinate.
+/// Eight points of a patch, coordinate by coordinate.
 #[derive(Debug, Clone, Copy)]
 struct Block {
-    /// Positions relative to the patch's origin, in radii.
+    /// Positions relative to the patch's origin, radii.
     position: [Lanes; 3],
     /// Unit vectors to the cameras.
     to_camera: [Lanes; 3],
@@ -33,21 +33,27 @@ struct Block {
 
 /// Points near a place, with the unit vectors to the cameras that saw them.
 ///
-/// In single precision, relative to a place among them and in radii, a coordinate's rounding is far below any noise.
+/// Coordinates are in single precision, relative to the place and in radii: their rounding is far below any noise.
 #[derive(Debug)]
 pub struct Patch {
     origin: Point,
     radius: f64,
     inverse: f64,
     blocks: Vec<Block>,
-    /// Points in the last block; the rest of it lies out of every tubelet's reach.
+    /// The number of points in the last block; its other lanes are out of every tubelet's reach.
     filled: usize,
 }
 
 impl Patch {
-    /// No points yet, about a place and for tubes of a radius.
+    /// Makes an empty patch around a place, for tubes of a radius.
     pub fn new(origin: Point, radius: f64) -> Self {
-        Self { origin, radius, inverse: 1.0 / radius, blocks: Vec::with_capacity(TYPICAL), filled: LANES }
+        Self {
+            origin,
+            radius,
+            inverse: 1.0 / radius,
+            blocks: Vec::with_capacity(TYPICAL_BLOCKS),
+            filled: LANES,
+        }
     }
 
     /// Adds a point and the unit vector to its camera.
@@ -66,7 +72,7 @@ impl Patch {
         self.filled += 1;
     }
 
-    /// How many points lie on the surface of a tubelet and face their cameras, within a radius ahead of its centre.
+    /// Counts the points on the surface of a tubelet that face their cameras, within a radius ahead of its centre.
     pub fn support_ahead(&self, tubelet: &Tubelet) -> f64 {
         support_ahead(self, tubelet)
     }
@@ -88,7 +94,7 @@ kernel! {
     }
 }
 
-/// A tubelet in a patch's coordinates, in radii and in single precision.
+/// A tubelet in a patch's coordinates, in radii and single precision.
 struct Axis<V> {
     center: Three<V>,
     tangent: Three<V>,
@@ -105,7 +111,7 @@ impl<V: Eight> Axis<V> {
         }
     }
 
-    /// How far along the axis the points of a block are, how far from it, and the unit vectors from there to them.
+    /// Returns the points' distances along the axis and from it, and the unit vectors from the axis to them.
     #[inline(always)]
     fn offset(&self, simd: impl Simd<Eight = V>, block: &Block) -> (V, V, Three<V>) {
         let x = Three::load(simd, &block.position) - self.center;
@@ -119,37 +125,37 @@ impl<V: Eight> Axis<V> {
 /// How well a tubelet explains a patch.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Support {
-    /// Sum of the inliers' weights less the number of points inside the tube.
+    /// The sum of the inliers' weights less the number of points inside the tube.
     pub score: f64,
-    /// Points on the tube's surface that face their cameras.
+    /// The number of points on the tube's surface that face their cameras.
     pub inliers: usize,
-    /// Points inside the tube, where matter would be.
+    /// The number of points inside the tube.
     pub inside: usize,
 }
 
-/// What a fit may change, and how closely it looks.
+/// Settings of a tubelet's fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Freedom {
-    /// Points up to this far along the axis take part, in radii.
+    /// Points up to this distance along the axis take part, radii.
     pub half_length: f64,
-    /// Tukey's limit for the distance from the surface, in radii.
+    /// Tukey's limit for the distance from the surface, radii.
     pub band: f64,
     /// Gauss–Newton steps.
     pub steps: usize,
-    /// Standard deviations of the prior on the whole change: offset in radii, tilt in radians, bend (curvature
-    /// times radius); 0 holds it fixed.
+    /// Standard deviations of the prior on the whole change: offset in radii, tilt in radians, bend (curvature times
+    /// radius); 0 fixes it.
     pub prior: [f64; 3],
 }
 
-/// Two unit vectors that make a right-handed frame with a unit vector.
-pub fn frame(t: Point) -> (Point, Point) {
+/// Returns two unit vectors that form a right-handed frame with a unit vector.
+pub fn make_frame(t: Point) -> (Point, Point) {
     let helper = if t[2].abs() < 0.8 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let f = normalized(cross(t, helper));
     (f, cross(t, f))
 }
 
 impl Tubelet {
-    /// The tubelet a step further along.
+    /// Returns the tubelet a step further along.
     pub fn ahead(&self, step: f64) -> Self {
         let half = 0.5 * step * step;
         Self {
@@ -161,14 +167,14 @@ impl Tubelet {
         }
     }
 
-    /// The same tubelet, the other way round.
+    /// Returns the same tubelet in the opposite direction.
     pub fn reversed(&self) -> Self {
         Self { tangent: self.tangent.map(|x| -x), ..*self }
     }
 }
 
 /// Weighted sums of a Gauss–Newton step, in radii. A residual's derivatives are −(1, a, ½a²) ⊗ (e·f₁, e·f₂), so the
-/// normal matrix is made of moments of a.
+/// normal matrix consists of moments of a.
 struct Sums {
     /// Σ w aⁿ (p₁², p₁p₂, p₂²) for n from 0 to 4, p = e·f.
     moments: [[f64; 3]; 5],
@@ -178,29 +184,29 @@ struct Sums {
 }
 
 kernel! {
-    /// The sums at a tubelet, where f₁ and f₂ are `across`.
+    /// Sums at a tubelet, where f₁ and f₂ are `across`.
     fn gather<S>(simd, patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<S, 5>(simd, patch, tubelet, across, freedom)
+        add_up::<S, 5>(simd, patch, tubelet, across, freedom)
     }
 }
 
 kernel! {
-    /// The sums at a tubelet that is not to bend: moments up to the second.
+    /// Sums at a tubelet that does not bend: moments up to the second.
     fn gather_straight<S>(simd, patch: &Patch, tubelet: &Tubelet, across: [Point; 2], freedom: &Freedom) -> Sums {
-        sums::<S, 3>(simd, patch, tubelet, across, freedom)
+        add_up::<S, 3>(simd, patch, tubelet, across, freedom)
     }
 }
 
 kernel! {
-    /// How well a tubelet explains a patch.
+    /// Returns how well a tubelet explains a patch.
     fn support<S>(simd, patch: &Patch, tubelet: &Tubelet, freedom: &Freedom) -> Support {
-        sums::<S, 0>(simd, patch, tubelet, [[0.0; 3]; 2], freedom).support
+        add_up::<S, 0>(simd, patch, tubelet, [[0.0; 3]; 2], freedom).support
     }
 }
 
-/// The sums, with the first `MOMENTS` moments.
+/// Sums over a patch, with the first `MOMENTS` moments.
 #[inline(always)]
-fn sums<S: Simd, const MOMENTS: usize>(
+fn add_up<S: Simd, const MOMENTS: usize>(
     simd: S,
     patch: &Patch,
     tubelet: &Tubelet,
@@ -238,7 +244,7 @@ fn sums<S: Simd, const MOMENTS: usize>(
             for k in 0..3 {
                 moments[n][k] = moments[n][k] + power * products[k];
             }
-            // those that make the right-hand side go with 1, a and ½a²; the last only where the tube bends
+            // the right-hand side has the factors 1, a and ½a²; the last only if the tube bends
             if n < MOMENTS.div_ceil(2) {
                 right[n][0] = right[n][0] + power * residual * p1;
                 right[n][1] = right[n][1] + power * residual * p2;
@@ -265,7 +271,7 @@ fn sums<S: Simd, const MOMENTS: usize>(
 
 /// Fits a tubelet of a known radius to the points of a patch that face their cameras.
 ///
-/// Minimises the Tukey loss of d − r, d the points' distance from the axis, with a prior about the start.
+/// It minimises the Tukey loss of d − r, where d is a point's distance from the axis, with a prior around the start.
 pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Support) {
     let radius = patch.radius;
     let mut tubelet = start;
@@ -274,7 +280,7 @@ pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Suppor
     // tilt and bend so far; the offset so far follows from the centre
     let mut changed = [[0.0; 2]; 3];
     for _ in 0..freedom.steps {
-        let (f1, f2) = frame(tubelet.tangent);
+        let (f1, f2) = make_frame(tubelet.tangent);
         let bends = freedom.prior[2] > 0.0;
         let sums = if bends { gather } else { gather_straight }(patch, &tubelet, [f1, f2], freedom);
         if sums.support.inliers < 4 {
@@ -306,9 +312,9 @@ pub fn fit(patch: &Patch, start: Tubelet, freedom: &Freedom) -> (Tubelet, Suppor
     (tubelet, support(patch, &tubelet, freedom))
 }
 
-/// One Gauss–Newton step in offset, tilt and bend, each along f₁ and f₂.
+/// Solves one Gauss–Newton step in offset, tilt and bend, each along f₁ and f₂.
 fn solve(sums: &Sums, precision: &[f64; 3], changed: &[[f64; 2]; 3]) -> Option<[[f64; 2]; 3]> {
-    // of 1, a and ½a²
+    // factors of 1, a and ½a²
     const FACTORS: [f64; 3] = [1.0, 1.0, 0.5];
     let mut matrix = Matrix6::<f64>::zeros();
     let mut right = Vector6::<f64>::zeros();
@@ -336,7 +342,7 @@ fn solve(sums: &Sums, precision: &[f64; 3], changed: &[[f64; 2]; 3]) -> Option<[
 mod tests {
     use super::*;
 
-    /// 2025 points of half a tube of radius 1 bent about the y axis with radius 8, seen along z.
+    /// Returns 2025 points of half a tube of radius 1, bent about the y axis with radius 8, seen along z.
     fn half_tube(camera: f64) -> Patch {
         let mut patch = Patch::new([0.0; 3], 1.0);
         for i in -40..=40 {

@@ -1,4 +1,4 @@
-//! The normal equations: what the points, the end observations and the priors say of the unknowns.
+//! The normal equations from the points, the end observations and the priors.
 
 use std::collections::BTreeMap;
 
@@ -11,16 +11,17 @@ use crate::geometry::banded::{Bordered, WIDTH};
 use crate::geometry::spline::Spline;
 use crate::geometry::{cross, dot, normalized, sub};
 
-/// Standard deviations of the prior on a curve: third and second differences of control points, and the way a
-/// control point may slide along the curve, in radii. The first is for spans of 1.5 radii: third differences of one
-/// and the same curve grow with the cube of the spans.
+/// Standard deviation of the prior on third differences of control points, for spans of 1.5 radii, radii. Third
+/// differences of one curve grow with the cube of the spans.
 const THIRD_DIFFERENCE: f64 = 0.1;
+/// Standard deviation of the prior on second differences of control points, radii.
 pub(super) const SECOND_DIFFERENCE: f64 = 6.0;
+/// Standard deviation of the prior on the sliding of a control point along its curve, radii.
 const SLIDE: f64 = 0.05;
 
-/// Which unknown is where: control points in the band; poses, then the radii, in the border.
+/// The order of the unknowns: control points in the band; poses, then radii, in the border.
 pub(super) struct Layout {
-    /// Where each curve's control points begin.
+    /// The first control point of each curve.
     pub(super) offsets: Vec<usize>,
     pub(super) banded: usize,
     pub(super) poses: usize,
@@ -33,14 +34,14 @@ impl Layout {
         self.poses + self.radii
     }
 
-    /// Where a view's six unknowns begin in the border; none for a view that stays.
+    /// Returns the first of a view's six unknowns in the border; None for a view that stays.
     pub(super) fn column(&self, view: usize) -> Option<usize> {
         self.reference.filter(|&fixed| fixed != view).map(|fixed| 6 * (view - usize::from(view > fixed)))
     }
 }
 
 impl State<'_> {
-    /// How the unknowns are laid out.
+    /// Lays out the unknowns.
     pub(super) fn layout(&self, options: &TubeFitOptions) -> Layout {
         let mut offsets = Vec::new();
         let mut banded = 0;
@@ -58,7 +59,7 @@ impl State<'_> {
         }
     }
 
-    /// The normal equations at the given foot points: the matrix, and the right-hand sides of its band and its border.
+    /// Assembles the normal equations at foot points: the matrix, and the right-hand sides of its band and its border.
     pub(super) fn assemble(
         &self,
         terms: &[ViewTerms],
@@ -117,7 +118,14 @@ impl State<'_> {
         }
         if options.fit_curves {
             for (i, (curve, &offset)) in self.curves.iter().zip(&layout.offsets).enumerate() {
-                smoothness(curve, offset, self.radius(i), self.bend_scale[i], &mut matrix, &mut right_band);
+                add_smoothness(
+                    curve,
+                    offset,
+                    self.radius(i),
+                    self.bend_scale[i],
+                    &mut matrix,
+                    &mut right_band,
+                );
             }
         }
         for (class, [mean, sd]) in options.radius_prior.iter().flatten().enumerate() {
@@ -144,7 +152,7 @@ impl State<'_> {
         Ok((matrix, right_band, right_border))
     }
 
-    /// Adds the end observations: each end has one place along its rope, an unknown that is eliminated here.
+    /// Adds the end observations. Each end has one place along its rope, an unknown that is eliminated here.
     fn add_ends(&self, layout: &Layout, matrix: &mut Bordered, right: &mut [f64]) {
         let mut ends: BTreeMap<usize, Vec<(usize, &EndObservation)>> = BTreeMap::new();
         for (view, seen) in self.views.iter().enumerate() {
@@ -190,11 +198,11 @@ impl State<'_> {
         }
     }
 
-    /// Standard deviations and covariances: the inverse of the normal equations' matrix.
+    /// Computes standard deviations and covariances from the inverse of the normal matrix.
     pub(super) fn uncertainty(&self, terms: &[ViewTerms], options: &TubeFitOptions) -> Result<Uncertainty> {
         let layout = self.layout(options);
         let (matrix, ..) = self.assemble(terms, &layout, options)?;
-        let factor = matrix.factor().ok_or_else(undetermined)?;
+        let factor = matrix.factor().ok_or_else(refuse_undetermined)?;
         let (band, border) = factor.inverse();
         let poses = (0..self.views.len())
             .map(|view| match layout.column(view) {
@@ -210,7 +218,7 @@ impl State<'_> {
                 _ => border[(layout.poses + class, layout.poses + class)].sqrt(),
             })
             .collect();
-        // of a coordinate with one that is as many or fewer than WIDTH - 1 rows later
+        // the covariance of a coordinate with one at most WIDTH − 1 rows later
         let entry = |row: usize, column: usize| {
             let (row, column) = (row.max(column), row.min(column));
             if row < band.len() && row - column < WIDTH { band[row][column + WIDTH - 1 - row] } else { 0.0 }
@@ -238,12 +246,12 @@ impl State<'_> {
     }
 }
 
-pub(super) fn undetermined() -> Error {
+pub(super) fn refuse_undetermined() -> Error {
     Error::not_enough("points", "they do not fix the tubes")
 }
 
 /// Adds a curve's prior to the normal equations.
-fn smoothness(
+fn add_smoothness(
     curve: &Spline,
     offset: usize,
     r: f64,

@@ -1,16 +1,17 @@
-//! Foot points: the place of the curves that explains each point best, and how far from the surface the point is.
+//! Foot points: the place on the curves that explains each point best, and the point's distance from the surface.
 //!
-//! Points are sorted by view and by the span that they are on, so that eight of them at a time share one cubic. What is
-//! worked out in single precision is relative to the span and in radii: its rounding is far below any noise.
+//! Points are sorted by view and by span, so that eight points at a time share one cubic. Single-precision numbers are
+//! relative to the span and in radii: their rounding is far below any noise.
 
 use rayon::prelude::*;
 
 use crate::parallel::go_on;
 
-use super::residuals::{across, along_ray};
-use super::search::{Search, places};
+use super::residuals::{measure_along_rays, measure_distances};
+use super::search::{Search, find_places};
 use super::spans::{
-    DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, by_span, firsts, of_runs, runs, sorted,
+    DIRECTIONS, OnSpan, POINTS_PER_TASK, Run, Span, Spans, find_runs, number_spans, resort, sort_by_span,
+    split_by_run,
 };
 use super::state::State;
 use super::sums::{Features, SpanSums};
@@ -21,7 +22,7 @@ use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 /// Runs of points that one task works on.
 const RUNS_PER_TASK: usize = 8;
 
-/// The foot point of a point that no tube is near to.
+/// The foot point of a point without a tube nearby.
 const NOWHERE: FootPoint = FootPoint {
     curve: 0,
     parameter: 0.0,
@@ -46,21 +47,21 @@ pub(super) struct Near {
     pub(super) inlier: bool,
 }
 
-/// Where the points of one view belong.
+/// The foot points of one view.
 #[derive(Clone)]
 pub(super) struct ViewTerms {
-    /// Numbers of the points that some tube is near to, sorted by span.
+    /// Numbers of the points that have a tube nearby, sorted by span.
     order: Vec<u32>,
     runs: Vec<Run>,
-    /// In that order.
+    /// Foot points in that order.
     pub(super) near: Vec<Near>,
     /// The curve of each run.
     curves: Vec<usize>,
-    /// Their part in the normal equations.
+    /// The runs' sums for the normal equations.
     pub(super) sums: Vec<SpanSums>,
 }
 
-/// What the work on a view's points needs to know of it.
+/// A view, as the kernels need it.
 struct Eye<'a> {
     points: &'a [Point],
     rotation: [Point; 3],
@@ -68,12 +69,12 @@ struct Eye<'a> {
     camera: Point,
     center: Point,
     residual: Residual,
-    /// What points count for by what they say along their rays and across them: square roots of their shares.
+    /// Square roots of the shares with which points count: along their rays, and across them.
     counts: Option<[f32; 2]>,
 }
 
 impl State<'_> {
-    /// The foot points of all points at the current curves, poses and radii; on the curves that they are known to be on.
+    /// Finds the foot points of all points at the current curves, poses and radii; on their `known` curves, if given.
     pub(super) fn terms(
         &self,
         options: &TubeFitOptions,
@@ -83,7 +84,7 @@ impl State<'_> {
         self.terms_counted(options, bands, known, None)
     }
 
-    /// The same, where points count for less than one in the sums.
+    /// As [`State::terms`], with points that count for less than one in the sums.
     pub(super) fn terms_counted(
         &self,
         options: &TubeFitOptions,
@@ -106,33 +107,43 @@ impl State<'_> {
             };
             let (order, mut places, mut near) = match (&search, known) {
                 (None, Some(known)) => {
-                    let places = known.places();
+                    let places = known.find_places();
                     (known.order, places, known.near)
                 }
                 (Some(search), _) => {
-                    let (order, places) = by_span(eye.searched(search).iter().flatten(), &spans.first);
+                    let (order, places) = sort_by_span(eye.searched(search).iter().flatten(), &spans.first);
                     (order, places, Vec::new())
                 }
                 (None, None) => Default::default(),
             };
             let settle = |(run, places): (&Run, &mut [OnSpan])| {
                 go_on();
-                newton(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
+                move_to_foot_points(&spans.spans[run.span], &eye, &order[run.points.clone()], places);
             };
-            let runs = runs(&places);
-            of_runs(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
-            let (order, places) = sorted(order, places, spans.spans.len());
-            let runs = self::runs(&places);
+            let runs = find_runs(&places);
+            split_by_run(&runs, &mut places).into_par_iter().with_min_len(RUNS_PER_TASK).for_each(settle);
+            let (order, places) = resort(order, places, spans.spans.len());
+            let runs = find_runs(&places);
             near.resize(places.len(), Near::default());
             let of_run = |(run, near): (&Run, &mut [Near])| {
                 go_on();
                 let span = &spans.spans[run.span];
                 let mut sums = SpanSums::new(span.curve, span.number);
-                look(span, &eye, &order[run.points.clone()], &places[run.points.clone()], near, &mut sums);
+                evaluate(
+                    span,
+                    &eye,
+                    &order[run.points.clone()],
+                    &places[run.points.clone()],
+                    near,
+                    &mut sums,
+                );
                 sums
             };
-            let sums =
-                of_runs(&runs, &mut near).into_par_iter().with_min_len(RUNS_PER_TASK).map(of_run).collect();
+            let sums = split_by_run(&runs, &mut near)
+                .into_par_iter()
+                .with_min_len(RUNS_PER_TASK)
+                .map(of_run)
+                .collect();
             let curves = runs.iter().map(|run| spans.spans[run.span].curve).collect();
             ViewTerms { order, runs, near, curves, sums }
         };
@@ -143,20 +154,20 @@ impl State<'_> {
         known.into_par_iter().enumerate().map(in_view).collect()
     }
 
-    /// Where an earlier fit left the points, of which no more is known.
+    /// Takes the foot points of an earlier fit, without residuals.
     pub(super) fn begun(&self) -> Vec<ViewTerms> {
-        let firsts = firsts(&self.curves);
+        let firsts = number_spans(&self.curves);
         let of_view = |view: &TubeView| {
-            let (order, places) = by_span(view.foot_points, &firsts);
+            let (order, places) = sort_by_span(view.foot_points, &firsts);
             let near = places.iter().map(|place| Near { t: place.t, ..Near::default() }).collect();
-            ViewTerms { order, runs: runs(&places), near, curves: Vec::new(), sums: Vec::new() }
+            ViewTerms { order, runs: find_runs(&places), near, curves: Vec::new(), sums: Vec::new() }
         };
         self.views.iter().map(of_view).collect()
     }
 
-    /// Where points ended, in their order.
+    /// Returns the foot points in the order of the points.
     pub(super) fn foot_points(&self, terms: &[ViewTerms]) -> Vec<Vec<FootPoint>> {
-        let firsts = firsts(&self.curves);
+        let firsts = number_spans(&self.curves);
         let of_view = |(terms, view): (&ViewTerms, &TubeView)| {
             let mut foot_points = vec![NOWHERE; view.points.len()];
             for (run, &curve) in terms.runs.iter().zip(&terms.curves) {
@@ -182,8 +193,8 @@ impl State<'_> {
 }
 
 impl ViewTerms {
-    /// Where the points belong that belong somewhere.
-    fn places(&self) -> Vec<OnSpan> {
+    /// Returns the places of all points that have one.
+    fn find_places(&self) -> Vec<OnSpan> {
         let on_span = |run: &Run| {
             let span = run.span as u32;
             self.near[run.points.clone()].iter().map(move |near| OnSpan { span, t: near.t })
@@ -191,7 +202,7 @@ impl ViewTerms {
         self.runs.iter().flat_map(on_span).collect()
     }
 
-    /// The curves, and the foot points on them, of the points that belong somewhere.
+    /// Iterates over the curves and foot points of all points that have one.
     pub(super) fn on_curves(&self) -> impl Iterator<Item = (usize, &Near)> {
         self.runs
             .iter()
@@ -201,14 +212,14 @@ impl ViewTerms {
 }
 
 impl Eye<'_> {
-    /// For each point, task by task, the place that explains it best.
+    /// Finds for each point, task by task, the place that explains it best.
     fn searched(&self, search: &Search) -> Vec<Vec<Option<OnCurve>>> {
         self.points
             .par_chunks(POINTS_PER_TASK)
             .map(|points| {
                 go_on();
                 let moved: Vec<Point> = points.iter().map(|&p| self.moved(p)).collect();
-                places(search, &moved, self.camera)
+                find_places(search, &moved, self.camera)
             })
             .collect()
     }
@@ -221,7 +232,8 @@ impl Eye<'_> {
         })
     }
 
-    /// Eight points about a span's origin, in radii; a last block repeats its last point.
+    /// Moves eight points and returns them relative to a span's origin, in radii; the last block repeats its last
+    /// point.
     #[inline(always)]
     fn block<S: Simd>(&self, simd: S, span: &Span, numbers: &[u32]) -> Three<S::Eight> {
         let mut points = [[0.0; LANES]; 3];
@@ -246,7 +258,7 @@ impl Eye<'_> {
 }
 
 impl Span {
-    /// Positions and derivatives.
+    /// Returns positions and derivatives.
     #[inline(always)]
     fn at<S: Simd>(&self, simd: S, t: S::Eight) -> [Three<S::Eight>; 3] {
         let c1 = Three::all(simd, self.cubic[0]);
@@ -259,7 +271,7 @@ impl Span {
 
 kernel! {
     /// Moves places on a span to the foot points of their points, which may lie on another span of the curve.
-    fn newton<S>(simd, span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
+    fn move_to_foot_points<S>(simd, span: &Span, eye: &Eye, numbers: &[u32], places: &mut [OnSpan]) {
         let least = simd.splat8(-(span.number as f32));
         let most = simd.splat8((span.count - span.number) as f32);
         for (numbers, places) in numbers.chunks(LANES).zip(places.chunks_mut(LANES)) {
@@ -287,8 +299,8 @@ kernel! {
 }
 
 kernel! {
-    /// The foot points of points at their places on a span, and their part in the normal equations.
-    fn look<S>(
+    /// Evaluates foot points at their places on a span, and adds them to the normal equations.
+    fn evaluate<S>(
         simd,
         span: &Span,
         eye: &Eye,
@@ -333,8 +345,8 @@ kernel! {
             let q = x - tangent * beyond;
             let d = q.dot(q).sqrt().max(simd.splat8(f32::MIN_POSITIVE));
             let mut foot = match eye.residual {
-                Residual::Distance => across(simd, q, d, to_camera, band),
-                Residual::Ray => along_ray(simd, q, to_camera, tangent, band),
+                Residual::Distance => measure_distances(simd, q, d, to_camera, band),
+                Residual::Ray => measure_along_rays(simd, q, to_camera, tangent, band),
             };
             // beyond the end of a curve there is no surface
             let on = beyond.abs().not_above(simd.splat8(0.02));
@@ -361,14 +373,14 @@ kernel! {
                     inlier: inlier.0[l] > 0.0,
                 };
             }
-            // the outward normal as far as poses are concerned: at a right angle to the curve's direction over a
-            // longer stretch, see `directions`
+            // the normal as poses see it: perpendicular to the curve's direction over a longer stretch, see
+            // `find_directions`
             let direction = Three::load(simd, &direction);
             let settled = (foot.outward - direction * foot.outward.dot(direction)).unit(simd);
             let (outward, settled, grown) = match eye.counts {
                 None => (foot.outward, settled, simd.splat8(-1.0)),
                 Some([along, across]) => {
-                    // the ray as the curve's plane across it sees it: nothing moves a curve along itself
+                    // only the ray's part across the curve counts: nothing moves a curve along itself
                     let ray = (to_camera - tangent * to_camera.dot(tangent)).unit(simd);
                     let counted = |normal: Three<S::Eight>| {
                         let part = ray * normal.dot(ray);

@@ -14,9 +14,9 @@ pub struct FootPoints<V> {
     pub inlier: V,
 }
 
-/// The distance from the surface, of points at `q` from the axis, `d` away from it.
+/// Measures distances from the surface for points at `q` from the axis, at the distance `d`.
 #[inline(always)]
-pub fn across<S: Simd>(
+pub fn measure_distances<S: Simd>(
     simd: S,
     q: Three<S::Eight>,
     d: S::Eight,
@@ -32,15 +32,15 @@ pub fn across<S: Simd>(
         residual,
         outward,
         facing,
-        weight: explained * tukey(simd, residual, band),
+        weight: explained * weigh_by_tukey(simd, residual, band),
         explained,
         inlier: explained * residual.abs().below(band),
     }
 }
 
-/// The residual along the viewing ray, with the tube's straight cylinder at the foot point.
+/// Measures residuals along the viewing rays, with the tube as a straight cylinder at the foot point.
 #[inline(always)]
-pub fn along_ray<S: Simd>(
+pub fn measure_along_rays<S: Simd>(
     simd: S,
     q: Three<S::Eight>,
     to_camera: Three<S::Eight>,
@@ -48,7 +48,7 @@ pub fn along_ray<S: Simd>(
     band: S::Eight,
 ) -> FootPoints<S::Eight> {
     let (zero, one) = (simd.splat8(0.0), simd.splat8(1.0));
-    // across the axis: the ray is q + λ w, nearest to the axis at λ₀
+    // in the plane across the axis, the ray is q + λ w, nearest to the axis at λ₀
     let w = to_camera - tangent * to_camera.dot(tangent);
     let square = w.dot(w) + simd.splat8(1e-12);
     let nearest = zero - q.dot(w) / square;
@@ -62,7 +62,7 @@ pub fn along_ray<S: Simd>(
     let residual = hit.choose(zero - length * facing, missed_by);
     let cosine = facing.max(simd.splat8(0.4));
     let near = length.abs().below(simd.splat8(1.2));
-    let weight = tukey(simd, residual, band * cosine.max(simd.splat8(0.5))) / (cosine * cosine);
+    let weight = weigh_by_tukey(simd, residual, band * cosine.max(simd.splat8(0.5))) / (cosine * cosine);
     let explained = hit.max(missed_by.below(simd.splat8(0.25)));
     FootPoints {
         residual,
@@ -74,9 +74,9 @@ pub fn along_ray<S: Simd>(
     }
 }
 
-/// Tukey's biweight.
+/// Returns Tukey's biweight.
 #[inline(always)]
-fn tukey<S: Simd>(simd: S, residual: S::Eight, band: S::Eight) -> S::Eight {
+fn weigh_by_tukey<S: Simd>(simd: S, residual: S::Eight, band: S::Eight) -> S::Eight {
     let x = residual / band;
     let share = (simd.splat8(1.0) - x * x).max(simd.splat8(0.0));
     share * share

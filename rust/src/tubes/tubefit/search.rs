@@ -1,4 +1,4 @@
-//! Which place of which curve explains a point best, from nothing but the point.
+//! The search for the place on the curves that explains a point best.
 
 use rustc_hash::FxHashMap;
 
@@ -7,24 +7,24 @@ use super::{OnCurve, Residual};
 use crate::geometry::{Point, cell_of, dot, normalized, sub};
 use crate::simd::{Eight, LANES, Lanes, Simd, Three, kernel};
 
-/// Distance between the places of a curve that points are compared with, in radii.
+/// Distance between the samples of a curve, radii.
 const SAMPLING: f64 = 0.5;
-/// How far a point may be from an axis to belong to it, in radii.
+/// Largest distance of a point from an axis that it belongs to, radii.
 const REACH: f64 = 2.0;
 
-/// Places along all curves, listed for each cell of space that has some within reach.
+/// Samples of all curves, listed for each cell of space that has some within reach.
 pub(super) struct Search {
     cell: f64,
-    /// Of the blocks of a cell.
+    /// The blocks of each cell.
     cells: FxHashMap<[i64; 3], std::ops::Range<usize>>,
     blocks: Vec<Block>,
-    /// Square of the distance within which places count, m².
+    /// Square of the distance within which samples count, m².
     reach: f32,
-    /// Points that turn farther away from their cameras, as a cosine, lie on the far side of a tube.
+    /// Least cosine between normal and camera; points that turn away more lie on the far side of a tube.
     least_facing: f32,
 }
 
-/// Eight places of curves, in metres relative to the middle of their cell; the rest of a last block is out of reach.
+/// Eight samples, metres relative to the middle of their cell; unused lanes are out of reach.
 #[derive(Clone)]
 struct Block {
     position: [Lanes; 3],
@@ -98,15 +98,15 @@ impl Search {
         Self { cell, cells, blocks, reach: (reach * reach) as f32, least_facing }
     }
 
-    /// The blocks of a cell.
+    /// Returns the blocks of a cell.
     fn listed(&self, cell: [i64; 3]) -> &[Block] {
         self.cells.get(&cell).map_or(&[], |range| &self.blocks[range.clone()])
     }
 }
 
 kernel! {
-    /// The places that explain points seen by one camera best; none for points that no tube is near to.
-    pub(super) fn places<S>(simd, search: &Search, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
+    /// Finds the places that explain the points of one camera best; None for points without a tube nearby.
+    pub(super) fn find_places<S>(simd, search: &Search, points: &[Point], camera: Point) -> Vec<Option<OnCurve>> {
         let mut found = vec![None; points.len()];
         let (mut last, mut blocks) = ([i64::MAX; 3], &search.blocks[..0]);
         for (found, &p) in found.iter_mut().zip(points) {
@@ -124,7 +124,7 @@ kernel! {
                 x[k] = (p[k] - (cell[k] as f64 + 0.5) * search.cell) as f32;
                 direction[k] = (to_camera[k] * scale) as f32;
             }
-            let (costs, numbers) = cheapest(simd, search, blocks, x, direction);
+            let (costs, numbers) = find_cheapest(simd, search, blocks, x, direction);
             let mut best = 0;
             for l in 1..LANES {
                 if costs.0[l] < costs.0[best] {
@@ -139,9 +139,9 @@ kernel! {
     }
 }
 
-/// The least cost in each lane of some blocks, and the number of its block.
+/// Returns the least cost in each lane of some blocks, and the number of its block.
 #[inline(always)]
-fn cheapest<S: Simd>(
+fn find_cheapest<S: Simd>(
     simd: S,
     search: &Search,
     blocks: &[Block],

@@ -1,45 +1,43 @@
-//! Gauss–Newton: the steps of a fit, and when they end.
+//! The Gauss–Newton iteration: its steps and its end.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, SymmetricEigen, Vector3};
 
-use super::equations::{SECOND_DIFFERENCE, undetermined};
+use super::equations::{SECOND_DIFFERENCE, refuse_undetermined};
 use super::foot_points::ViewTerms;
-use super::state::{State, smallest, twist};
+use super::state::{State, find_least, find_twist};
 use super::{Residual, TubeFit, TubeFitOptions, Uncertainty, goes_on};
 use crate::error::Result;
 use crate::geometry::{Point, RigidMotion, advance, dot, sub};
 
-/// A curve that bends too tightly is made stiffer after each step: the standard deviation of its second differences'
-/// prior is multiplied with this, down to the least scale.
+/// Factor of the standard deviation of second differences after a step in which a curve bends too tightly.
 const STIFFENING: f64 = 0.5;
-const LEAST_BEND_SCALE: f64 = 1e-4;
-/// Stiffening ends where residuals grew by this share, because the points do bend like that. Then the curve may bend
-/// until its second differences are this many of the prior's deviations large, root mean square.
+/// Least product of these factors.
+const MIN_BEND_SCALE: f64 = 1e-4;
+/// Stiffening ends when residuals grew by this share, because the points do bend that tightly.
 const STRAINED: f64 = 0.01;
-const MOST_STRAIN: f64 = 3.0;
-/// Tukey's limit in standard deviations of the noise, for 95 % of the efficiency of least squares on normal noise.
+/// Second differences of such a curve may then reach this root mean square, standard deviations of the prior.
+const MAX_STRAIN: f64 = 3.0;
+/// Tukey's limit for 95 % of the efficiency of least squares on normal noise, standard deviations of the noise.
 const EFFICIENT: f64 = 4.685;
-/// After a step of less than this, in standard deviations of the unknowns, points keep to their curves, and their foot
-/// points move on from where they were.
+/// After a smaller step, points stay on their curves, and the search starts at their foot points; standard deviations
+/// of the unknowns.
 const SETTLED: f64 = 2.0;
-/// Steps before the limit beyond which residuals do not count follows their scatter.
-const CLOSE: usize = 2;
-/// The data fix a direction of a pose if its standard deviation is under this share of the reported pose's: then they
-/// say more than the report.
+/// Steps before Tukey's limit follows the scatter of the residuals.
+const FIRST_STEPS: usize = 2;
+/// The data fix a direction of a pose if its standard deviation is below this share of the reported pose's.
 const FIXED: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// In the other directions the view is held, this many times as precisely as it was reported, in at most so many more
-/// steps.
+/// In other directions the view is held with this multiple of the reported precision.
 const HOLD: f64 = 1e4;
+/// Further steps with held views at most.
 const STEPS_HELD: usize = 6;
-/// Most iterations for the eigenvectors of a 6x6 matrix, which take about a dozen.
-const MOST_ROTATIONS: usize = 1000;
+/// Iterations for the eigenvectors of a 6x6 matrix at most; they take about a dozen.
+const MAX_ROTATIONS: usize = 1000;
 
 impl State<'_> {
     pub(super) fn run(mut self, options: &TubeFitOptions) -> Result<TubeFit> {
-        // after an earlier fit the limit beyond which residuals do not count need not begin wide again: its first
-        // steps count as taken
+        // a continued fit need not begin with a wide limit again: its first steps count as taken
         let (taken, mut step, mut terms) = match goes_on(self.views) {
-            true => (CLOSE, 0.0, self.begun()),
+            true => (FIRST_STEPS, 0.0, self.begun()),
             false => (0, f64::INFINITY, Vec::new()),
         };
         let mut iteration = taken;
@@ -48,7 +46,7 @@ impl State<'_> {
             let planned = options.band[0] + (options.band[1] - options.band[0]) * share.min(1.0);
             let bands: Vec<f64> = (self.radii.iter())
                 .map(|r| {
-                    let least = if iteration > CLOSE { EFFICIENT * self.noise } else { 0.6 * r };
+                    let least = if iteration > FIRST_STEPS { EFFICIENT * self.noise } else { 0.6 * r };
                     (planned * r).max(least).min(1.2 * r)
                 })
                 .collect();
@@ -61,23 +59,23 @@ impl State<'_> {
             }
             step = self.step(&terms, options)?;
             iteration += 1;
-            if !self.stiffen(options) && iteration > CLOSE + 1 && step < options.tolerance {
+            if !self.stiffen(options) && iteration > FIRST_STEPS + 1 && step < options.tolerance {
                 let terms = self.terms(options, &bands, Some(terms));
                 return self.result(terms, &bands, iteration - taken, options);
             }
         }
     }
 
-    /// Holds views at the reported poses in directions that the data leave open; says whether there are any.
+    /// Holds views at the reported poses in directions that the data do not fix; returns whether there are any.
     ///
-    /// What the data seem to say of such a direction is mostly noise that the curves follow: views would wander.
+    /// In such a direction the data mostly show noise that the curves follow, so views would wander.
     fn hold(&mut self, uncertainty: &Uncertainty, options: &TubeFitOptions) -> Result<bool> {
         let sd: [f64; 6] = std::array::from_fn(|k| options.pose_sd[k / 3]);
         let mut open = false;
         for (held, covariance) in self.held.iter_mut().zip(&uncertainty.poses) {
             let scaled = Matrix6::from_fn(|i, j| covariance[i][j] / (sd[i] * sd[j]));
-            let eigen =
-                SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROTATIONS).ok_or_else(undetermined)?;
+            let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_ROTATIONS)
+                .ok_or_else(refuse_undetermined)?;
             for (&variance, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
                 if variance > FIXED * FIXED {
                     open = true;
@@ -143,26 +141,26 @@ impl State<'_> {
             }
         }
         if sizes.len() > 50 {
-            let least = 0.02 * smallest(&self.radii);
-            self.sigma = robust_sd(sizes).max(least);
+            let least = 0.02 * find_least(&self.radii);
+            self.sigma = estimate_sd(sizes).max(least);
             self.least_sigma = self.least_sigma.min(self.sigma);
             self.noise = match (options.residual, options.noise) {
                 (Residual::Distance, _) => self.sigma,
                 (Residual::Ray, Some(noise)) => noise,
-                (Residual::Ray, None) => robust_sd(along_rays).max(least),
+                (Residual::Ray, None) => estimate_sd(along_rays).max(least),
             };
         }
     }
 
     /// Takes one Gauss–Newton step. Returns its size in standard deviations of the unknowns: the root mean square over
-    /// all, or that of a radius if it is larger.
+    /// all, or the step of a radius if that is larger.
     fn step(&mut self, terms: &[ViewTerms], options: &TubeFitOptions) -> Result<f64> {
         let layout = self.layout(options);
         if layout.banded + layout.border() == 0 {
             return Ok(0.0);
         }
         let (matrix, right_band, right_border) = self.assemble(terms, &layout, options)?;
-        let factor = matrix.factor().ok_or_else(undetermined)?;
+        let factor = matrix.factor().ok_or_else(refuse_undetermined)?;
         let (controls, edges) = factor.solve(&right_band, &right_border);
         let gained: f64 =
             right_band.iter().zip(&controls).chain(right_border.iter().zip(&edges)).map(|(a, b)| a * b).sum();
@@ -179,8 +177,8 @@ impl State<'_> {
         for view in 0..self.views.len() {
             if let Some(column) = layout.column(view) {
                 let step: [f64; 6] = std::array::from_fn(|k| edges[column + k]);
-                self.motions[view] = motion_about(step, self.center).after(&self.motions[view]);
-                self.twists[view] = twist(&self.motions[view], self.center);
+                self.motions[view] = move_about(step, self.center).after(&self.motions[view]);
+                self.twists[view] = find_twist(&self.motions[view], self.center);
             }
         }
         let mut size = (gained / (controls.len() + edges.len()) as f64).sqrt();
@@ -188,7 +186,7 @@ impl State<'_> {
             let covariance = factor.border_inverse();
             for class in 0..layout.radii {
                 let column = layout.poses + class;
-                // one unknown among many, and all the others follow it
+                // a radius is one unknown among many, but all others follow it
                 size = size.max(edges[column].abs() / covariance[(column, column)].sqrt());
                 let (r, start) = (self.radii[class], self.start_radii[class]);
                 let step = edges[column].clamp(-0.15 * r, 0.15 * r);
@@ -198,7 +196,7 @@ impl State<'_> {
         Ok(size)
     }
 
-    /// Stiffens curves where they bend too tightly; says whether one does.
+    /// Stiffens curves that bend too tightly; returns whether there are any.
     fn stiffen(&mut self, options: &TubeFitOptions) -> bool {
         if !options.fit_curves || self.strained {
             return false;
@@ -218,9 +216,9 @@ impl State<'_> {
             let threes = curve.control.windows(3);
             if self.strained {
                 let mean = threes.clone().map(square_of_bend).sum::<f64>() / (3 * threes.len()) as f64;
-                let follows = mean.sqrt() / (MOST_STRAIN * SECOND_DIFFERENCE * r);
+                let follows = mean.sqrt() / (MAX_STRAIN * SECOND_DIFFERENCE * r);
                 self.bend_scale[i] = self.bend_scale[i].max(follows).min(1.0);
-            } else if self.bend_scale[i] > LEAST_BEND_SCALE && threes.clone().any(bends_too_tightly) {
+            } else if self.bend_scale[i] > MIN_BEND_SCALE && threes.clone().any(bends_too_tightly) {
                 self.bend_scale[i] *= STIFFENING;
                 tight = true;
             }
@@ -229,15 +227,15 @@ impl State<'_> {
     }
 }
 
-/// The rigid motion that turns by a rotation vector about a point and then translates.
-fn motion_about(step: [f64; 6], center: Point) -> RigidMotion {
+/// Returns the rigid motion that turns by a rotation vector about a point and then translates.
+fn move_about(step: [f64; 6], center: Point) -> RigidMotion {
     let rotation: Matrix3<f64> = Rotation3::new(Vector3::new(step[0], step[1], step[2])).into_inner();
     let c = Vector3::from(center);
     RigidMotion { rotation, translation: c - rotation * c + Vector3::new(step[3], step[4], step[5]) }
 }
 
-/// Standard deviation of values about zero, from the median of their sizes.
-fn robust_sd(mut sizes: Vec<f32>) -> f64 {
+/// Returns the standard deviation of values about zero, from the median of their sizes.
+fn estimate_sd(mut sizes: Vec<f32>) -> f64 {
     let middle = sizes.len() / 2;
     1.4826 * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
 }

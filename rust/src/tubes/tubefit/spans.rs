@@ -1,4 +1,4 @@
-//! The curves span by span, and points sorted by the span that they are on.
+//! The spans of the curves, and points sorted by span.
 
 use std::ops::Range;
 
@@ -7,24 +7,24 @@ use super::{OnCurve, TubeFitOptions};
 use crate::geometry::spline::{Pieces, Spline};
 use crate::geometry::{Point, normalized, sub};
 
-/// Points that one task searches for, or works on if they are on one span; fixed, so that results do not depend on the
-/// number of threads.
+/// Points that one task searches for, or works on within a span; fixed, so that results do not depend on the number of
+/// threads.
 pub(super) const POINTS_PER_TASK: usize = 512;
-/// For poses, a curve's direction is taken over this many spans to both sides.
+/// Reach to both sides over which a curve's direction is taken for poses, spans.
 const STRETCH: f64 = 2.0;
-/// Places of a span at which it is taken.
+/// Intervals of a span between the places at which it is taken.
 pub(super) const DIRECTIONS: usize = 8;
 
 /// Points of one view on one span.
 #[derive(Clone)]
 pub(super) struct Run {
-    /// Number of the span, counted through all curves.
+    /// The number of the span, counted through all curves.
     pub(super) span: usize,
-    /// Which of the view's sorted points.
+    /// Positions of its points among the view's sorted points.
     pub(super) points: Range<usize>,
 }
 
-/// A place on one of the spans, counted through all curves.
+/// A place on a span; spans are counted through all curves.
 #[derive(Clone, Copy, Default)]
 pub(super) struct OnSpan {
     pub(super) span: u32,
@@ -34,15 +34,15 @@ pub(super) struct OnSpan {
 
 /// All curves, span by span.
 pub(super) struct Spans {
-    /// Number of each curve's first span, and of all spans.
+    /// The number of each curve's first span, and the number of all spans.
     pub(super) first: Vec<usize>,
     pub(super) spans: Vec<Span>,
 }
 
-/// A cubic c₁ t + c₂ t² + c₃ t³ about an origin, in radii.
+/// A cubic c₁ t + c₂ t² + c₃ t³ relative to an origin, in radii.
 pub(super) struct Span {
     pub(super) curve: usize,
-    /// Number of the span in its curve, and how many spans there are.
+    /// The number of the span in its curve, and the number of the curve's spans.
     pub(super) number: usize,
     pub(super) count: usize,
     pub(super) origin: Point,
@@ -50,13 +50,14 @@ pub(super) struct Span {
     pub(super) cubic: [[f32; 3]; 3],
     /// The curve's direction over a longer stretch, at places from 0 to 1.
     pub(super) directions: [[f32; 3]; DIRECTIONS + 1],
-    /// The extraction range less a margin for noise, about the origin.
+    /// The extraction range less a margin for noise, relative to the origin.
     pub(super) bounds: [[f32; 3]; 2],
     pub(super) band: f32,
 }
 
-/// The points that some tube is near to, sorted by span, and where; `firsts` are the numbers of the curves' first spans.
-pub(super) fn by_span<'a>(
+/// Sorts the points that have a place by span; returns their numbers and places. `firsts` holds the curves' first
+/// spans.
+pub(super) fn sort_by_span<'a>(
     places: impl IntoIterator<Item = &'a Option<OnCurve>>,
     firsts: &[usize],
 ) -> (Vec<u32>, Vec<OnSpan>) {
@@ -67,11 +68,11 @@ pub(super) fn by_span<'a>(
     };
     let (order, starts) =
         (0u32..).zip(places).filter_map(|(i, place)| place.map(|place| (i, on_span(place)))).unzip();
-    sorted(order, starts, firsts[firsts.len() - 1])
+    resort(order, starts, firsts[firsts.len() - 1])
 }
 
-/// Sorts points by the span that they are on; those of one span stay in their order.
-pub(super) fn sorted(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec<u32>, Vec<OnSpan>) {
+/// Sorts points by span; those on one span keep their order.
+pub(super) fn resort(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec<u32>, Vec<OnSpan>) {
     if places.is_sorted_by_key(|place| place.span) {
         return (order, places);
     }
@@ -91,8 +92,8 @@ pub(super) fn sorted(order: Vec<u32>, places: Vec<OnSpan>, spans: usize) -> (Vec
     sorted
 }
 
-/// Stretches of sorted points on one span, none longer than a task.
-pub(super) fn runs(places: &[OnSpan]) -> Vec<Run> {
+/// Divides sorted points into runs on one span, none longer than a task.
+pub(super) fn find_runs(places: &[OnSpan]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     for (i, place) in places.iter().enumerate() {
         let span = place.span as usize;
@@ -104,14 +105,14 @@ pub(super) fn runs(places: &[OnSpan]) -> Vec<Run> {
     runs
 }
 
-/// Each run with its part of values of all points.
-pub(super) fn of_runs<'a, T>(runs: &'a [Run], mut values: &'a mut [T]) -> Vec<(&'a Run, &'a mut [T])> {
+/// Pairs each run with its part of the values of all points.
+pub(super) fn split_by_run<'a, T>(runs: &'a [Run], mut values: &'a mut [T]) -> Vec<(&'a Run, &'a mut [T])> {
     let part = |run: &'a Run| (run, values.split_off_mut(..run.points.len()).unwrap_or_default());
     runs.iter().map(part).collect()
 }
 
-/// Number of each curve's first span, and of all spans.
-pub(super) fn firsts(curves: &[Spline]) -> Vec<usize> {
+/// Returns the number of each curve's first span, and the number of all spans.
+pub(super) fn number_spans(curves: &[Spline]) -> Vec<usize> {
     let mut firsts = vec![0];
     for curve in curves {
         firsts.push(firsts[firsts.len() - 1] + curve.end() as usize);
@@ -124,7 +125,7 @@ impl Spans {
         let mut spans = Vec::new();
         for (curve, spline) in state.curves.iter().enumerate() {
             let pieces = spline.pieces();
-            let directions = directions(&pieces);
+            let directions = find_directions(&pieces);
             let radius = state.radius(curve);
             let count = pieces.end() as usize;
             for number in 0..count {
@@ -151,16 +152,16 @@ impl Spans {
                 });
             }
         }
-        Self { first: firsts(&state.curves), spans }
+        Self { first: number_spans(&state.curves), spans }
     }
 }
 
-/// Directions of a curve at places all along it, each over a longer stretch.
+/// Finds a curve's directions at places all along it, each over a longer stretch.
 ///
-/// A fitted curve wavers with the noise of its points, and so do its normals. Along a straight rope a view could then
+/// A fitted curve wavers with the noise of its points, and so do its normals. Along a straight rope, a view could then
 /// slide to where the noise fits best, and the normal equations would count that as information. The direction over a
 /// longer stretch hardly wavers, and in a bend it is the tangent.
-fn directions(pieces: &Pieces) -> Vec<Point> {
+fn find_directions(pieces: &Pieces) -> Vec<Point> {
     let place = |u: f64| pieces.at(u.clamp(0.0, pieces.end())).position;
     (0..=pieces.end() as usize * DIRECTIONS)
         .map(|i| i as f64 / DIRECTIONS as f64)

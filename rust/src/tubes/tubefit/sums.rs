@@ -1,17 +1,20 @@
-//! What points on one span add to the normal equations.
+//! Sums over points on one span for the normal equations.
 //!
-//! A residual's derivatives by the four control points are −B_a n, n the outward normal, and by the view's rotation and
-//! translation and by the radius −1 times the features' first seven, so all sums are products of a few numbers of each
-//! point. They are added up in single precision, over few points, and in double precision from there on.
+//! A residual's derivatives by the four control points are −B_a n, where n is the outward normal. Its derivatives by
+//! the view's rotation and translation and by the radius are −1 times the first seven features. So all sums are
+//! products of a few numbers of each point. Sums over few points are in single precision; their totals are in double
+//! precision.
 
 use crate::simd::{Eight, LANES, Lanes, Simd, Three};
 
-/// Features of a point: rotation, translation and radius, then the residual.
+/// The number of the radius feature, after rotation and translation.
 const GROWN: usize = 6;
+/// The number of the residual feature, after the radius.
 pub(super) const RESIDUAL: usize = 7;
-/// Pairs of the four control points of a span, and of x, y and z.
+/// Pairs of the four control points of a span.
 const PAIRS: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
+/// Pairs of x, y and z.
 const AXES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 /// Eight points on a span.
@@ -25,7 +28,7 @@ pub(super) struct Features<V> {
     pub(super) settled: Three<V>,
     /// Derivative by the radius.
     pub(super) grown: V,
-    /// Metres.
+    /// Residual, metres.
     pub(super) residual: V,
 }
 
@@ -35,9 +38,9 @@ pub(super) struct SpanSums {
     pub(super) curve: usize,
     /// The first of the span's four control points.
     pub(super) first: usize,
-    /// Points that have a part.
+    /// The number of points that take part.
     pub(super) used: usize,
-    /// Σ w B_a B_b n nᵀ, for the pairs of control points, and of axes.
+    /// Σ w B_a B_b n nᵀ, for pairs of control points and of axes.
     band: [Lanes; PAIRS.len()],
     /// Σ w B_a n_k f, for each control point and axis.
     border: [[Lanes; 3]; 4],
@@ -95,8 +98,8 @@ impl SpanSums {
             *normal = (n[k] * n[l]).store();
         }
         let outward = [n[0].store(), n[1].store(), n[2].store()];
-        let by_point = turned(&features);
-        let normals_by_point = turned(&normals);
+        let by_point = transpose(&features);
+        let normals_by_point = transpose(&normals);
         // few sums at a time, so that they stay in registers
         let mut band = [zero; PAIRS.len()];
         for (sum, stored) in band.iter_mut().zip(&self.band) {
@@ -149,7 +152,7 @@ impl SpanSums {
         }
     }
 
-    /// Adds the sums of the control points to those of other views on the span.
+    /// Adds the sums of the control points to a band.
     #[inline]
     pub(super) fn add_band_to(&self, band: &mut Band) {
         for (totals, sums) in band.0.iter_mut().zip(&self.band) {
@@ -159,13 +162,13 @@ impl SpanSums {
         }
     }
 
-    /// Sums of a control point's coordinate with all features.
+    /// Returns the sums of a control point's coordinate with all features.
     #[inline(always)]
     pub(super) fn border(&self, row: usize) -> [f64; LANES] {
         self.border[row / 3][row % 3].0.map(f64::from)
     }
 
-    /// Sums of a feature with all features.
+    /// Returns the sums of a feature with all features.
     #[inline(always)]
     pub(super) fn corner(&self, feature: usize) -> [f64; LANES] {
         self.corner[feature].0.map(f64::from)
@@ -177,7 +180,7 @@ impl SpanSums {
 pub(super) struct Band([[f64; LANES]; PAIRS.len()]);
 
 impl Band {
-    /// Calls `add` with each entry of the 12 x 12 sums of the control points' coordinates, on and below the diagonal.
+    /// Calls `add` with each entry, on and below the diagonal, of the 12 x 12 sums of the control points' coordinates.
     #[inline(always)]
     pub(super) fn visit(&self, mut add: impl FnMut(usize, usize, f64)) {
         for (sums, (a, b)) in self.0.iter().zip(PAIRS) {
@@ -191,9 +194,9 @@ impl Band {
     }
 }
 
-/// Row i of eight rows becomes the i-th entry of each.
+/// Transposes eight rows.
 #[inline(always)]
-fn turned(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
+fn transpose(rows: &[Lanes; LANES]) -> [Lanes; LANES] {
     let mut columns = *rows;
     for i in 0..LANES {
         for l in 0..LANES {
