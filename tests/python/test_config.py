@@ -1,4 +1,4 @@
-"""The numbers of the method and their files."""
+"""Configurations and their files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import strand
 from strand import config
 
 
-def test_a_file_changes_only_what_it_names(tmp_path):
+def test_a_file_changes_only_the_numbers_that_it_names(tmp_path):
     path = tmp_path / "config.toml"
     path.write_text("[tracing]\nnear = 0.8\n[filter]\nmin_neighbors = 7\n")
     loaded = config.load(path)
@@ -40,7 +40,7 @@ def test_a_file_changes_only_what_it_names(tmp_path):
         ('method = "magic"\n', "Config.method: expected one of default, published"),
     ],
 )
-def test_a_wrong_file_is_refused_with_what_is_accepted(tmp_path, text, message):
+def test_errors_about_a_file_say_what_is_accepted(tmp_path, text, message):
     path = tmp_path / "config.toml"
     path.write_text(text)
     with pytest.raises(strand.FileFormatError, match=message):
@@ -53,7 +53,7 @@ def test_the_published_method_is_one_configuration():
     assert strand.Config.published() != strand.Config()
 
 
-def test_a_method_that_there_is_not_is_refused():
+def test_an_unknown_method_is_an_error():
     with pytest.raises(ValueError, match=r"Config\.method: expected one of default, published, got 'tube'"):
         strand.Config(method="tube")
 
@@ -75,14 +75,14 @@ def test_a_radius_is_as_exact_as_the_configuration_says(paper):
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_numbers_that_would_fill_the_memory_are_refused():
+def test_numbers_that_would_fill_the_memory_are_errors():
     for wrong in ({"spacing": 1e-6}, {"node_spacing": 1e-12}, {"rounds": 0}, {"min_bend": 0.5}):
         (name,) = wrong
         with pytest.raises(ValueError, match=rf"Tubes\.{name}: expected at least"):
             config.Tubes(**wrong)
 
 
-def test_a_section_of_another_kind_is_refused():
+def test_a_section_of_another_kind_is_an_error():
     with pytest.raises(TypeError, match=r"Config\.tracing: expected a Tracing"):
         strand.Config(tracing=config.Filter())  # type: ignore[arg-type]
 

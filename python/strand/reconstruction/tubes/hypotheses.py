@@ -129,7 +129,7 @@ def _keep_nearest(costs: JoinCosts, pairs: Sequence[Pair]) -> Sequence[Pair]:
     partners: dict[int, int] = {}
     kept = []
     for pair in sorted(
-        pairs, key=lambda pair: float(np.linalg.norm(costs.end(pair[0]) - costs.end(pair[1])))
+        pairs, key=lambda pair: float(np.linalg.norm(costs.locate_end(pair[0]) - costs.locate_end(pair[1])))
     ):
         if min(partners.get(end, 0) for end in pair) < each:
             kept.append(pair)

@@ -53,7 +53,7 @@ class JoinCosts:
     rings: bool = True
     contrast: Array | None = None
 
-    def end(self, number: int) -> Array:
+    def locate_end(self, number: int) -> Array:
         """Return (3,) the place of an end, metres."""
         return np.asarray(self.arcs[number // 2][-1 if number % 2 else 0])
 

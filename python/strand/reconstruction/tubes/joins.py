@@ -46,7 +46,7 @@ def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain], con
     costs = best.costs
     joins = []
     for pair in best.joins:
-        a, b = (costs.end(end) for end in pair)
+        a, b = (costs.locate_end(end) for end in pair)
         place = 0.5 * (a + b)
         without, cost = match_ends(costs, config.free_end, [pair])
         rivals = [
@@ -59,7 +59,7 @@ def _rate_joins(scored: Sequence[ScoredHypothesis], chains: Sequence[Chain], con
                 place,
                 tuple(sorted({_find_nearest(chains, a), _find_nearest(chains, b)})),
                 float(margin),
-                None if partner is None else costs.end(partner),
+                None if partner is None else costs.locate_end(partner),
             )
         )
     return joins

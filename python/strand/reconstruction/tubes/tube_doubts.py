@@ -111,7 +111,7 @@ def _locate_difference(best: ScoredHypothesis, rival: ScoredHypothesis) -> Array
     radius = best.fit.radius(0)
     for some, other in ((rival, best), (best, rival)):
         for pair in some.hypothesis.joins:
-            a, b = (some.hypothesis.costs.end(end) for end in pair)
+            a, b = (some.hypothesis.costs.locate_end(end) for end in pair)
             if not run_through(other.hypothesis.chains, a, b, radius):
                 return np.asarray(0.5 * (a + b))
     return None

@@ -14,7 +14,7 @@ from strand.reconstruction.evidence.visibility import visibility_from
 from strand.ropes.doubt import DOUBTS, Doubt
 
 
-def test_an_end_that_leaves_the_extraction_range_is_named():
+def test_ends_that_leave_the_extraction_range_are_warned_about():
     t = np.linspace(-0.2, 0.2, 400)
     scene = strand.synthetic.scene(chains=[np.stack([t, 0 * t, 0 * t + 0.0042], axis=1)], seed=1)
     low, high = (np.array(corner) for corner in scene.bounds)
@@ -30,7 +30,7 @@ def test_an_end_that_leaves_the_extraction_range_is_named():
 
 
 @pytest.mark.parametrize("kind", DOUBTS)
-def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_model):
+def test_great_doubts_become_warnings(kind, paper, paper_model):
     visibility = visibility_from(paper.views, paper_model.poses, paper.views)
     place = np.array([0.1, 0.2, 0.3])
     least = doubt_of_margin(Linking().margin)
@@ -43,7 +43,7 @@ def test_a_doubt_that_is_great_enough_is_warned_of_as_it_is(kind, paper, paper_m
     np.testing.assert_array_equal(warning.place, place)
 
 
-def test_joins_in_doubt_are_warned_of_where_they_are():
+def test_doubtful_joins_are_warned_about_at_their_place():
     chains = strand.synthetic.random_ropes(5, 2, seed=2)
     scene = strand.synthetic.scene(chains=chains, seed=2, views=2, noise=strand.synthetic.Noise(depth=0.0015))
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
@@ -55,7 +55,7 @@ def test_joins_in_doubt_are_warned_of_where_they_are():
         assert warning.amount in [doubt.amount for doubt in model.doubts if doubt.kind == "join"]
 
 
-def test_a_segment_of_no_rope_is_warned_of_where_it_is():
+def test_a_segment_of_no_rope_is_warned_about_at_its_place():
     rope = draw_line([-0.1, 0.0, R], [0.1, 0.0, R])
     stub = draw_line([0.0, 0.03, R], [4.0 * R, 0.03, R])
     scene = strand.synthetic.scene(chains=[rope, stub], seed=1)
@@ -67,7 +67,7 @@ def test_a_segment_of_no_rope_is_warned_of_where_it_is():
     assert warning.amount == pytest.approx(0.15 * 5.0, abs=0.15)
 
 
-def test_a_wrong_number_of_ropes_is_a_prior_that_the_points_contradict(paper):
+def test_a_wrong_number_of_ropes_is_warned_about(paper):
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, ropes=2)
     (prior,) = find_warnings(model, "prior")
     (rival,) = find_warnings(model, "rival")

@@ -45,7 +45,7 @@ def test_a_ring_stays_a_ring():
     assert len(nodes) >= 60
 
 
-def test_bends_are_moved_back_by_what_the_average_took():
+def test_bends_that_the_average_shortens_are_moved_back():
     angle = np.linspace(0, 1.5 * np.pi, 60)
     bend = 0.03
     nodes = (bend - 4 / 9 * RADIUS**2 / bend) * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)

@@ -46,7 +46,7 @@ def test_the_papers_string_is_cut_in_seven_and_made_whole(measure, seed):
     assert found.crossings == Crossings(found=3, true=3, right=3)
 
 
-def test_the_published_method_does_not_say_how_sure_it_is(paper, tmp_path):
+def test_the_published_method_has_no_confidence(paper, tmp_path):
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=strand.Config.published())
     assert np.isnan(model.confidence)
     assert model.joins == ()

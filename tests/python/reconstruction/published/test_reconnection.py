@@ -14,13 +14,13 @@ RADIUS = CROSSED
 
 
 @pytest.mark.parametrize("degrees", [45, 70, 90, 110, 135])
-def test_pairs_follow_direction_at_any_steep_angle(degrees):
+def test_ends_are_paired_by_direction_at_any_steep_angle(degrees):
     parts = split(draw_cross(np.radians(degrees)), RADIUS, Splitting())
     joined = reconnect(parts, RADIUS, None, Reconnection())
     assert sorted(map(sorted, joined.joins)) == [[1, 2], [5, 6]]
 
 
-def test_two_ends_that_face_each_other_over_a_gap_are_joined_only_if_the_number_of_ropes_says_so():
+def test_a_gap_is_bridged_only_if_the_number_of_ropes_is_known():
     pieces = [draw_straight((0, 0, 0), (0.1, 0, 0)), draw_straight((0.13, 0, 0), (0.2, 0, 0))]
     parts = split(pieces, RADIUS, Splitting())
     assert reconnect(parts, RADIUS, None, Reconnection()).joins == ()

@@ -26,15 +26,15 @@ def test_separation_is_the_least_distance_outside_the_neighbourhood(seed, count,
             least = np.inf
             for j, other in enumerate(chains):
                 for b in range(len(other)):
-                    apart = abs(s[a] - s[b]) if i == j else np.inf
+                    distance = abs(s[a] - s[b]) if i == j else np.inf
                     if i == j and closed:
-                        apart = min(apart, around - apart)
-                    if apart > 3.0:
+                        distance = min(distance, around - distance)
+                    if distance > 3.0:
                         least = min(least, np.linalg.norm(chain[a] - other[b]))
             assert found[i][a] == pytest.approx(least)
 
 
-def test_noise_is_not_cut_and_neither_is_an_end_near_another_strand():
+def test_neither_noise_nor_an_end_near_another_strand_is_cut():
     noise = np.random.default_rng(0).normal(scale=0.05, size=200)
     assert len(find_crossing_nodes(2.5 + noise, 3.2, 0.75)) == 0
     falling_to_an_end = np.linspace(6, 1, 30)

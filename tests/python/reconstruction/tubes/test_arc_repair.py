@@ -1,4 +1,4 @@
-"""Arcs made fit for joining."""
+"""Preparing arcs for joining."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_a_stub_beyond_a_crossing_is_turned_to_the_arc_that_points_at_it():
     np.testing.assert_array_equal(turn_stubs([arc, long], R)[1], long)
 
 
-def test_an_arc_that_another_runs_into_is_parted_there():
+def test_an_arc_is_cut_where_another_runs_into_it():
     line = np.linspace(-0.05, 0.05, 60)
     through = np.stack([line, 0 * line, 0 * line], axis=1)
     into = np.stack([0 * line, np.linspace(0.5 * R, 0.08, 60), 0 * line], axis=1)
@@ -32,7 +32,7 @@ def test_an_arc_that_another_runs_into_is_parted_there():
     assert len(cut_at_contacts([through, clear], R, Linking())) == 2
 
 
-def test_parting_long_arcs_takes_memory_in_proportion_to_their_nodes():
+def test_cutting_long_arcs_takes_memory_in_proportion_to_their_nodes():
     s = np.arange(0.0, 10.0, 0.5 * R)
     through = np.stack([s - 5.0, 0 * s, 0 * s], axis=1)
     into = np.stack([0 * s, 0.5 * R + s, 0 * s], axis=1)

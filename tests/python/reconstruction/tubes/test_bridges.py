@@ -13,7 +13,7 @@ from strand.reconstruction.tubes.bridges import make_bridge
 from strand.views.box import Box
 
 
-def test_a_bridge_has_the_length_that_is_asked_for():
+def test_a_bridge_has_the_given_length():
     before = np.linspace([-0.05, 0.0, 0.0], [0.0, 0.0, 0.0], 21)
     after = np.linspace([0.08, 0.01, 0.0], [0.13, 0.01, 0.0], 21)
     evidence = JoinEvidence(R, Linking())

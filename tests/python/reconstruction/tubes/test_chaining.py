@@ -12,7 +12,7 @@ from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.tubes.chaining import chain_arcs, chain_arcs_to_length
 
 
-def test_arcs_become_one_chain_whichever_way_they_run():
+def test_arcs_in_any_direction_become_one_chain():
     left, right = draw_line([-0.06, 0, 0], [-0.01, 0, 0]), draw_line([0.01, 0, 0], [0.06, 0, 0])
     for arcs, join in (([left, right], (1, 2)), ([left[::-1], right], (0, 2)), ([left, right[::-1]], (1, 3))):
         ((nodes, closed),) = chain_arcs(arcs, [join], JoinEvidence(R, Linking()))
@@ -32,13 +32,13 @@ def test_an_arc_whose_ends_are_joined_becomes_a_ring():
     assert measure_length(nodes) == pytest.approx(0.1 * np.pi, rel=1e-3)
 
 
-def test_a_long_bridge_makes_up_for_what_a_known_length_lacks():
+def test_a_bow_makes_up_for_what_a_known_length_lacks():
     arcs = [draw_line([-0.15, 0, 0], [-0.04, 0, 0]), draw_line([0.04, 0, 0], [0.15, 0, 0])]
     for length in (0.305, 0.31):
         evidence = JoinEvidence(R, Linking(), prior=Prior.from_caller(1, length))
         ((nodes, _),) = chain_arcs_to_length(arcs, [(1, 2)], evidence)
         assert measure_length(nodes) == pytest.approx(length, rel=1e-4)
-    # what was seen is not made shorter, and no bow bends more tightly than a rope
+    # no arc is made shorter, and no bow bends more tightly than a rope can
     for length in (0.2, 0.33):
         evidence = JoinEvidence(R, Linking(), prior=Prior.from_caller(1, length))
         ((nodes, _),) = chain_arcs_to_length(arcs, [(1, 2)], evidence)

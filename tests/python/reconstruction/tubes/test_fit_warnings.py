@@ -10,16 +10,16 @@ from shared.ropes import find_warnings
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.2])
-def test_a_radius_that_the_points_contradict_is_named(paper, paper_model, factor):
+def test_a_radius_that_the_points_contradict_is_warned_about(paper, paper_model, factor):
     assert find_warnings(paper_model, "radius") == []
     model = strand.reconstruct(paper.views, factor * paper.radius, paper.bounds)
     (warning,) = find_warnings(model, "radius")
-    # what the points want is at most what is missing
+    # the fitted radius is at most a little beyond the true one
     assert 0.0 < warning.amount / (paper.radius - factor * paper.radius) < 1.5
     assert ("thicker" if factor < 1.0 else "thinner") in str(warning)
 
 
-def test_noise_that_the_residuals_contradict_is_named(paper):
+def test_noise_that_the_residuals_contradict_is_warned_about(paper):
     config = strand.Config(tubes=strand.config.Tubes(noise=1e-5))
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config, keep_stages=True)
     (warning,) = find_warnings(model, "noise")
@@ -27,7 +27,7 @@ def test_noise_that_the_residuals_contradict_is_named(paper):
     assert warning.amount > 30.0
 
 
-def test_what_the_data_leave_open_stays_as_reported_and_is_named():
+def test_directions_that_the_points_leave_open_stay_as_reported():
     scene = strand.synthetic.scene("straight", seed=2)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     along = np.diff(scene.truth[0][[0, -1]], axis=0)[0]

@@ -1,4 +1,4 @@
-"""How certain joins are, and what else could have been the answer."""
+"""Joins and alternatives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from strand.reconstruction.tubes.join_costs import JoinCosts
 from strand.reconstruction.tubes.joins import list_alternatives
 
 
-def test_joins_name_the_chains_that_run_there():
+def test_joins_refer_to_the_chains_that_run_there():
     scene = strand.synthetic.scene(chains=strand.synthetic.random_ropes(4, 2, seed=2), seed=2)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 2
@@ -18,11 +18,11 @@ def test_joins_name_the_chains_that_run_there():
     for join in model.joins:
         assert join.chains
         for number in join.chains:
-            apart = np.linalg.norm(model.chains[number].points - join.place, axis=1).min()
-            assert apart < 4.0 * scene.radius
+            distance = np.linalg.norm(model.chains[number].points - join.place, axis=1).min()
+            assert distance < 4.0 * scene.radius
 
 
-def test_other_hypotheses_are_given_with_what_they_cost_more(collected, tmp_path):
+def test_alternatives_come_with_their_additional_cost(collected, tmp_path):
     scene = collected("paper_mid")
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert model.alternatives

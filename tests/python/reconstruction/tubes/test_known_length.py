@@ -20,7 +20,7 @@ def hidden_bow():
     return truth, hide_behind_plate(scene, (-0.04, -0.05), (0.08, 0.05), 0.022), scene.bounds
 
 
-def test_a_hidden_gap_is_bridged_by_as_much_rope_as_is_missing(hidden_bow):
+def test_a_bow_over_a_hidden_gap_makes_up_the_known_length(hidden_bow):
     truth, views, bounds = hidden_bow
     (straight,) = strand.reconstruct(views, R, bounds, ropes=1).chains
     model = strand.reconstruct(views, R, bounds, ropes=1, length=measure_length(truth))
@@ -35,7 +35,7 @@ def test_a_hidden_gap_is_bridged_by_as_much_rope_as_is_missing(hidden_bow):
     assert ((chain.points > low) & (chain.points < high)).all()
 
 
-def test_a_known_length_changes_nothing_of_what_was_seen(hidden_bow):
+def test_a_known_length_leaves_visible_stretches_as_they_are(hidden_bow):
     truth, views, bounds = hidden_bow
     (straight,) = strand.reconstruct(views, R, bounds, ropes=1).chains
     (chain,) = strand.reconstruct(views, R, bounds, ropes=1, length=measure_length(truth)).chains
@@ -43,7 +43,7 @@ def test_a_known_length_changes_nothing_of_what_was_seen(hidden_bow):
     assert straight.nearest(seen).distance.max() < 0.1 * R
 
 
-def test_a_lost_end_is_doubtful_and_the_warning_says_by_how_much():
+def test_a_lost_end_is_doubted_by_the_missing_length():
     y = np.linspace(-0.15, 0.15, 601)
     truth = np.stack([0 * y, y, np.full(len(y), R)], axis=1)
     scene = strand.synthetic.scene(chains=[truth], seed=2, views=1)
@@ -62,7 +62,7 @@ def test_a_lost_end_is_doubtful_and_the_warning_says_by_how_much():
     assert warning.amount == pytest.approx(0.4 * ((0.3 - chain.length - 0.02 * 0.3) / chain.radius - 1.0))
 
 
-def test_no_bow_goes_where_cameras_saw_that_nothing_is():
+def test_no_bow_leads_through_free_space():
     y = np.linspace(-0.15, 0.15, 601)
     truth = np.stack([0 * y, y, np.full(len(y), R)], axis=1)
     scene = strand.synthetic.scene(chains=[truth], seed=2, views=1)
@@ -73,7 +73,7 @@ def test_no_bow_goes_where_cameras_saw_that_nothing_is():
 
 
 @pytest.mark.parametrize("published", [False, True])
-def test_a_right_length_is_no_news_and_a_wrong_one_is_warned_of(published):
+def test_a_right_length_changes_nothing_and_a_wrong_one_is_warned_about(published):
     scene = strand.synthetic.scene("arc", seed=3)
     config = Config.published() if published else Config()
     plain = strand.reconstruct(scene.views, R, scene.bounds, ropes=1, config=config)
@@ -90,7 +90,7 @@ def test_a_right_length_is_no_news_and_a_wrong_one_is_warned_of(published):
 
 
 @pytest.mark.parametrize("half", [0.03, 0.045])
-def test_lengths_say_which_segments_go_together(half):
+def test_lengths_decide_which_segments_belong_together(half):
     """Two ropes that cross under a plate: straight on, one would be much longer than the other."""
 
     def rope(side, before, after, lift):

@@ -13,7 +13,7 @@ from strand.reconstruction.tubes.join_costs import JoinCosts
 from strand.reconstruction.tubes.matching import join_until, match_ends
 
 
-def test_the_cheapest_bridges_are_those_of_an_exhaustive_search():
+def test_the_cheapest_joins_are_those_of_an_exhaustive_search():
     rng = np.random.default_rng(0)
     for _ in range(20):
         priced = sorted(
@@ -37,12 +37,12 @@ def test_the_cheapest_bridges_are_those_of_an_exhaustive_search():
         assert sum(cost[pair] for pair in found) == pytest.approx(best)
 
 
-def costs_of(costs, count, rings):
+def make_costs(costs, count, rings):
     arcs = tuple(np.zeros((2, 3)) for _ in range(count))
     return JoinCosts(arcs, costs, rings)
 
 
-def test_as_many_chains_are_joined_as_can_be_without_trying_all_ways():
+def test_most_chains_are_joined_without_trying_all_ways():
     # two bunches of chains with nothing that joins one to the other
     rng = np.random.default_rng(1)
     bunches = [range(0, 28), range(28, 56)]
@@ -59,7 +59,7 @@ def test_as_many_chains_are_joined_as_can_be_without_trying_all_ways():
         group = [a if g == b else g for g in group]
 
 
-def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
+def test_a_matching_without_rings_is_the_cheapest_of_those():
     rng = np.random.default_rng(0)
     closing = 0
     for _ in range(30):
@@ -76,25 +76,25 @@ def test_without_rings_the_matching_is_the_cheapest_that_closes_none():
                 best = min(best, search(k + 1, [*chosen, pairs[k]]))
             return best
 
-        joins, cost = match_ends(costs_of(costs, 4, rings=False), 5.0)
+        joins, cost = match_ends(make_costs(costs, 4, rings=False), 5.0)
         assert not any(ring for _, ring in order_segments(4, joins))
         assert cost == pytest.approx(sum(costs[pair] for pair in joins) + 5.0 * (8 - 2 * len(joins)))
         assert cost == pytest.approx(search(0, []))
-        closing += match_ends(costs_of(costs, 4, rings=True), 5.0)[1] < cost - 1e-9
+        closing += match_ends(make_costs(costs, 4, rings=True), 5.0)[1] < cost - 1e-9
     assert closing > 5
 
 
-def test_many_rings_are_opened_in_time():
+def test_many_rings_are_opened():
     costs = {}
     for k in range(60):
         costs[4 * k, 4 * k + 2] = costs[4 * k + 1, 4 * k + 3] = 1.0
-    joins, cost = match_ends(costs_of(costs, 120, rings=False), 5.0)
+    joins, cost = match_ends(make_costs(costs, 120, rings=False), 5.0)
     assert len(joins) == 60
     assert cost == pytest.approx(60 * 11.0)
 
 
-def test_trying_to_join_chains_that_nothing_joins_ends():
-    # each chain may only be joined with its neighbour, so there are half as many joins as are wanted
+def test_the_search_ends_where_too_few_chains_can_be_joined():
+    # each chain can be joined only with its neighbour, so that half of the wanted joins exist
     rng = np.random.default_rng(2)
     priced = sorted(
         (float(rng.uniform(0, 50)), 4 * k + i, 4 * k + 2 + j)

@@ -1,4 +1,4 @@
-"""The default method from views to chains."""
+"""Tubes from views to chains."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_touching_strands_and_knots_come_out_whole(collected, name):
 
 
 @pytest.mark.parametrize("name", ["loop_1.5mm", "overhand_1.5mm"])
-def test_crossings_that_look_like_one_strand_for_long_are_told_apart(collected, name):
+def test_strands_that_run_together_for_long_are_separated(collected, name):
     scene = collected(name)
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     (chain,) = model.chains
@@ -38,26 +38,26 @@ def test_crossings_that_look_like_one_strand_for_long_are_told_apart(collected, 
     assert (np.abs(np.diff(s)) < 4.0 * R).all(), "in order along the true rope"
 
 
-def two_in_line(gap):
+def draw_two_in_line(gap):
     x = np.linspace(0.0, 0.1, 101)
     return [np.stack([side * (x + 0.5 * gap * R), 0.0 * x, np.full(101, R)], axis=1) for side in (-1.0, 1.0)]
 
 
 @pytest.mark.parametrize("gap", [2.0, 3.0, 4.0])
 def test_a_gap_that_cameras_see_through_is_not_bridged(gap):
-    scene = strand.synthetic.scene(chains=two_in_line(gap), seed=int(gap))
+    scene = strand.synthetic.scene(chains=draw_two_in_line(gap), seed=int(gap))
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 2
     assert model.confidence > 0.9
 
 
-def test_a_gap_is_bridged_where_it_is_hidden_and_not_where_it_was_seen_through():
+def test_only_hidden_gaps_are_bridged():
     parts = [draw_line([-0.1, 0, R], [-0.03, 0, R]), draw_line([0.03, 0, R], [0.1, 0, R])]
     scene = strand.synthetic.scene(chains=parts, seed=1, views=3)
     for ropes in (None, 1):
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, ropes=ropes)
         assert model.chains[0].length < 0.08
-    # the same rope seen without the table: nothing speaks against a gap
+    # without the table behind it, no camera saw through the gap
     views = [view.crop(scene.bounds) for view in scene.views]
     model = strand.reconstruct(views, scene.radius, ropes=1)
     (chain,) = model.chains
@@ -68,36 +68,36 @@ def test_a_gap_is_bridged_where_it_is_hidden_and_not_where_it_was_seen_through()
     assert np.abs(chain.points[middle, 1:] - [0.0, R]).max() < R
 
 
-def with_rings(views, bounds, rings, **known):
+def reconstruct_rings(views, bounds, rings, **known):
     return strand.reconstruct(views, R, bounds, config=Config(linking=Linking(rings=rings)), **known)
 
 
-def test_rings_are_closed_or_not_as_the_caller_says():
+def test_rings_are_closed_as_the_caller_says():
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
     ring = np.stack([0.06 * np.cos(angle), 0.06 * np.sin(angle), 0 * angle + R], axis=1)
     scene = strand.synthetic.scene(chains=[ring], seed=1, views=3)
     for rings in ("maybe", "always"):
-        (chain,) = with_rings(scene.views, scene.bounds, rings).chains
+        (chain,) = reconstruct_rings(scene.views, scene.bounds, rings).chains
         assert chain.closed
         assert chain.length == pytest.approx(0.12 * np.pi, rel=0.01)
-    (chain,) = with_rings(scene.views, scene.bounds, "never").chains
+    (chain,) = reconstruct_rings(scene.views, scene.bounds, "never").chains
     assert not chain.closed
-    # a quarter of it hidden: too far to be joined without knowing that it is a ring
+    # with a quarter hidden, the gap is too long to be bridged unless the rope is known to be a ring
     views = hide_behind_plate(scene, (-0.1, 0.0), (0.03, 0.1), 0.022)
     for rings in ("maybe", "never"):
-        assert not with_rings(views, scene.bounds, rings).chains[0].closed
+        assert not reconstruct_rings(views, scene.bounds, rings).chains[0].closed
     for known in ({}, {"ropes": 1}, {"length": 0.12 * np.pi}):
-        model = with_rings(views, scene.bounds, "always", **known)
+        model = reconstruct_rings(views, scene.bounds, "always", **known)
         (chain,) = model.chains
         assert chain.closed
         assert chain.length == pytest.approx(0.12 * np.pi, rel=0.01)
         assert measure_max_distance(chain, ring) < 1.0
 
 
-def test_a_rope_that_was_seen_to_have_ends_is_no_ring():
+def test_a_rope_with_visible_ends_is_no_ring():
     scene = strand.synthetic.scene("arc", seed=1, views=3)
-    sure = with_rings(scene.views, scene.bounds, "never")
-    model = with_rings(scene.views, scene.bounds, "always")
+    sure = reconstruct_rings(scene.views, scene.bounds, "never")
+    model = reconstruct_rings(scene.views, scene.bounds, "always")
     assert not model.chains[0].closed
     (warning,) = find_warnings(model, "ring")
     assert str(warning) == "chain 0 has ends, though all ropes are said to be rings"

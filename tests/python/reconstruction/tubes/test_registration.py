@@ -1,4 +1,4 @@
-"""Views fitted to the tubes of the middle one."""
+"""Registration of views by tubes."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from shared.ropes import R, sample_tube
 from strand.reconstruction.outliers import drop_outliers
 
 
-def test_half_shells_do_not_pull_into_each_other():
-    """Opposite views of a straight tube whose poses are right: the known failure of point-to-point ICP."""
+def test_opposite_views_do_not_pull_into_each_other():
+    """Point-to-point ICP fails on opposite views of a straight tube, even from right poses."""
     axis = np.array([[-0.15, 0.0, 0.0], [0.15, 0.0, 0.0]])
     cameras = np.array([[0.0, -0.4, 0.1], [0.0, 0.4, 0.1]])
     views = [
@@ -19,10 +19,10 @@ def test_half_shells_do_not_pull_into_each_other():
         for seed, camera in enumerate(cameras)
     ]
     poses, sd = strand.register_views(views, R)
-    turn, centre = poses[0][:3, :3], np.array([0.0, 0.0, 0.0])
-    shift = turn @ (centre - views[0].viewpoint) + poses[0][:3, 3]
+    turn, center = poses[0][:3, :3], np.array([0.0, 0.0, 0.0])
+    shift = turn @ (center - views[0].viewpoint) + poses[0][:3, 3]
     assert np.abs(shift[1:]).max() < 1e-4
-    # along the rope there is only the prior: it stays within it, and says that it knows no more
+    # along the rope only the prior counts: the pose stays within it, and its deviation says so
     assert abs(shift[0]) < sd[0, 3]
     assert sd[0, 3] > 0.8 * strand.Config().poses.translation_sd
     assert sd[0, 4:].max() < 0.05 * sd[0, 3]
@@ -30,7 +30,7 @@ def test_half_shells_do_not_pull_into_each_other():
     assert np.abs(icp.transformation[1:3, 3]).max() > 1e-3
 
 
-def test_registration_finds_the_poses_and_says_how_well(paper):
+def test_registration_finds_the_poses_and_their_deviations(paper):
     cropped = [view.crop(paper.bounds) for view in paper.views]
     views = drop_outliers(cropped, R, strand.Config().filter, widen=True)
     poses, sd = strand.register_views(views, R)
@@ -50,7 +50,7 @@ def test_registration_finds_the_poses_and_says_how_well(paper):
 
 
 def test_straight_ropes_slide_less_than_their_poses_were_wrong():
-    given, found, normalised = [], [], []
+    given, found, normalized = [], [], []
     for seed in range(5):
         scene = strand.synthetic.scene("straight", seed=seed)
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, keep_stages=True)
@@ -64,12 +64,12 @@ def test_straight_ropes_slide_less_than_their_poses_were_wrong():
             if number != 3:
                 given.append(slides[0])
                 found.append(slides[1])
-                normalised.append(slides[1] / np.sqrt(along @ covariance[3:, 3:] @ along))
+                normalized.append(slides[1] / np.sqrt(along @ covariance[3:, 3:] @ along))
     assert np.sqrt(np.mean(np.square(found))) < 0.7 * np.sqrt(np.mean(np.square(given)))
-    assert 0.6 < np.sqrt(np.mean(np.square(normalised))) < 1.6
+    assert 0.6 < np.sqrt(np.mean(np.square(normalized))) < 1.6
 
 
-def test_registration_refuses_what_are_no_views(paper):
+def test_registration_checks_its_arguments(paper):
     with pytest.raises(TypeError, match=r"views\[0\]"):
         strand.register_views([5], R)
     with pytest.raises(ValueError, match="views"):

@@ -1,4 +1,4 @@
-"""What hypotheses cost."""
+"""Prices of hypotheses."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0
         (Prior.from_caller(None, [0.2, 0.6]), "maybe", 30.0),
     ],
 )
-def test_what_contradicts_what_is_known_costs(prior, rings, cost):
+def test_contradictions_to_the_prior_cost(prior, rings, cost):
     evidence = JoinEvidence(R, Linking(rings=rings), prior=prior)
     assert price_contradictions(CHAINS, evidence) == pytest.approx(cost, abs=1e-6)
 
 
-def test_points_that_are_not_explained_cost(paper, paper_model):
+def test_unexplained_points_cost(paper, paper_model):
     fit = paper_model.stages["fit"]
     visibility = visibility_from(paper.views, paper_model.poses, paper.views)
     whole = price_explanation(fit, visibility)

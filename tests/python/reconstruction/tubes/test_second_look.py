@@ -15,7 +15,7 @@ from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.second_look import trace_unexplained
 
 
-def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, collected):
+def test_arcs_are_found_on_a_rope_without_a_curve(paper, paper_model, collected):
     fit = paper_model.stages["fit"]
     assert trace_unexplained(fit, [0]).nodes == []
     two = collected("two_ropes")
@@ -41,13 +41,13 @@ def test_a_second_look_finds_the_rope_that_is_left_out(paper, paper_model, colle
 
 
 @pytest.mark.parametrize("radius", [(0.003, 0.006), None])
-def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeypatch, radius):
+def test_joins_are_reconsidered_where_points_stay_unexplained(monkeypatch, radius):
     views, bounds, truth = render_crossing(0.003, 0.006)
-    decided = decision.decide_joins
+    decide_joins = decision.decide_joins
     decisions = []
 
     def cut_short_at_first(*arguments):
-        by_class = decided(*arguments)
+        by_class = decide_joins(*arguments)
         if not decisions:
             for number, (best, *_) in enumerate(by_class):
                 chains = [(nodes[: len(nodes) // 2], ring) for nodes, ring in best.hypothesis.chains]
@@ -64,8 +64,8 @@ def test_ropes_of_two_kinds_are_decided_again_where_points_are_left_over(monkeyp
     assert [chain.length for chain in model.chains] == pytest.approx(lengths, rel=0.02)
 
 
-def lanes(length: float, views: int = 11) -> tuple[list[np.ndarray], np.ndarray]:
-    """Points of each view on the upper half of ropes of a metre, side by side; the first one's axis."""
+def draw_lanes(length: float, views: int = 11) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return points of each view on straight ropes side by side, each 1 m long, and the axis of the first."""
     rng = np.random.default_rng(0)
     count = round(length)
     points = []
@@ -79,8 +79,8 @@ def lanes(length: float, views: int = 11) -> tuple[list[np.ndarray], np.ndarray]
 
 
 def test_memory_grows_with_the_points_and_not_with_points_times_nodes():
-    """What is left over of 20 m of rope in 11 views."""
-    points, axis = lanes(20.0)
+    """One curve explains 1 of 20 m of rope in 11 views."""
+    points, axis = draw_lanes(20.0)
     cameras = np.tile([0.5, 1.0, 3.0], (len(points), 1))
     fit = strand.fit_tubes(
         points,

@@ -1,4 +1,4 @@
-"""What speaks against an answer."""
+"""Doubts about answers of tubes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from shared.ropes import R, find_warnings
 from strand.ropes.doubt import DOUBTS
 
 
-def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):
+def test_an_answer_about_a_clear_scene_is_confident(paper_model, tmp_path):
     assert paper_model.confidence > 0.85
     assert not {warning.kind for warning in paper_model.warnings} & set(DOUBTS)
     assert all(join.margin > 1.5 for join in paper_model.joins)
@@ -25,7 +25,7 @@ def test_a_clear_scene_is_sure_and_says_so(paper_model, tmp_path):
     assert [doubt.amount for doubt in loaded.doubts] == [doubt.amount for doubt in paper_model.doubts]
 
 
-def test_an_end_that_no_camera_saw_is_put_where_it_may_be_and_named(tucked_under):
+def test_a_hidden_end_is_put_in_the_middle_of_its_range_and_doubted(tucked_under):
     scene = tucked_under
     model = strand.reconstruct(scene.views, scene.radius, scene.bounds)
     assert len(model.chains) == 2
@@ -41,7 +41,7 @@ def test_an_end_that_no_camera_saw_is_put_where_it_may_be_and_named(tucked_under
     ]
 
 
-def test_points_that_lie_on_no_rope_make_unsure(paper):
+def test_points_on_no_rope_lower_the_confidence(paper):
     rng = np.random.default_rng(0)
     _, high = paper.bounds
     ball = rng.normal(size=(1500, 3))
@@ -56,20 +56,20 @@ def test_points_that_lie_on_no_rope_make_unsure(paper):
     assert "points" in [doubt.kind for doubt in model.doubts]
 
 
-def test_noise_as_wide_as_the_rope_is_not_sure():
+def test_noise_as_wide_as_the_rope_lowers_the_confidence():
     scene = strand.synthetic.scene(
         "paper", seed=0, radius=0.0025, noise=strand.synthetic.Noise(depth=0.0015), views=2
     )
     assert strand.reconstruct(scene.views, scene.radius, scene.bounds).confidence < 0.7
 
 
-def test_a_wrong_number_of_ropes_is_not_sure(paper):
+def test_a_wrong_number_of_ropes_lowers_the_confidence(paper):
     for ropes in (2, 3):
         model = strand.reconstruct(paper.views, paper.radius, paper.bounds, ropes=ropes)
         assert model.confidence < 0.5
 
 
-def test_a_wrong_radius_is_named(paper, paper_model):
+def test_a_wrong_radius_is_warned_about(paper, paper_model):
     half = strand.reconstruct(paper.views, 0.5 * paper.radius, paper.bounds)
     assert len(find_warnings(half, "points")) == 1
     assert find_warnings(paper_model, "points") == []

@@ -7,8 +7,8 @@ import numpy as np
 import strand
 
 
-def test_ends_are_as_uncertain_as_they_say():
-    normalised = []
+def test_deviations_of_ends_are_true():
+    normalized = []
     for name in ("s", "arc", "straight"):
         for seed in range(3):
             scene = strand.synthetic.scene(name, seed=seed)
@@ -18,5 +18,5 @@ def test_ends_are_as_uncertain_as_they_say():
                 (chain.points[-1], chain.covariance[-1], chain.tangents[-1]),
             ):
                 true = min(scene.truth[0][[0, -1]], key=lambda end: np.linalg.norm(end - node))
-                normalised.append(outward @ (node - true) / np.sqrt(outward @ covariance @ outward))
-    assert 0.4 < np.sqrt(np.mean(np.square(normalised))) < 2.0
+                normalized.append(outward @ (node - true) / np.sqrt(outward @ covariance @ outward))
+    assert 0.4 < np.sqrt(np.mean(np.square(normalized))) < 2.0

@@ -1,4 +1,4 @@
-"""What the nodes of a chain say."""
+"""Nodes of chains."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strand.geometry.curve import Curve
 from strand.reconstruction.tubes.tube_nodes import make_chains
 
 
-def test_a_chain_says_what_it_knows(paper, tmp_path):
+def test_chains_have_covariances_and_counts_and_keep_them_in_files(paper, tmp_path):
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds)
     (chain,) = model.chains
     count = len(chain.points)
@@ -35,7 +35,7 @@ def test_a_chain_says_what_it_knows(paper, tmp_path):
     np.testing.assert_array_equal(loaded.pose_sd, model.pose_sd)
 
 
-def test_reported_deviations_are_about_right():
+def test_deviations_of_nodes_are_true():
     values = []
     for seed in range(6):
         scene = strand.synthetic.scene("s", seed=seed)
@@ -50,7 +50,7 @@ def test_reported_deviations_are_about_right():
     assert 0.5 < np.mean(values) < 2.0
 
 
-def test_methods_and_numbers_are_kept_apart(paper):
+def test_nodes_are_as_dense_as_the_configuration_says(paper):
     config = dataclasses.replace(strand.Config(), tubes=strand.config.Tubes(node_spacing=1.0))
     model = strand.reconstruct(paper.views, paper.radius, paper.bounds, config=config)
     assert len(model.chains[0].points) == pytest.approx(model.chains[0].length / paper.radius, rel=0.02)

@@ -1,4 +1,4 @@
-"""Errors that all pixels of a view share, and that fitted tubes contradict."""
+"""Doubts about errors that all pixels of a view share."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from strand.reconstruction.tubes.view_bias import find_bias_doubts
 
 
 @pytest.fixture(scope="module")
-def asked():
-    """What the doubts are asked about, of a scene where nothing is wrong."""
+def answered():
+    """What was observed in a scene without errors, and the answer."""
     taken = []
     whole = default._found
     with pytest.MonkeyPatch.context() as patch:
@@ -31,7 +31,7 @@ def asked():
     return observed, found
 
 
-def amounts(found):
+def add_up(found):
     """Sums of the amounts by kind."""
     sums = {}
     for doubt in found:
@@ -39,19 +39,19 @@ def amounts(found):
     return sums
 
 
-def test_where_nothing_is_wrong_there_is_no_such_doubt(asked):
-    observed, found = asked
+def test_right_input_is_not_doubted(answered):
+    observed, found = answered
     assert found.ends
-    assert amounts(find_bias_doubts(observed, found)) == {"radius": 0.0, "residuals": 0.0, "end": 0.0}
+    assert add_up(find_bias_doubts(observed, found)) == {"radius": 0.0, "residuals": 0.0, "end": 0.0}
 
 
-def test_an_answer_without_tubes_says_nothing(asked):
-    observed, found = asked
+def test_an_answer_without_tubes_is_not_doubted(answered):
+    observed, found = answered
     assert find_bias_doubts(observed, replace(found, stages={})) == []
 
 
 @pytest.mark.parametrize("factor", [0.95, 1.05])
-def test_a_radius_that_is_not_seen_is_doubted(factor):
+def test_a_radius_that_the_points_contradict_is_doubted(factor):
     scene = strand.synthetic.scene("arc", seed=0, views=3, noise=strand.synthetic.Noise(depth=0.3e-3))
     model = strand.reconstruct(scene.views, factor * scene.radius, scene.bounds)
     (doubt,) = [doubt for doubt in model.doubts if doubt.kind == "radius"]
@@ -62,32 +62,32 @@ def test_a_radius_that_is_not_seen_is_doubted(factor):
     assert not [doubt for doubt in free.doubts if doubt.kind == "radius"]
 
 
-def test_residuals_that_are_alike_along_the_rope_are_doubted(asked):
-    observed, found = asked
+def test_residuals_that_are_correlated_along_the_rope_are_doubted(answered):
+    observed, found = answered
     fit = found.stages["fit"]
     wave = 0.15 * fit.radii[0] * np.sin(fit.parameter / 2.0) * np.where(fit.view % 2, 1.0, -1.0)
     other = replace(found, stages={"fit": fit.replace(residual=fit.residual + wave)})
-    assert amounts(find_bias_doubts(observed, other))["residuals"] > 0.3
+    assert add_up(find_bias_doubts(observed, other))["residuals"] > 0.3
     chance = 0.15 * fit.radii[0] * np.random.default_rng(0).normal(size=len(wave))
     other = replace(found, stages={"fit": fit.replace(residual=fit.residual + chance)})
-    assert amounts(find_bias_doubts(observed, other))["residuals"] == 0.0
+    assert add_up(find_bias_doubts(observed, other))["residuals"] == 0.0
 
 
-def test_an_end_that_views_see_apart_is_doubted(asked):
-    observed, found = asked
+def test_an_end_that_views_see_in_different_places_is_doubted(answered):
+    observed, found = answered
     end = found.ends[0].end
     own = [one for one in found.ends if one.end == end]
     assert len(own) > 2
     radius = found.stages["fit"].radius(end // 2)
 
-    def apart(by):
+    def doubt_end(by):
         ends = [
             EndObservation(
                 one.view, one.end, one.place + by * (-1) ** k * radius * one.outward, one.outward, one.sd
             )
             for k, one in enumerate(own)
         ]
-        return amounts(find_bias_doubts(observed, replace(found, ends=tuple(ends))))["end"]
+        return add_up(find_bias_doubts(observed, replace(found, ends=tuple(ends))))["end"]
 
-    assert apart(0.0) == 0.0
-    assert apart(1.0) > 0.3
+    assert doubt_end(0.0) == 0.0
+    assert doubt_end(1.0) > 0.3
