@@ -1,4 +1,4 @@
-"""Contacts: stretches along which strands lie near each other and do not cross."""
+"""Contacts: stretches along which strands lie near each other without crossing."""
 
 from __future__ import annotations
 
@@ -19,30 +19,28 @@ from strand.ropes.clearance import find_nearest_on_segments
 from strand.ropes.crossings import Crossing, find_crossings
 from strand.support.checks import Array, check_nonnegative
 
-# strands are compared in steps of so many radii, and of not more than so many in all
-_STEP, _MOST_STEPS = 0.5, 1_000_000
-# a crossing reaches as far as strands come apart by so much of what straight ones of its angle do, the sine
-# of the angle at least this; a circle's arc comes apart by half of that until it is parallel
-_LEAVES, _FLATTEST = 1.0 / 3.0, 0.1
+_STEP = 0.5  # radii: length of the steps in which strands are compared
+_MAX_STEPS = 1_000_000  # of all chains; longer steps beyond
+# a circle's arc separates half as fast as straight strands until it is parallel
+_MIN_SEPARATION = 1.0 / 3.0  # of that of straight strands; with less a stretch is no part of a crossing
+_MIN_SINE = 0.1  # of the angle of a crossing
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Two strands that lie near each other along a stretch and do not cross there.
+    """Two strands that lie near each other along a stretch without crossing there.
 
     Attributes
     ----------
     first, second : (int, float)
-        The chain's number and the arc length, metres, of both strands where they are nearest to each other;
-        the first is the earlier one along the chains.
+        Chain number and arc length, metres, of the nearest place on both strands, in order along the chains.
     point_first, point_second : (3,) ndarray
-        The places of both axes, world frame, metres.
+        These places on the axes, world frame, metres.
     gap : float
-        Clearance between the surfaces there, metres: the distance of the axes, less both radii. Below 0 the
-        tubes of the model cut into each other.
+        Clearance between the surfaces there, metres. Negative if the tubes of the model intersect.
     stretch_first, stretch_second : (float, float)
-        Arc lengths between which each strand is near the other, metres; of a closed chain they may be below
-        0 or above its length.
+        Arc lengths between which each strand is near the other, metres. On a closed chain they may be
+        negative or above its length.
     """
 
     first: tuple[int, float]
@@ -63,17 +61,9 @@ class Contact:
 
 @dataclass(frozen=True)
 class _Steps:
-    """All chains in even, straight steps.
+    """All chains in S even, straight steps: ends (S, 3), arc lengths of both ends (S, 2), chain numbers (S,).
 
-    Attributes
-    ----------
-    start, stop : (S, 3) ndarray
-        Metres.
-    arcs : (S, 2) ndarray
-        Arc lengths of both, metres.
-    chain : (S,) ndarray of int
-    before, after : (S,) ndarray of int
-        The steps before and after it; -1 at ends.
+    `before` and `after` (S,) are the numbers of the neighbouring steps, -1 at open ends.
     """
 
     start: Array
@@ -85,25 +75,25 @@ class _Steps:
 
 
 def find_contacts(chains: Sequence[Line], distance: float, direction: ArrayLike) -> tuple[Contact, ...]:
-    """Find where strands are near each other and do not cross, see `Model.contacts`."""
+    """Find where strands are near each other without crossing, see `Model.contacts`."""
     most = check_nonnegative("distance", distance)
     towards = check_direction("direction", direction)
     if not chains:
         return ()
-    steps = _steps(chains)
-    pairs, places, away = _near(chains, steps, most)
-    crossed = _of_crossings(chains, steps, pairs, places, away, find_crossings(chains, towards, ()), most)
+    steps = _cut_steps(chains)
+    pairs, places, away = _find_near_pairs(chains, steps, most)
+    crossed = _mark_crossings(chains, steps, pairs, places, away, find_crossings(chains, towards, ()), most)
     keys = pairs[:, 0] * len(steps.chain) + pairs[:, 1]
     found = []
-    for group in _together(steps, pairs, keys, ~crossed):
-        found.append(_contact(chains, steps, pairs[group], places[group], int(away[group].argmin())))
+    for group in _group_pairs(steps, pairs, keys, ~crossed):
+        found.append(_make_contact(chains, steps, pairs[group], places[group], int(away[group].argmin())))
     return tuple(sorted(found, key=lambda contact: (contact.first, contact.second)))
 
 
-def _steps(chains: Sequence[Line]) -> _Steps:
-    """Cut chains in even steps."""
+def _cut_steps(chains: Sequence[Line]) -> _Steps:
+    """Cut chains into even steps."""
     least = min(chain.radius for chain in chains)
-    step = max(_STEP * least, sum(chain.length for chain in chains) / _MOST_STEPS)
+    step = max(_STEP * least, sum(chain.length for chain in chains) / _MAX_STEPS)
     parts: list[tuple[NDArray[Any], ...]] = []
     count = 0
     for i, chain in enumerate(chains):
@@ -119,8 +109,10 @@ def _steps(chains: Sequence[Line]) -> _Steps:
     return _Steps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return pairs of steps near each other, sorted: where on both, and how far apart the surfaces are."""
+def _find_near_pairs(
+    chains: Sequence[Line], steps: _Steps, distance: float
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return sorted pairs of near steps, arc lengths of the nearest places, and distances of the surfaces."""
     radius, length, closed = (
         np.array([getattr(chain, name) for chain in chains]) for name in ("radius", "length", "closed")
     )
@@ -132,7 +124,7 @@ def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArr
     for one, other in find_meeting_boxes(low - reach - origin, high + reach - origin, cell):
         i, j = np.minimum(one, other), np.maximum(one, other)
         limit = radius[steps.chain[i]] + radius[steps.chain[j]] + distance
-        # legs of a bend are strands of their own if the way round is longer than a half circle
+        # legs of a bend are separate strands if the way around is longer than a half circle
         s = 0.5 * (steps.arcs[j].sum(axis=1) - steps.arcs[i].sum(axis=1))
         mine = steps.chain[i]
         s = np.where(closed[mine], np.minimum(s, length[mine] - s), s)
@@ -140,7 +132,9 @@ def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArr
         i, j, limit = i[apart], j[apart], limit[apart]
         share, away = find_nearest_on_segments(steps.start[i], steps.stop[i], steps.start[j], steps.stop[j])
         near = away < limit
-        at = np.stack([_along(steps.arcs[i], share[0]), _along(steps.arcs[j], share[1])], axis=1)
+        at = np.stack(
+            [_interpolate_arcs(steps.arcs[i], share[0]), _interpolate_arcs(steps.arcs[j], share[1])], axis=1
+        )
         surfaces = away - limit + distance
         found.append((np.stack([i, j], axis=1)[near], at[near], surfaces[near]))
     pairs, places, away = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -148,11 +142,11 @@ def _near(chains: Sequence[Line], steps: _Steps, distance: float) -> tuple[NDArr
     return pairs[order], places[order], away[order]
 
 
-def _along(arcs: Array, share: Array) -> Array:
+def _interpolate_arcs(arcs: Array, share: Array) -> Array:
     return np.asarray(arcs[:, 0] + share * (arcs[:, 1] - arcs[:, 0]))
 
 
-def _of_crossings(
+def _mark_crossings(
     chains: Sequence[Line],
     steps: _Steps,
     pairs: NDArray[np.intp],
@@ -161,19 +155,19 @@ def _of_crossings(
     crossings: Sequence[Crossing],
     distance: float,
 ) -> NDArray[np.bool_]:
-    """(P,) Which pairs are near each other because the strands cross.
+    """Return (P,) whether a pair is near only because its strands cross.
 
-    That is told for each pair alone: `distance` only bounds where to look for them.
+    `distance` bounds the search; each pair is decided by itself.
     """
     crossed = np.zeros(len(pairs), dtype=bool)
     first = np.searchsorted(steps.chain, np.arange(len(chains)))
     count = np.searchsorted(steps.chain, np.arange(len(chains)), side="right") - first
     for one in crossings:
         (i, s), (k, t) = sorted((one.over, one.under))
-        sine, radii = max(np.sin(one.angle), _FLATTEST), chains[i].radius + chains[k].radius
-        reach = (radii + distance) / (_LEAVES * sine)
+        sine, radii = max(np.sin(one.angle), _MIN_SINE), chains[i].radius + chains[k].radius
+        reach = (radii + distance) / (_MIN_SEPARATION * sine)
         turns = (-1, 0, 1) if chains[i].closed else (0,)
-        # past the seam of a ring the later place of its crossing with itself comes first
+        # beyond the seam of a ring the later place of a crossing with itself comes first
         orders = [(s, t), (t, s)] if i == k and chains[i].closed else [(s, t)]
         for order, turn in product(orders, turns):
             # pairs are sorted by their first step
@@ -186,16 +180,16 @@ def _of_crossings(
                 if chain.closed:
                     off[:, side] = np.minimum(off[:, side], chain.length - off[:, side])
             mine = (steps.chain[pairs[some]] == [i, k]).all(axis=1)
-            # straight strands are so far apart there, and tubes that cut into each other are no contact
+            # compare with straight strands; intersecting tubes are no contact
             straight = off.max(axis=1) * sine
-            crossed[some] |= mine & (straight <= np.maximum(radii, (away[some] + radii) / _LEAVES))
+            crossed[some] |= mine & (straight <= np.maximum(radii, (away[some] + radii) / _MIN_SEPARATION))
     return crossed
 
 
-def _together(
+def _group_pairs(
     steps: _Steps, pairs: NDArray[np.intp], keys: NDArray[np.intp], kept: NDArray[np.bool_]
 ) -> list[NDArray[np.intp]]:
-    """Return stretches: pairs of steps that follow each other along both strands."""
+    """Return groups of pairs that follow each other along both strands."""
     some = np.flatnonzero(kept)
     graph = rx.PyGraph()
     graph.add_nodes_from(range(len(pairs)))
@@ -215,10 +209,10 @@ def _together(
     return [np.array(sorted(group)) for group in groups if kept[min(group)]]
 
 
-def _contact(
+def _make_contact(
     chains: Sequence[Line], steps: _Steps, pairs: NDArray[np.intp], places: Array, best: int
 ) -> Contact:
-    """Make a contact of pairs of steps that are near each other, the best of them the nearest."""
+    """Make a contact of a group of pairs, of which `best` is the nearest."""
     numbers = steps.chain[pairs[best]].tolist()
     points, stretches, at = [], [], places[best].tolist()
     for side, number in enumerate(numbers):

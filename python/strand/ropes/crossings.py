@@ -1,4 +1,4 @@
-"""Crossings: where ropes pass over each other, or over themselves, as seen from one side."""
+"""Crossings of ropes with each other and with themselves, as seen from a direction."""
 
 from __future__ import annotations
 
@@ -28,47 +28,42 @@ from strand.support.checks import (
 Places = tuple[NDArray[np.intp], Array]
 """(K,), (K,) Numbers of chains, and arc lengths on them."""
 
-# a rope that bends no closer than its radius needs 3.7 radii to come to lie two radii above itself: what
-# crosses itself within so many only bends
-_APART = 4.0
-# strands that meet under a lesser angle, its sine, count as side by side
-_SIDE_BY_SIDE = 0.5
-# crossings of more nodes are not listed
-_MOST_LISTED = 8_000
-# steps of Newton's method, at most; the last moves no place by more than this part of a chain
-_STEPS, _SETTLED = 4, 1e-12
+# a rope that bends no tighter than its radius needs 3.7 radii to come to lie two radii above itself
+_MIN_BETWEEN = 4.0  # radii of rope between two strands; within less it only bends
+_SIDE_BY_SIDE = 0.5  # sine of the angle of two strands; below it they run side by side
+_MAX_LISTED = 8_000  # nodes of a model whose crossings are listed
+_NEWTON_STEPS = 4  # at most
+_SAME_PLACE = 1e-12  # of a chain's length: nearer places are the same
 
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """One strand over another, as seen from one side; `str()` of it says it in words.
+    """One strand over another, as seen from a direction; `str()` describes it in words.
 
     Attributes
     ----------
     over, under : (int, float)
-        The chain's number and the arc length, metres, of the strand that is nearer to who looks, and of the
-        other one.
+        Chain number and arc length, metres, of the strand nearer to the viewer, and of the other one.
     point_over, point_under : (3,) ndarray
-        The places of both axes that lie behind each other, world frame, metres.
+        Places of both axes on the same line of sight, world frame, metres.
     height : float
-        How far apart these two are along the direction, metres, 0 or above.
+        Distance of these places along the direction, metres, 0 or above.
     height_sd : float
-        Its standard deviation by the covariances of both chains, metres: of the distance of the axes, over
-        the cosine between that and the direction. NaN if a chain has no covariance.
+        Standard deviation of `height`, metres, from the covariances of both chains: that of the distance of
+        the axes, over its cosine with the direction. NaN if a chain has no covariance.
     gap : float
-        Clearance between the surfaces, metres: the least distance of both axes around the crossing, less both
-        radii. Below 0 the tubes of the model cut into each other. Each strand counts to `height` and four
-        radii (the mean of both) along it to either side; between two places of one rope four radii of rope
-        are left out, as that only bends.
+        Clearance between the surfaces, metres: the least distance of the axes around the crossing, minus both
+        radii. Negative if the tubes of the model intersect. The search covers `height` plus four mean radii
+        to either side, but no places of one rope within four radii of rope of each other.
     angle : float
-        Angle between the strands in the plan, whichever way they run, radians, from 0 to pi/2.
+        Angle between the strands in projection, whichever way they run, radians, from 0 to pi/2.
     sign : int
-        1 where the upper strand has to be turned to the left, by less than half a turn, to run as the lower
-        one (a right-handed crossing), else -1. It is the same from either side; with one of the two chains
-        reversed it is the other, with both the same.
+        1 at a right-handed crossing, else -1. Right-handed means that the upper strand has to turn left, by
+        less than half a turn, to run as the lower one. The sign is the same from either side, and changes if
+        one of two chains is reversed.
     probability : float
-        How likely the order is right, from 0 to 1: that there are two strands of rope, and that the upper one
-        lies on top. By `height` against its standard deviation and the radii, and the doubts at this place.
+        Probability that there are two strands and that the upper one lies on top, from 0 to 1. It depends on
+        `height`, its standard deviation, the radii, and doubts at this place.
     """
 
     over: tuple[int, float]
@@ -111,39 +106,32 @@ class Crossing:
 
     @property
     def place(self) -> Array:
-        """(3,) In the middle between the strands, world frame, metres."""
+        """(3,) Middle between the strands, world frame, metres."""
         return np.asarray(0.5 * (self.point_over + self.point_under))
 
 
 def find_crossings(
     chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
 ) -> tuple[Crossing, ...]:
-    """Find where chains cross in the plan across a direction, see `Model.crossings`.
-
-    Parameters
-    ----------
-    chains : sequence of Line
-    direction : (3,) array_like
-        Towards who looks, of any length but zero.
-    doubts : sequence of Doubt
-        What speaks against the chains.
-    """
+    """Find where chains cross in projection along a direction, see `Model.crossings`."""
     towards = check_direction("direction", direction)
-    first, second, turns = _met(chains, towards)
+    first, second, turns = _intersect(chains, towards)
     if not len(turns):
         return ()
     number, at = np.stack([first[0], second[0]]), np.stack([first[1], second[1]])
-    point, tangent = (np.stack(both) for both in zip(_at(chains, first), _at(chains, second), strict=True))
-    covariance = np.stack([_covariance(chains, first), _covariance(chains, second)])
+    point, tangent = (
+        np.stack(both) for both in zip(_locate(chains, first), _locate(chains, second), strict=True)
+    )
+    covariance = np.stack([_interpolate_covariance(chains, first), _interpolate_covariance(chains, second)])
     rise = (point[0] - point[1]) @ towards
     upper = np.where(rise >= 0, 0, 1)
     height = np.abs(rise)
-    across, lever, angle = _apart(tangent, towards)
+    across, lever, angle = _measure_distance_direction(tangent, towards)
     variance = np.einsum("ki,skij,kj->k", across, covariance, across)
     with np.errstate(divide="ignore"):
         sd = np.sqrt(np.maximum(variance, 0.0)) / lever
     radii = np.array([chain.radius for chain in chains])[number].sum(axis=0)
-    gap = _gap(chains, number, at, height, radii)
+    gap = _measure_gap(chains, number, at, height, radii)
     probability = estimate_order_probability(height, sd, radii, point.mean(axis=0), doubts)
     found = []
     for k in range(len(height)):
@@ -168,23 +156,20 @@ def find_crossings(
 def list_crossings(
     chains: Sequence[Line], direction: ArrayLike, doubts: Sequence[Doubt]
 ) -> tuple[Crossing, ...]:
-    """Return crossings for files, tables and pages: none where chains are too long for a list.
-
-    Chains of noise may have millions.
-    """
-    if sum(len(chain.points) for chain in chains) > _MOST_LISTED:
+    """Return crossings for files, tables and pages; none of long chains, as noise may have millions."""
+    if sum(len(chain.points) for chain in chains) > _MAX_LISTED:
         return ()
     return find_crossings(chains, direction, doubts)
 
 
 def find_free_stretch(
-    chain: Line, number_of_chain: int, s: float, crossings: Sequence[Crossing]
+    chain: Line, number: int, s: float, crossings: Sequence[Crossing]
 ) -> tuple[float, float]:
-    """Return the stretch around a place in which nothing crosses, see `Model.segment_between_crossings`."""
+    """Return the stretch around a place without crossings, see `Model.segment_between_crossings`."""
     place = check_number("s", s)
     if not 0.0 <= place <= chain.length:
         raise ValueError(f"s: expected an arc length from 0 to {chain.length:g} m, got {place:g}")
-    met = np.array([at for one in crossings for i, at in (one.over, one.under) if i == number_of_chain])
+    met = np.array([at for one in crossings for i, at in (one.over, one.under) if i == number])
     if not len(met):
         return 0.0, chain.length
     if chain.closed:
@@ -194,17 +179,10 @@ def find_free_stretch(
     return float(met[met <= place].max()), float(met[met >= place].min())
 
 
-def collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
-    """Return the nodes of all chains, and their segments: nodes, number of the chain, arc lengths.
+def _collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+    """Return the nodes (N, 3) of all chains, and their S segments.
 
-    Returns
-    -------
-    nodes : (N, 3) ndarray
-    segments : (S, 2) ndarray of int
-        Numbers of nodes.
-    chain : (S,) ndarray of int
-    arc_lengths : (S, 2) ndarray
-        Of both ends, metres.
+    Segments are (S, 2) numbers of nodes, (S,) numbers of chains, and (S, 2) arc lengths of both ends, metres.
     """
     nodes, segments, number, arcs = [np.empty((0, 3))], [], [], []
     count = 0
@@ -227,12 +205,12 @@ def collect_segments(chains: Sequence[Line]) -> tuple[Array, NDArray[np.intp], N
     )
 
 
-def _met(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
-    """Return where chains meet in the plan, along them, and to which side the second leaves the first."""
+def _intersect(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArray[np.int8]]:
+    """Return both places where chains cross in projection, and to which side the second leaves the first."""
     aside = np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     aside /= np.linalg.norm(aside)
     basis = np.column_stack([aside, np.cross(towards, aside)])
-    nodes, segments, number, arcs = collect_segments(chains)
+    nodes, segments, number, arcs = _collect_segments(chains)
     origin = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
     pairs, shares, turns = crossed_segments((nodes - origin) @ basis, segments)
     which = number[pairs]
@@ -244,24 +222,24 @@ def _met(chains: Sequence[Line], towards: Array) -> tuple[Places, Places, NDArra
     if len(at):
         mine = which[:, 0]
         between = np.where(closed[mine], np.minimum(between, length[mine] - between), between)
-        kept = (mine != which[:, 1]) | (between >= _APART * radius[mine])
+        kept = (mine != which[:, 1]) | (between >= _MIN_BETWEEN * radius[mine])
         which, at, turns = which[kept], at[kept], turns[kept]
-        kept = ~_touching(which, at, turns, length)
+        kept = ~_find_touches(which, at, turns, length)
         which, at, turns = which[kept], at[kept], turns[kept]
-    at = _refined(chains, which, at, basis)
+    at = _refine(chains, which, at, basis)
     order = np.lexsort((at[:, 1], which[:, 1], at[:, 0], which[:, 0]))
     which, at = which[order], at[order]
     return (which[:, 0], at[:, 0]), (which[:, 1], at[:, 1]), turns[order]
 
 
-def _touching(
+def _find_touches(
     which: NDArray[np.intp], at: Array, turns: NDArray[np.int8], length: Array
 ) -> NDArray[np.bool_]:
-    """(K,) Which crossings cancel another one at the same place: a strand only touches the other."""
+    """Return (K,) whether a crossing cancels another one at its place: one strand only touches the other."""
     order = np.lexsort((at[:, 1], at[:, 0], which[:, 1], which[:, 0]))
     a, b = order[:-1], order[1:]
     same = (which[a] == which[b]).all(axis=1) & (turns[a] != turns[b])
-    same &= (np.abs(at[a] - at[b]) <= 1e-12 * length[which[a]]).all(axis=1)
+    same &= (np.abs(at[a] - at[b]) <= _SAME_PLACE * length[which[a]]).all(axis=1)
     cancelled = np.zeros(len(at), dtype=bool)
     for k in np.flatnonzero(same):
         if not cancelled[a[k]]:
@@ -269,8 +247,8 @@ def _touching(
     return cancelled
 
 
-def _refined(chains: Sequence[Line], which: NDArray[np.intp], at: Array, basis: Array) -> Array:
-    """(K, 2) Arc lengths where smooth curves meet in the plan: Newton's method from where chords do."""
+def _refine(chains: Sequence[Line], which: NDArray[np.intp], at: Array, basis: Array) -> Array:
+    """Return (K, 2) arc lengths where smooth curves cross in projection, by Newton's method from chords."""
     smooth = np.array([chain.curve is not None for chain in chains], dtype=bool)
     some = np.flatnonzero(smooth[which].all(axis=1)) if len(which) else np.empty(0, dtype=np.intp)
     if not len(some):
@@ -278,27 +256,27 @@ def _refined(chains: Sequence[Line], which: NDArray[np.intp], at: Array, basis: 
     spacing = np.array([chain.length / len(chain.points) for chain in chains])[which[some]]
     length = np.array([chain.length for chain in chains])[which[some]]
     start = s = at[some]
-    for _ in range(_STEPS):
-        both = _at(chains, (which[some].T.ravel(), s.T.ravel()))
+    for _ in range(_NEWTON_STEPS):
+        both = _locate(chains, (which[some].T.ravel(), s.T.ravel()))
         point, tangent = (rows.reshape(2, -1, 3) for rows in both)
         (ax, ay), (bx, by) = (tangent[0] @ basis).T, (tangent[1] @ basis).T
         x, y = ((point[1] - point[0]) @ basis).T
         det = ax * by - ay * bx
         with np.errstate(divide="ignore", invalid="ignore"):
             move = np.stack([x * by - y * bx, x * ay - y * ax], axis=1) / det[:, None]
-        # along strands that run side by side a step may lead anywhere: these stay where they are
+        # where strands run side by side a step may lead anywhere: keep these places
         before = s
         s = np.where(np.isfinite(move) & (np.abs(s + move - start) <= spacing), s + move, start)
         s = np.clip(s, 0.0, length)
-        if (np.abs(s - before) <= _SETTLED * length).all():
+        if (np.abs(s - before) <= _SAME_PLACE * length).all():
             break
     refined = at.copy()
     refined[some] = s
     return refined
 
 
-def _at(chains: Sequence[Line], places: Places) -> tuple[Array, Array]:
-    """Return positions (K, 3) and unit tangents (K, 3)."""
+def _locate(chains: Sequence[Line], places: Places) -> tuple[Array, Array]:
+    """Return positions and unit tangents, (K, 3) each."""
     number, s = places
     point, tangent = np.empty((2, len(s), 3))
     for i in np.unique(number):
@@ -310,8 +288,8 @@ def _at(chains: Sequence[Line], places: Places) -> tuple[Array, Array]:
     return point, tangent
 
 
-def _covariance(chains: Sequence[Line], places: Places) -> Array:
-    """(K, 3, 3) Covariances of positions; NaN where none is known."""
+def _interpolate_covariance(chains: Sequence[Line], places: Places) -> Array:
+    """Return (K, 3, 3) covariances of positions, NaN where unknown."""
     number, s = places
     covariance = np.full((len(s), 3, 3), np.nan)
     for i in np.unique(number):
@@ -321,10 +299,12 @@ def _covariance(chains: Sequence[Line], places: Places) -> Array:
     return covariance
 
 
-def _gap(chains: Sequence[Line], number: NDArray[np.intp], at: Array, height: Array, radii: Array) -> Array:
-    """(K,) Clearance between the surfaces around crossings, metres."""
-    # the nearest place of a steep strand is as far along it as it is high
-    reach = np.broadcast_to(height + 0.5 * _APART * radii, at.shape)
+def _measure_gap(
+    chains: Sequence[Line], number: NDArray[np.intp], at: Array, height: Array, radii: Array
+) -> Array:
+    """Return (K,) clearances between the surfaces around crossings, metres."""
+    # the nearest place of a steep strand is as far along it as the height
+    reach = np.broadcast_to(height + 0.5 * _MIN_BETWEEN * radii, at.shape)
     back, ahead = reach.copy(), reach.copy()
     for i in np.unique(number):
         chain, here = chains[i], number == i
@@ -332,18 +312,18 @@ def _gap(chains: Sequence[Line], number: NDArray[np.intp], at: Array, height: Ar
         ahead[here] = np.minimum(ahead[here], 0.5 * chain.length if chain.closed else chain.length - at[here])
         mine = here.all(axis=0)
         between = at[1, mine] - at[0, mine]
-        half = np.maximum(0.5 * (between - _APART * chain.radius), 0.0)
+        half = np.maximum(0.5 * (between - _MIN_BETWEEN * chain.radius), 0.0)
         ahead[0, mine], back[1, mine] = np.minimum(ahead[0, mine], half), np.minimum(back[1, mine], half)
         if chain.closed:
-            half = np.maximum(0.5 * (chain.length - between - _APART * chain.radius), 0.0)
+            half = np.maximum(0.5 * (chain.length - between - _MIN_BETWEEN * chain.radius), 0.0)
             back[0, mine], ahead[1, mine] = np.minimum(back[0, mine], half), np.minimum(ahead[1, mine], half)
     return find_least_distances(chains, number, at, back, ahead) - radii
 
 
-def _apart(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:
-    """Return the direction of two strands' distance (K, 3), its cosine with that of sight, and their angle.
+def _measure_distance_direction(tangent: Array, towards: Array) -> tuple[Array, Array, Array]:
+    """Return the direction of the distance of two strands, its cosine with `towards`, and the strands' angle.
 
-    The distance is across both tangents; where strands all but run side by side, across one of them.
+    The distance is across both tangents, or across one of them where strands run nearly side by side.
     """
     across = np.cross(*tangent)
     beside = np.linalg.norm(across, axis=1) < _SIDE_BY_SIDE
