@@ -45,10 +45,10 @@ def measure_separation(
         for start in range(0, len(chain), _BLOCK):
             rows = slice(start, start + _BLOCK)
             squared = ((chain[rows, None] - nodes[None]) ** 2).sum(axis=2)
-            apart = np.abs(arc[rows, None] - arc[None])
+            along = np.abs(arc[rows, None] - arc[None])
             if ring:
-                apart = np.minimum(apart, around - apart)
-            squared[:, own][apart <= neighborhood] = np.inf
+                along = np.minimum(along, around - along)
+            squared[:, own][along <= neighborhood] = np.inf
             nearest[own][rows] = np.sqrt(squared.min(axis=1))
         first += len(chain)
     return tuple(np.split(nearest, np.cumsum([len(chain) for chain in chains])[:-1]))

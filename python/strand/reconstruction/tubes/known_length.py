@@ -19,7 +19,8 @@ def restore_bows(fit: TubeFit, starts: Sequence[Array]) -> list[Array]:
     """Return the fitted curves' control points, with their starting shape where no point lies on them.
 
     A fit bends least where nothing was seen, which removes bows. The starting shape is put back with a change
-    of least third differences, which joins it smoothly to the rest. `starts` are the control points before.
+    of least third differences, which joins it smoothly to the rest. `starts` are the points before
+    the fit.
     """
     curves = []
     for number, (control, start) in enumerate(zip(fit.curves, starts, strict=True)):
@@ -46,7 +47,7 @@ def restore_bows(fit: TubeFit, starts: Sequence[Array]) -> list[Array]:
 def lengthen(
     fit: TubeFit, starts: Sequence[Array], parts: Sequence[Curve | None], prior: Prior
 ) -> list[Curve | None]:
-    """Bow ropes that are shorter than their known lengths, as long as the bows that they started with can.
+    """Raise the bows of ropes that are shorter than their known lengths.
 
     `starts` are the control points before the fit, `parts` the stretches of the curves that are rope.
     """

@@ -13,10 +13,10 @@ from strand.reconstruction.tubes.clouds import Pair
 from strand.reconstruction.tubes.join_costs import JoinCosts
 
 _UNIT = 1e6  # whole numbers per unit of cost, as the matching takes whole weights
-_MAX_WAYS = 20_000  # ways to join a wanted number of pairs that are compared
-_MAX_ALL_WAYS = 60_000  # the same over all wanted numbers
+_MAX_WAYS = 20_000  # pairs that one search for the cheapest joins tries
+_MAX_ALL_WAYS = 60_000  # pairs that all these searches try
 _MAX_OPENINGS = 500  # matchings that are tried to open rings
-_MAX_MATCHED = 100_000  # pairs in all these matchings together
+_MAX_MATCHED = 100_000  # pairs of ends in all these matchings together
 _MAX_EXACT = 300  # joins: more are taken one by one, the cheapest first
 
 Priced = Sequence[tuple[float, int, int]]
@@ -24,7 +24,7 @@ Priced = Sequence[tuple[float, int, int]]
 
 
 def match_ends(costs: JoinCosts, free_end: float, without: Collection[Pair] = ()) -> tuple[list[Pair], float]:
-    """Return the joins of least cost, with that cost; each free end adds to it.
+    """Return the joins of least cost, and that cost, to which each free end adds.
 
     Pairs in `without` are not joined.
     """

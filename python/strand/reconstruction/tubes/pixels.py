@@ -21,7 +21,7 @@ _STEPS = 8  # bisections of that range
 _SAMPLE = 1000  # points that are searched
 _ROUNDING = 1e-6  # tangents: smaller differences come from rounding
 _MAX_PIXELS = 1 << 24  # of an image
-_NEXT_COLUMN = 2.0**26  # number of a pixel in the next column, less its own
+_NEXT_COLUMN = 2.0**26  # by which the number of a pixel grows from column to column
 
 
 @dataclass(frozen=True, eq=False)

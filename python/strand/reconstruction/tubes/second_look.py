@@ -76,9 +76,9 @@ def _trace_radius(fit: TubeFit, r: float) -> list[Array]:
 def find_arcs_to_reconsider(
     fit: TubeFit, parts: Sequence[Curve | None], visibility: Visibility
 ) -> Arcs | None:
-    """Return the arcs of a fit without stretches in free space, with unexplained arcs; None without either.
+    """Return a fit's arcs without stretches in free space, and the arcs in unexplained points.
 
-    `parts` are the stretches of the curves that are rope.
+    `parts` are the stretches of the curves that are rope. Without anything to cut or add, return None.
     """
     nodes: list[Array] = []
     classes: list[int] = []
@@ -103,9 +103,9 @@ def find_arcs_to_reconsider(
 
 
 def is_phantom(stretch: Array, count: int, spacing: float) -> bool:
-    """Tell whether a run of nodes that cameras saw through, not at an end, is too long to be rope.
+    """Tell whether a run of nodes in free space, away from both ends, is too long to be rope.
 
-    `stretch` has its first node and the one after its last of `count` nodes, `spacing` radii apart.
+    `stretch` has its first node, and the one after its last, of `count` nodes. Their spacing is in radii.
     """
     start, stop = stretch
     return bool(start > 0 and stop < count and (stop - start) * spacing >= _PHANTOM)

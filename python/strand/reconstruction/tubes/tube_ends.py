@@ -17,14 +17,14 @@ from strand.support.checks import Array
 _INSIDE = 5.0  # radii: stretch inside an end over which the density of its points is taken
 _AHEAD = np.arange(0.5, 4.01, 0.25)  # radii: places beyond an end that cameras may have seen through
 _UNSEEN = (2.0, 3.5)  # radii: an unseen stretch this long has the end in its middle
-_MAX_COSINE = 0.99  # between an end and the way to the camera: beyond, a pixel's width has no limit
+_MAX_COSINE = 0.99  # between an end's direction and the way to the camera: larger ones are cut off here
 _HALF_WIDTHS = np.sqrt(1.0 - np.linspace(-1.0, 1.0, 402)[1:-1] ** 2)  # of chords of a circle of radius 1
 
 
 def find_extents(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
-    """Cut each fitted curve to the stretch that its points support; None for one of less than eight points.
+    """Cut each fitted curve to the stretch that its points support; None for fewer than eight points.
 
-    If `exclusive`, points near an end that another strand explains too do not count.
+    If `exclusive`, points near an end do not count if another strand explains them too.
     """
     tolerance = None
     if exclusive:
@@ -39,9 +39,9 @@ def find_extents(fit: TubeFit, exclusive: bool) -> list[Curve | None]:
 
 
 def measure_unseen(part: Curve, late: bool, visibility: Visibility, radius: float) -> float:
-    """Return how far straight beyond an end the first free space is that cameras saw, metres.
+    """Return the distance from an end straight on to the first space that cameras saw free, metres.
 
-    `late` chooses the end of greater arc length. Beyond four radii the result is infinite.
+    `late` chooses the end of greater arc length. The distance is infinite if it is over four radii.
     """
     end, inner = part.at([part.length, part.length - radius] if late else [0.0, radius])[0]
     outward = (end - inner) / max(float(np.linalg.norm(end - inner)), np.finfo(float).tiny)
@@ -72,8 +72,8 @@ def extend_hidden_ends(
 def estimate_excess(cosine: float, band: float) -> tuple[float, float]:
     """Return how much longer a rope looks from a camera than from the side, and half its range, radii.
 
-    A flat cut that faces the camera shows points near the surface of the extended rope. A round cap reaches
-    the farther along the axis, the more slanting the view. An end is between the two.
+    A flat cut that faces the camera shows points near the surface of the extended rope. A round cap looks
+    the longer, the more slanting the view. An end is between the two.
 
     Parameters
     ----------

@@ -116,20 +116,20 @@ def fit_ropes(
 def cut_to_ropes(
     fit: TubeFit, ropes: Arcs, closed: Sequence[bool], before: TubeFit, prior: Prior, config: Config
 ) -> list[Curve | None]:
-    """Cut the curves of `fit_ropes` to where their points end, rings to once round; bow known lengths.
+    """Cut the curves of `fit_ropes` to where their points end, and raise the bows of known lengths.
 
-    The result is None for a curve that hardly any point supports.
+    A ring is cut to one turn. The result is None for a curve that hardly any point supports.
     """
     parts = find_extents(fit, exclusive=True)
     for i, control in enumerate(fit.curves):
         if closed[i]:
-            parts[i] = _cut_once_round(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
+            parts[i] = _cut_to_one_turn(Curve.whole(control), ROPE_MARGIN * fit.radius(i))
     if not prior.lengths:
         return parts
     return lengthen(fit, make_splines(ropes, before.radii, config, ROPE_MARGIN), parts, prior)
 
 
-def _cut_once_round(curve: Curve, margin: float) -> Curve:
+def _cut_to_one_turn(curve: Curve, margin: float) -> Curve:
     """Return the stretch of a closed rope's curve from `margin`, metres, to where it returns there."""
     start = curve.at([margin])[0]
     late = np.linspace(curve.length - 3.0 * margin, curve.length, 400)
