@@ -285,7 +285,7 @@ def main() -> int:
     )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every so many scenes")
     arguments = parser.parse_args()
-    scenes = list(collection.chosen(arguments))[:: arguments.every]
+    scenes = list(collection.choose_scenes(arguments))[:: arguments.every]
     if arguments.part in (None, "perturbed"):
         perturbed_table(scenes, arguments.limit)
         print()

@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import strand
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, cluttered_scene
@@ -48,7 +48,7 @@ def found_in(synthetic: SyntheticScene, views: list[strand.View], pictures: Path
         return Found(len(views), False, 0.0, 0.0, 0.0, time.perf_counter() - start)
     seconds = time.perf_counter() - start
     first, *others = model.chains
-    right = bool(synthetic.truth) and measured([first.points], synthetic.truth, synthetic.radius).right
+    right = bool(synthetic.truth) and measure_chains([first.points], synthetic.truth, synthetic.radius).right
     if pictures is not None and not right:
         draw(synthetic, model, pictures / f"{synthetic.name}.png")
     surest = max((chain.confidence for chain in (others if right else model.chains)), default=0.0)

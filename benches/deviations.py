@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 import strand
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from limits import Truth, calibration
@@ -71,7 +71,7 @@ def told(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]
             model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds, ropes=ropes)
         except strand.StrandError:
             continue
-        error = measured([chain.points for chain in model.chains], drawn.truth, drawn.radius)
+        error = measure_chains([chain.points for chain in model.chains], drawn.truth, drawn.radius)
         if error.right:
             sd, square = calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
             found.append((math.sqrt(square), error.rms * 1e3, sd * 1e3))

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from lib.judging import SURE, judged
+from lib.judging import SURE, judge_scene
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import (
@@ -121,7 +121,7 @@ def _stretched(camera: DepthCamera, stretch: float) -> DepthCamera:
 def judge(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any]:
     """Reconstruct one scene and compare with the truth."""
     synthetic, record = draw(seed, noise, relative)
-    found, _ = judged(synthetic, tell_radius=True, tell_ropes=False)
+    found, _ = judge_scene(synthetic, tell_radius=True, tell_ropes=False)
     record |= {"right": found.right, "confidence": found.confidence, "found": found.found}
     record |= {"error": found.error} if found.error else {"rms": found.rms, "frechet": found.frechet}
     return {**record, "seconds": found.seconds, "asked": [noise, *relative]}

@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 
 import strand
 from lib import collection
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, render_depth
@@ -229,14 +229,14 @@ def main() -> int:
     errors = ("bound mm", "RMS mm", "RMS / bound", "reported sd mm", "e' C^-1 e / 2")
     print_head("scene", "noise mm", "points", *errors)
     by_noise: dict[float, list[tuple[float, ...]]] = defaultdict(list)
-    for scene in collection.chosen(arguments):
+    for scene in collection.choose_scenes(arguments):
         name, noise = scene.name, f"{scene.noise * 1e3:.1f}"
         try:
             model = strand.reconstruct(scene.views, scene.radius, scene.bounds, config=config)
         except strand.StrandError as error:
             print_row(name, noise, f"no answer: {error}", *[""] * len(errors))
             continue
-        found = measured([chain.points for chain in model.chains], scene.truth, scene.radius)
+        found = measure_chains([chain.points for chain in model.chains], scene.truth, scene.radius)
         if not found.right:
             print_row(name, noise, "wrong topology", *[""] * len(errors))
             continue

@@ -53,7 +53,7 @@ def main() -> int:
     small = [
         scene(SHAPES[k], views=1 + k % 3, camera=Camera(size=(160, 120)), seed=k) for k in range(len(SHAPES))
     ]
-    fine = collection.scene("paper_fine")
+    fine = collection.make_scene("paper_fine")
     cloud = np.random.default_rng(0).random((2_000_000, 3))
 
     def reconstruct(number: int) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import strand
 from lib.collection import SHAPES
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, cluttered_scene, scene
@@ -179,7 +179,9 @@ def answered(given: Given, synthetic: SyntheticScene) -> Answer | str:
         return f"{type(error).__name__}: {error}"
     chains = [chain.points for chain in model.chains]
     # among other things the longest chain is to be the rope
-    right = any(measured(some, synthetic.truth, synthetic.radius).right for some in (chains, chains[:1]))
+    right = any(
+        measure_chains(some, synthetic.truth, synthetic.radius).right for some in (chains, chains[:1])
+    )
     said = f"{model.doubts[0].kind}: {model.doubts[0].reason}" if model.doubts else ""
     return Answer(right, max(chain.confidence for chain in model.chains), said)
 

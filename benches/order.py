@@ -27,7 +27,7 @@ from scipy.optimize import linear_sum_assignment
 import strand
 from fresh import KINDS, RELATIVE, draw
 from lib import collection
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.ropes.crossings import Crossing
@@ -140,7 +140,7 @@ def judge(synthetic: SyntheticScene) -> dict[str, Any]:
     else:
         chains = model.chains
         found = beside_truth(chains, model.crossings(), synthetic.truth, synthetic.radius)
-    measure = measured([chain.points for chain in chains], synthetic.truth, synthetic.radius)
+    measure = measure_chains([chain.points for chain in chains], synthetic.truth, synthetic.radius)
     return {
         "scene": synthetic.name,
         "noise": synthetic.noise / synthetic.radius,
@@ -250,7 +250,7 @@ def main() -> int:
     if arguments.collection:
         records = []
         print_head("scene", "topology", "true crossings", "found", "order right", "least probability")
-        for synthetic in collection.chosen(arguments):
+        for synthetic in collection.choose_scenes(arguments):
             records.append(judge(synthetic))
             found = records[-1]["crossings"]
             print_row(

@@ -32,7 +32,7 @@ def main() -> int:
     collection.add_arguments(parser)
     arguments = parser.parse_args()
     by_noise = defaultdict(list)
-    for scene in collection.chosen(arguments):
+    for scene in collection.choose_scenes(arguments):
         model = strand.reconstruct(scene.views, None, scene.bounds)
         by_noise[scene.noise].append((worst(model, scene.radius), scene.name))
     print_head("depth noise mm", "scenes", "error %, median", "worst")
@@ -48,8 +48,8 @@ def main() -> int:
             errors.append(worst(strand.reconstruct(scene.views, None, scene.bounds), size))
         print_row(f"{size * 1e3:.0f}", f"{np.median(errors):.2f}", f"{max(errors):.2f}")
     print(f"\n{format_head('frame', 'radius mm', 'standard deviation mm', 'residual RMS mm')}")
-    for frame in frames.names():
-        model = strand.reconstruct([frames.view(frame)], ropes=1, keep_stages=True)
+    for frame in frames.list_frames():
+        model = strand.reconstruct([frames.load_view(frame)], ropes=1, keep_stages=True)
         chain, fit = model.chains[0], model.stages["fit"]
         residual = np.sqrt((fit.residual[fit.inlier] ** 2).mean())
         print_row(frame, *(f"{value * 1e3:.2f}" for value in (chain.radius, chain.radius_sd, residual)))

@@ -23,11 +23,11 @@ RADIUS = 0.0038  # metres
 
 
 def draw(models: dict[str, strand.Model], path: Path) -> None:
-    intrinsics = frames.intrinsics()
+    intrinsics = frames.load_intrinsics()
     figure = Figure(figsize=(12, 7.2), layout="constrained")
     axes = figure.subplots(2, 3)
     for axis, (frame, model) in zip(axes.flat, models.items(), strict=False):
-        depth, gray = frames.depth(frame), frames.gray(frame)
+        depth, gray = frames.load_depth(frame), frames.load_gray(frame)
         if gray is not None:
             axis.imshow(gray, cmap="gray", vmin=0, vmax=255)
         else:
@@ -55,8 +55,8 @@ def main() -> int:
         "--frames",
         nargs="+",
         metavar="NNNN",
-        choices=frames.names(),
-        default=frames.names(),
+        choices=frames.list_frames(),
+        default=frames.list_frames(),
         help="(default: all)",
     )
     parser.add_argument("--masks", action="store_true", help="give the pixels with depth as masks")
@@ -65,7 +65,7 @@ def main() -> int:
     print_head("frame", "points", "chains", *lengths, "confidence")
     models = {}
     for frame in arguments.frames:
-        view = frames.view(frame, arguments.masks)
+        view = frames.load_view(frame, arguments.masks)
         models[frame] = model = strand.reconstruct([view], radius=RADIUS, ropes=1)
         (chain, *_) = model.chains
         off = np.abs(chain.nearest(view.world_points).distance - RADIUS)

@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from lib.bag_files import FORMATS, film, write
+from lib.bag_files import FORMATS, record_film, write_bag
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand import Recording, synthetic
@@ -49,7 +49,7 @@ def main() -> int:
     for kind in FORMATS:
         for frames in arguments.frames:
             with tempfile.TemporaryDirectory() as folder:
-                path = write(Path(folder) / "film", kind, film(scene, frames, kind == "ros1"))
+                path = write_bag(Path(folder) / "film", kind, record_film(scene, frames, kind == "ros1"))
                 size = sum(one.stat().st_size for one in ([path] if path.is_file() else path.iterdir()))
                 for world in (None, "world"):
                     results = context.SimpleQueue()

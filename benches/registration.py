@@ -246,7 +246,7 @@ def main() -> int:
     print_table("views", by_spread)
     print_table("shape, two views or more", by_shape)
     by_noise: dict[float, list[dict[str, Outcome]]] = defaultdict(list)
-    for scene in collection.chosen(arguments):
+    for scene in collection.choose_scenes(arguments):
         by_noise[scene.noise].append(outcomes(scene))
     print_table("depth noise", {f"{noise * 1e3:.1f} mm": by_noise[noise] for noise in sorted(by_noise)})
     return 0

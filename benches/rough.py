@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lib.judging import all_judged, summary
+from lib.judging import format_summary, judge_scenes
 from lib.results import make_parser, run_bench
 from strand.synthetic import ROUGH, rough_scene
 
@@ -26,9 +26,9 @@ def main() -> int:
         parser.error("--scenes: expected at least 1")
     kinds = ROUGH if arguments.only is None else (arguments.only,)
     seeds = range(arguments.first, arguments.first + arguments.scenes)
-    results = all_judged((rough_scene(kind, seed) for kind in kinds for seed in seeds), arguments.pictures)
+    results = judge_scenes((rough_scene(kind, seed) for kind in kinds for seed in seeds), arguments.pictures)
     groups = [(kind, lambda found, kind=kind: found.scene.startswith(kind)) for kind in kinds]
-    print(f"\n{summary(results, 'kind', groups)}")
+    print(f"\n{format_summary(results, 'kind', groups)}")
     return 0
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import strand
 from lib import collection
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.config import Config, Reconnection
@@ -74,7 +74,7 @@ def main() -> int:
     arguments = parser.parse_args()
     print_head("scene", "ropes", "arcs", "paper's rule", "matching", "decision")
     right, total = np.zeros(3, dtype=int), 0
-    for scene in collection.chosen(arguments):
+    for scene in collection.choose_scenes(arguments):
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, keep_stages=True)
         arcs = model.stages["arcs"]
         answers = [
@@ -82,7 +82,7 @@ def main() -> int:
             fitted(scene, model, by_the_matching(arcs, scene.radius)),
             [chain.points for chain in model.chains],
         ]
-        found = [measured(answer, scene.truth, scene.radius) for answer in answers]
+        found = [measure_chains(answer, scene.truth, scene.radius) for answer in answers]
         said = ["right" if each.right else f"wrong, {each.chains} ropes" for each in found]
         print_row(scene.name, len(scene.truth), len(arcs), *said)
         right, total = right + [each.right for each in found], total + 1

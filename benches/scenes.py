@@ -24,7 +24,7 @@ import numpy as np
 
 import strand
 from lib import collection
-from lib.measure import Measure, measured
+from lib.measure import Measure, measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene
@@ -97,7 +97,7 @@ def main() -> int:
     answers, measures = [], []
     by_noise: dict[float, list[float]] = defaultdict(list)
     sure_and_wrong = 0.0
-    for scene in collection.chosen(arguments):
+    for scene in collection.choose_scenes(arguments):
         try:
             model, milliseconds = reconstructed(scene, arguments)
         except strand.StrandError as error:
@@ -106,7 +106,7 @@ def main() -> int:
         else:
             chains, confidence = [chain.points for chain in model.chains], model.confidence
         answers.append((scene.name, chains))
-        found = measured(chains, scene.truth, scene.radius)
+        found = measure_chains(chains, scene.truth, scene.radius)
         measures.append(found)
         by_noise[scene.noise].append(found.rms * 1e3)
         if not found.right:

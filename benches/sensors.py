@@ -21,7 +21,7 @@ import numpy as np
 
 from lib import collection
 from lib.collection import SHAPES
-from lib.judging import all_judged, summary
+from lib.judging import format_summary, judge_scenes
 from lib.results import make_parser, run_bench
 from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, SyntheticScene, random_ropes, scene
 from strand.synthetic.camera import FOCAL_LENGTH
@@ -79,7 +79,7 @@ def read(folder: Path, only: str) -> Iterator[tuple[str, SyntheticScene]]:
                     if len(parts) > 2
                     else "unknown"
                 )
-            yield told, collection.stored(path)
+            yield told, collection.load_stored(path)
 
 
 def main() -> int:
@@ -98,7 +98,7 @@ def main() -> int:
             cameras[synthetic.name] = camera
             yield synthetic
 
-    results = all_judged(
+    results = judge_scenes(
         shown(),
         arguments.pictures,
         tell_radius=not arguments.estimate_radius,
@@ -112,7 +112,7 @@ def main() -> int:
     ]
     counts = sorted({found.views for found in results})
     by_views = [(f"{count} of a scene", lambda found, count=count: found.views == count) for count in counts]
-    print(f"\n{summary(results, 'camera', by_camera)}\n\n{summary(results, 'views', by_views)}")
+    print(f"\n{format_summary(results, 'camera', by_camera)}\n\n{format_summary(results, 'views', by_views)}")
     return 0
 
 

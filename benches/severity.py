@@ -31,7 +31,7 @@ import numpy as np
 import strand
 from lib import pictures
 from lib.judging import SURE
-from lib.measure import measured
+from lib.measure import measure_chains
 from lib.perturbations import FOREIGN, KINDS, Given, Kind
 from lib.results import make_parser, run_bench
 from lib.tables import format_head, format_row
@@ -91,7 +91,7 @@ def judge(seed: int, name: str, strength: float) -> dict[str, Any]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
     seconds = time.process_time() - start
-    found = measured([chain.points for chain in model.chains], what.scene.truth, what.scene.radius)
+    found = measure_chains([chain.points for chain in model.chains], what.scene.truth, what.scene.radius)
     return {
         **record,
         "right": found.right,
@@ -174,7 +174,7 @@ def main() -> int:
                 records.append(done)
     print(table(records))
     if arguments.out is not None:
-        pictures.severity(records, KINDS, said, arguments.out / "severity.png")
+        pictures.draw_severity(records, KINDS, said, arguments.out / "severity.png")
     return 0
 
 

@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=15, metavar="N", help="of each (default: 15)")
     arguments = parser.parse_args()
     print_head("scene", "method", "total", "quickest", "stages")
-    for scene in map(collection.scene, arguments.scenes):
+    for scene in map(collection.make_scene, arguments.scenes):
         for name, config in METHODS.items():
             runs = [timed(scene, config) for _ in range(arguments.runs)]
             totals = [sum(run.values()) * 1e3 for run in runs]

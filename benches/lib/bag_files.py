@@ -100,7 +100,7 @@ class Messages:
         """Transforms: parent, child, (4, 4) motion from child to parent."""
         transforms = []
         for parent, child, pose in poses:
-            x, y, z, w = quaternion(np.asarray(pose)[:3, :3])
+            x, y, z, w = compute_quaternion(np.asarray(pose)[:3, :3])
             place = dict(zip("xyz", np.asarray(pose)[:3, 3].tolist(), strict=True))
             motion = self.make(
                 "geometry_msgs/msg/Transform",
@@ -118,7 +118,7 @@ class Messages:
         return self.make("tf2_msgs/msg/TFMessage", transforms=transforms)
 
 
-def quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
+def compute_quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
     """x, y, z, w of a rotation: the eigenvector of a symmetric matrix (Bar-Itzhack)."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     symmetric = np.array(
@@ -133,7 +133,7 @@ def quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
     return x, y, z, w
 
 
-def write(path: Path, kind: str, entries: Iterable[Entry], compression: str | None = None) -> Path:
+def write_bag(path: Path, kind: str, entries: Iterable[Entry], compression: str | None = None) -> Path:
     """Write a bag of one of `FORMATS` and return where it is: a file, or a folder if that says more.
 
     Compression is "lz4" or "bz2" of ROS 1; "message", "file" or, of MCAP, "storage" of ROS 2.
@@ -161,28 +161,30 @@ def write(path: Path, kind: str, entries: Iterable[Entry], compression: str | No
     return path / f"{path.name}.mcap" if kind == "mcap" and compression in (None, "storage") else path
 
 
-def millimetres(scene: SyntheticScene) -> NDArray[np.uint16]:
+def convert_to_millimeters(scene: SyntheticScene) -> NDArray[np.uint16]:
     """(V, H, W) The scene's depths in whole millimetres, as 16UC1 has them."""
     return np.round(scene.depth * (scene.depth_scale * 1e3)).astype(np.uint16)
 
 
-def cameras(scene: SyntheticScene, ros1: bool = False, poses: Sequence[Any] | None = None) -> Iterator[Entry]:
+def record_cameras(
+    scene: SyntheticScene, ros1: bool = False, poses: Sequence[Any] | None = None
+) -> Iterator[Entry]:
     """One frame of a scene: a camera for each view, placed by static transforms to "world"."""
     made = Messages(ros1)
     poses = scene.poses if poses is None else poses
     placed = [("world", f"camera_{k}", pose) for k, pose in enumerate(poses)]
     yield "/tf_static", START, made.tf(placed, START)
-    for k, depth in enumerate(millimetres(scene)):
+    for k, depth in enumerate(convert_to_millimeters(scene)):
         stamp = START + k * 10**6
         frame = f"camera_{k}"
         yield f"/{frame}/depth/camera_info", stamp, made.info(scene.intrinsics, depth.shape, stamp, frame)
         yield f"/{frame}/depth/image_raw", stamp, made.image(depth, stamp, frame)
 
 
-def film(scene: SyntheticScene, frames: int, ros1: bool = False) -> Iterator[Entry]:
+def record_film(scene: SyntheticScene, frames: int, ros1: bool = False) -> Iterator[Entry]:
     """The views of a scene one after the other, by one camera that moves, over and over."""
     made = Messages(ros1)
-    depths = millimetres(scene)
+    depths = convert_to_millimeters(scene)
     for i in range(frames):
         stamp, k = START + i * PERIOD, i % len(depths)
         if i == 0:

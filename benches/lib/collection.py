@@ -34,7 +34,7 @@ RANDOM = {1: 1, 2: 1, 3: 2, 4: 2, 6: 3}  # ropes by crossings
 _ARRAYS = ("depth", "depth_scale", "K", "poses", "poses_true", "box", "radius", "noise")
 
 
-def stored(path: Path) -> SyntheticScene:
+def load_stored(path: Path) -> SyntheticScene:
     """Read what `SyntheticScene.save` wrote; the scene is called as the file is.
 
     Raises
@@ -63,20 +63,20 @@ def stored(path: Path) -> SyntheticScene:
         )
 
 
-def _settled(name: str) -> SyntheticScene:
+def _make_settled(name: str) -> SyntheticScene:
     with np.load(DATA / "settled_ropes.npz") as ropes:
         nodes = ropes[name].astype(np.float64)
     return synthetic.scene(name, chains=[nodes], seed=int(name[-2:]))
 
 
-def _random(crossings: int) -> SyntheticScene:
+def _make_random(crossings: int) -> SyntheticScene:
     chains = synthetic.random_ropes(crossings, RANDOM[crossings], seed=crossings)
     return synthetic.scene(f"random_{crossings}", chains=chains, seed=crossings)
 
 
-def _makers() -> dict[str, Callable[[], SyntheticScene]]:
+def _list_makers() -> dict[str, Callable[[], SyntheticScene]]:
     makers: dict[str, Callable[[], SyntheticScene]] = {
-        path.stem: partial(stored, path) for path in sorted((DATA / "scenes").glob("*.npz"))
+        path.stem: partial(load_stored, path) for path in sorted((DATA / "scenes").glob("*.npz"))
     }
     for seed, shape in enumerate(SHAPES):
         for noise in NOISES:
@@ -86,19 +86,19 @@ def _makers() -> dict[str, Callable[[], SyntheticScene]]:
         synthetic.scene, "paper", seed=SHAPES.index("paper"), camera=synthetic.Camera(size=FINE)
     )
     with np.load(DATA / "settled_ropes.npz") as ropes:
-        makers |= {name: partial(_settled, name) for name in ropes}
-    return makers | {f"random_{count}": partial(_random, count) for count in RANDOM}
+        makers |= {name: partial(_make_settled, name) for name in ropes}
+    return makers | {f"random_{count}": partial(_make_random, count) for count in RANDOM}
 
 
-_MAKERS = _makers()
+_MAKERS = _list_makers()
 
 
-def names() -> list[str]:
+def list_names() -> list[str]:
     """The names of all scenes."""
     return list(_MAKERS)
 
 
-def scene(name: str) -> SyntheticScene:
+def make_scene(name: str) -> SyntheticScene:
     """Make or read one scene: the same bits each time.
 
     Parameters
@@ -107,7 +107,7 @@ def scene(name: str) -> SyntheticScene:
         A scene's name, or the path of an `.npz` file.
     """
     if name.endswith(".npz"):
-        return stored(Path(name))
+        return load_stored(Path(name))
     return dataclasses.replace(_MAKERS[name](), name=name)
 
 
@@ -123,11 +123,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", metavar="TEXT", default="", help="scenes whose name holds this text")
 
 
-def chosen(arguments: argparse.Namespace) -> Iterator[SyntheticScene]:
+def choose_scenes(arguments: argparse.Namespace) -> Iterator[SyntheticScene]:
     """Yield the scenes that the command line chose; end the program if there are none."""
     folder: Path | None = arguments.folder
-    paths = names() if folder is None else [str(path) for path in sorted(folder.glob("*.npz"))]
+    paths = list_names() if folder is None else [str(path) for path in sorted(folder.glob("*.npz"))]
     kept = [path for path in paths if arguments.only in Path(path).name.removesuffix(".npz")]
     if not kept:
         sys.exit(f"{folder or 'collection'}: no scene whose name holds {arguments.only!r}")
-    yield from map(scene, kept)
+    yield from map(make_scene, kept)

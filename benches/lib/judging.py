@@ -13,7 +13,7 @@ import numpy as np
 
 import strand
 from lib import pictures
-from lib.measure import Crossings, measured
+from lib.measure import Crossings, measure_chains
 from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene, scene
 
@@ -69,7 +69,7 @@ class Judgement:
         return self.confidence >= SURE and not self.right
 
 
-def judged(
+def judge_scene(
     synthetic: SyntheticScene, *, tell_radius: bool, tell_ropes: bool
 ) -> tuple[Judgement, list[np.ndarray]]:
     """Reconstruct a scene, compare with the truth, and return the chains' nodes too."""
@@ -93,9 +93,9 @@ def judged(
     # crossings are those seen across the ropes' layer: along z on a table, not before a wall
     turn = 2 - int(np.argmin(np.ptp(np.concatenate(synthetic.truth), axis=0)))
     truth, answer = ([np.roll(nodes, turn, axis=1) for nodes in lines] for lines in (synthetic.truth, chains))
-    found = measured(answer, truth, synthetic.radius)
+    found = measure_chains(answer, truth, synthetic.radius)
     # a scene without chains has crossings too
-    crossings = found.crossings if chains else measured(truth, truth, 1.0).crossings
+    crossings = found.crossings if chains else measure_chains(truth, truth, 1.0).crossings
     return (
         Judgement(
             scene=synthetic.name,
@@ -116,7 +116,7 @@ def judged(
     )
 
 
-def all_judged(
+def judge_scenes(
     scenes: Iterable[SyntheticScene],
     folder: Path | None,
     *,
@@ -130,7 +130,7 @@ def all_judged(
     print_head("scene", "topology", "chains", "Fréchet / r", "RMS mm", "crossings", "confidence", "ms")
     results = []
     for synthetic in scenes:
-        found, chains = judged(synthetic, tell_radius=tell_radius, tell_ropes=tell_ropes)
+        found, chains = judge_scene(synthetic, tell_radius=tell_radius, tell_ropes=tell_ropes)
         results.append(found)
         print_row(
             found.scene,
@@ -143,11 +143,11 @@ def all_judged(
             f"{found.seconds * 1e3:.0f}",
         )
         if folder is not None and not found.right:
-            pictures.draw(synthetic, chains, folder / f"{found.scene}.png")
+            pictures.draw_scene(synthetic, chains, folder / f"{found.scene}.png")
     return results
 
 
-def summary(
+def format_summary(
     results: Sequence[Judgement], what: str, groups: Sequence[tuple[str, Callable[[Judgement], bool]]]
 ) -> str:
     """Return a table with a row for each group of scenes that has any, and one for all."""
@@ -182,14 +182,14 @@ def summary(
                 ),
                 sum(found.sure_and_wrong for found in group),
                 sum(found.right and found.confidence >= FAIR for found in group),
-                _median([found.rms * 1e3 for found in group if found.right], 2),
-                _median([found.radius_error * 100 for found in group], 1),
-                _median(milliseconds, 0),
+                _format_median([found.rms * 1e3 for found in group if found.right], 2),
+                _format_median([found.radius_error * 100 for found in group], 1),
+                _format_median(milliseconds, 0),
                 f"{max(milliseconds):.0f}",
             )
         )
     return "\n".join(lines)
 
 
-def _median(values: Sequence[float], digits: int) -> str:
+def _format_median(values: Sequence[float], digits: int) -> str:
     return f"{statistics.median(values):.{digits}f}" if values else "–"

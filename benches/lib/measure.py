@@ -74,7 +74,7 @@ class Measure:
     crossings: Crossings
 
 
-def measured(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radius: float) -> Measure:
+def measure_chains(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radius: float) -> Measure:
     """Compare chains with ropes.
 
     Parameters
@@ -92,7 +92,7 @@ def measured(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radius: fl
     # a chain in the direction in which it is nearer to the rope, with that distance
     fits = [
         [
-            min(((frechet(way, rope), way) for way in (chain, chain[::-1])), key=lambda fit: fit[0])
+            min(((compute_frechet(way, rope), way) for way in (chain, chain[::-1])), key=lambda fit: fit[0])
             for rope in ropes
         ]
         for chain in found
@@ -101,20 +101,20 @@ def measured(chains: Sequence[ArrayLike], truth: Sequence[ArrayLike], radius: fl
     assigned = list(zip(*linear_sum_assignment(distances), strict=True))
     pairs = [(fits[i][j][1], ropes[j]) for i, j in assigned]
     worst = max(distances[i, j] for i, j in assigned) / radius if len(found) >= len(ropes) else math.inf
-    lengths = [(arc_lengths(chain)[-1], arc_lengths(rope)[-1]) for chain, rope in pairs]
-    counts = [crossings_found(chain, rope, radius) for chain, rope in pairs]
+    lengths = [(compute_arc_lengths(chain)[-1], compute_arc_lengths(rope)[-1]) for chain, rope in pairs]
+    counts = [match_crossings(chain, rope, radius) for chain, rope in pairs]
     return Measure(
         chains=len(found),
         ropes=len(ropes),
         right=len(found) == len(ropes) and bool(worst <= RIGHT),
         frechet=float(worst),
-        rms=float(np.sqrt(np.mean([rms_in_order(chain, rope) ** 2 for chain, rope in pairs]))),
+        rms=float(np.sqrt(np.mean([compute_rms_in_order(chain, rope) ** 2 for chain, rope in pairs]))),
         length_error=float(max(abs(length - true) / true for length, true in lengths)),
         crossings=Crossings(*(sum(column) for column in zip(*counts, strict=True))),
     )
 
 
-def arc_lengths(nodes: Array) -> Array:
+def compute_arc_lengths(nodes: Array) -> Array:
     """(N,) Length along straight segments from the first node to each, metres."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
 
@@ -122,12 +122,12 @@ def arc_lengths(nodes: Array) -> Array:
 def resampled(nodes: ArrayLike) -> Array:
     """(M, 3) Nodes a step apart along straight segments, the ends included."""
     nodes = np.asarray(nodes, dtype=np.float64)
-    at = arc_lengths(nodes)
+    at = compute_arc_lengths(nodes)
     s = np.linspace(0.0, at[-1], max(round(at[-1] / STEP) + 1, 2))
     return np.stack([np.interp(s, at, nodes[:, k]) for k in range(3)], axis=1)
 
 
-def frechet(a: Array, b: Array) -> float:
+def compute_frechet(a: Array, b: Array) -> float:
     """Discrete Fréchet distance of two curves by their nodes (Eiter and Mannila 1994), metres.
 
     The least length of a leash that lets two walkers go from end to end, node by node and never back:
@@ -146,7 +146,7 @@ def frechet(a: Array, b: Array) -> float:
     return float(last[n])
 
 
-def rms_in_order(chain: Array, rope: Array) -> float:
+def compute_rms_in_order(chain: Array, rope: Array) -> float:
     """Root mean square distance of nodes from a rope, metres.
 
     Nodes are matched with the rope's segments so that the squares' sum is least and no node lies on a segment
@@ -162,9 +162,9 @@ def rms_in_order(chain: Array, rope: Array) -> float:
     return float(np.sqrt(cost.min() / len(chain)))
 
 
-def crossings_found(chain: Array, rope: Array, radius: float) -> tuple[int, int, int]:
+def match_crossings(chain: Array, rope: Array, radius: float) -> tuple[int, int, int]:
     """Crossings that the chain has, that the rope has, and how many of these the chain has too."""
-    here, there = crossings(chain), crossings(rope)
+    here, there = find_crossings(chain), find_crossings(rope)
     left = list(range(len(here)))
     for place in there:
         same = np.abs(here[left, :2] - place[:2]) < SAME * radius
@@ -174,7 +174,7 @@ def crossings_found(chain: Array, rope: Array, radius: float) -> tuple[int, int,
     return len(here), len(there), len(here) - len(left)
 
 
-def crossings(nodes: Array) -> Array:
+def find_crossings(nodes: Array) -> Array:
     """(K, 3) Crossings of a curve with itself seen along z.
 
     Each row has the two arc lengths, the less first, and how much higher the second strand is, metres.
@@ -183,14 +183,14 @@ def crossings(nodes: Array) -> Array:
     i, j = np.triu_indices(len(step), k=APART)
     offset = start[j] - start[i]
     # start_i + t step_i meets start_j + u step_j in the plane
-    size = _cross(step[i], step[j])
+    size = _cross_product(step[i], step[j])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t, u = _cross(offset, step[j]) / size, _cross(offset, step[i]) / size
+        t, u = _cross_product(offset, step[j]) / size, _cross_product(offset, step[i]) / size
     meet = (t >= 0) & (t < 1) & (u >= 0) & (u < 1)
     # along a straight rope t and u are rounding errors over rounding errors
     meet &= np.abs(size) > PARALLEL * STEP**2
     i, j, t, u = i[meet], j[meet], t[meet], u[meet]
-    at, height = arc_lengths(nodes), nodes[:, 2]
+    at, height = compute_arc_lengths(nodes), nodes[:, 2]
     return np.stack(
         [
             at[i] + t * (at[i + 1] - at[i]),
@@ -201,5 +201,5 @@ def crossings(nodes: Array) -> Array:
     )
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

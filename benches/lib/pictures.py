@@ -16,7 +16,7 @@ MARGIN = 15  # pixels around the ropes
 TRUTH, MASK, ANSWERS = "#ffffff", "#e45756", ("#222222", "#f58518", "#b279a2", "#54a24b", "#9d755d")
 
 
-def draw(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) -> None:
+def draw_scene(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) -> None:
     """Draw every view of a scene with the ropes' true and found centrelines, and both seen from above."""
     count = len(synthetic.depth)
     figure = Figure(figsize=(6 * (count + 1), 5.5), layout="constrained")
@@ -28,7 +28,7 @@ def draw(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) ->
         [None] * count if synthetic.mask is None else synthetic.mask,
         strict=False,
     ):
-        drawn = [projected(nodes, synthetic.intrinsics, pose) for nodes in synthetic.truth]
+        drawn = [project(nodes, synthetic.intrinsics, pose) for nodes in synthetic.truth]
         ends = np.concatenate(drawn)
         around = image if mask is None else image[mask != 0]
         middle = np.median(around[around > 0]) if (around > 0).any() else 0.0
@@ -39,7 +39,7 @@ def draw(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) ->
         for line in drawn:
             axis.plot(*line.T, color=TRUTH, linewidth=1.0)
         for i, nodes in enumerate(chains):
-            line = projected(nodes, synthetic.intrinsics, pose)
+            line = project(nodes, synthetic.intrinsics, pose)
             axis.plot(*line.T, "--", color=ANSWERS[i % len(ANSWERS)], linewidth=1.4)
         axis.set_xlim(ends[:, 0].min() - MARGIN, ends[:, 0].max() + MARGIN)
         axis.set_ylim(ends[:, 1].max() + MARGIN, ends[:, 1].min() - MARGIN)
@@ -57,13 +57,13 @@ def draw(synthetic: SyntheticScene, chains: Sequence[np.ndarray], path: Path) ->
     figure.savefig(path, dpi=70)
 
 
-def projected(nodes: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> np.ndarray:
+def project(nodes: np.ndarray, intrinsics: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """(N, 2) Columns and rows at which a camera sees nodes of the world."""
     seen = (nodes - pose[:3, 3]) @ pose[:3, :3] @ intrinsics.T
     return seen[:, :2] / seen[:, 2:]
 
 
-def severity(
+def draw_severity(
     records: Sequence[dict[str, Any]],
     kinds: Mapping[str, Any],
     said: Callable[[Any, float], str],

@@ -12,7 +12,7 @@ import pytest
 
 import strand
 from lib import collection, frames
-from lib.measure import Measure, measured
+from lib.measure import Measure, measure_chains
 from shared.ropes import R
 from strand.synthetic import SyntheticScene
 
@@ -40,7 +40,7 @@ def data() -> Path:
 @pytest.fixture(scope="session")
 def collected() -> Callable[[str], SyntheticScene]:
     """A scene of the collection by its name."""
-    return cache(collection.scene)
+    return cache(collection.make_scene)
 
 
 @pytest.fixture(scope="session")
@@ -70,13 +70,15 @@ def tucked_under() -> SyntheticScene:
 @pytest.fixture(scope="session")
 def frame() -> Callable[[str], strand.View]:
     """A real depth frame by its number, in the camera frame: x right, y down, z forward."""
-    return lambda name: strand.View.from_depth(frames.depth(name), frames.intrinsics())
+    return lambda name: strand.View.from_depth(frames.load_depth(name), frames.load_intrinsics())
 
 
 @pytest.fixture(scope="session")
 def measure() -> Callable[[strand.Model, Sequence[np.ndarray], float], Measure]:
     """How well a model matches true centrelines."""
-    return lambda model, truth, radius: measured([chain.points for chain in model.chains], truth, radius)
+    return lambda model, truth, radius: measure_chains(
+        [chain.points for chain in model.chains], truth, radius
+    )
 
 
 @pytest.fixture

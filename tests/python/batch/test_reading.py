@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import strand
-from lib.bag_files import film, write
+from lib.bag_files import record_film, write_bag
 from shared.batch_recordings import SETTINGS, save_scenes
 from shared.browser import start_chromium
 from strand.batch import (
@@ -39,7 +39,7 @@ def batch(tmp_path_factory):
     """A scene, a broken one, and a recording of three frames in two stretches."""
     folder, out = tmp_path_factory.mktemp("in"), tmp_path_factory.mktemp("out")
     film_of = tmp_path_factory.mktemp("film") / "film"
-    write(film_of, "mcap", film(SCENE, 3)).rename(folder / "film.mcap")
+    write_bag(film_of, "mcap", record_film(SCENE, 3)).rename(folder / "film.mcap")
     save_scenes(folder, 1)
     (folder / "broken.npz").write_bytes(b"nonsense")
     run(folder, out, Settings(**KNOWN, world="world", stretch=2), root=folder)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import strand
-from lib.bag_files import START, Messages, film, write
+from lib.bag_files import START, Messages, record_film, write_bag
 from shared.batch_recordings import SETTINGS, save_scenes
 from strand.batch import Settings, find_units, load_models, load_table, make_rows, make_schema, write_summary
 from strand.batch.table import VARYING_COLUMN
@@ -79,8 +79,8 @@ def test_rows_hold_the_model_bit_for_bit(knot):
 
 def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
     empty = Messages().image(np.zeros(SCENE.depth.shape[1:], np.uint16), START + 1)
-    entries = sorted([*film(SCENE, 3), ("/depth", START + 1, empty)], key=lambda entry: entry[1])
-    path = write(tmp_path / "rope", "mcap", entries)
+    entries = sorted([*record_film(SCENE, 3), ("/depth", START + 1, empty)], key=lambda entry: entry[1])
+    path = write_bag(tmp_path / "rope", "mcap", entries)
     rows = make_rows(only(path), Settings(radius=0.0042, bounds=SCENE.bounds, world="world")).to_pylist()
     assert [row["frame"] for row in rows] == [0, 1, 2, 3]
     assert [row["error"] is None for row in rows] == [True, False, True, True]
@@ -90,7 +90,7 @@ def test_frames_of_a_recording_have_numbers_and_times(tmp_path):
 
 
 def test_a_stretch_beyond_the_last_frame_has_no_rows(tmp_path):
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 3))
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=5)
     beyond = replace(only(path, settings), start=5)
     written = Work(settings, str(tmp_path / "out"))
@@ -134,10 +134,10 @@ def test_a_broken_recording_is_a_row_with_its_error(tmp_path, name, spoil, said)
 @pytest.mark.parametrize("spoilt", [1, 2])
 def test_a_message_that_is_damaged_spoils_its_frame_alone(spoilt, tmp_path):
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world")
-    entries = list(film(SCENE, 3))
+    entries = list(record_film(SCENE, 3))
     images = [k for k, (topic, _, _) in enumerate(entries) if topic == "/depth"]
     entries[images[spoilt]][2].encoding = "rgb8"
-    rows = make_rows(only(write(tmp_path / "rope", "mcap", entries)), settings).to_pylist()
+    rows = make_rows(only(write_bag(tmp_path / "rope", "mcap", entries)), settings).to_pylist()
     assert [row["frame"] for row in rows] == [0, 1, 2]
     assert [row["error"] is None for row in rows] == [k != spoilt for k in range(3)]
     assert rows[spoilt]["error"].startswith("FileFormatError: ")

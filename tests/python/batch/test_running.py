@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import strand
-from lib.bag_files import film, write
+from lib.bag_files import record_film, write_bag
 from shared.batch_recordings import (
     COUNT,
     SETTINGS,
@@ -100,7 +100,7 @@ def test_rows_that_are_there_twice_are_mended_by_the_next_run(recordings, tmp_pa
 
 
 def test_what_could_not_be_opened_when_it_was_sought_gives_way_to_its_stretches(tmp_path):
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 3))
     settings = Settings(radius=0.0042, bounds=SCENE.bounds, world="world", stretch=2)
     out = tmp_path / "out"
     prepare_folder(out, settings, tmp_path)

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import strand
-from lib.bag_files import film, write
+from lib.bag_files import record_film, write_bag
 from shared.scene_files import save_npz, write_scene
 from strand.batch import Settings, find_units, make_rows, units
 from strand.batch.frames import iterate_frames
@@ -31,9 +31,9 @@ def folder(tmp_path):
         Image.fromarray(SCENE.depth[k]).save(tmp_path / "b" / "depth" / f"{k}.png")
     save_npz(tmp_path / "a.npz")
     (tmp_path / "notes.txt").write_text("no recording")
-    write(tmp_path / "film", "mcap", film(SCENE, 3)).rename(tmp_path / "c.mcap")
+    write_bag(tmp_path / "film", "mcap", record_film(SCENE, 3)).rename(tmp_path / "c.mcap")
     shutil.rmtree(tmp_path / "film")
-    write(tmp_path / "d", "sqlite3", film(SCENE, 3))
+    write_bag(tmp_path / "d", "sqlite3", record_film(SCENE, 3))
     return tmp_path
 
 

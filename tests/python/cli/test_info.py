@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import strand
-from lib.bag_files import FORMATS, Messages, cameras, film, write
+from lib.bag_files import FORMATS, Messages, record_cameras, record_film, write_bag
 from shared.scene_files import POINTS, make_ply
 from strand.cli import main
 from strand.ropes.doubt import Doubt
@@ -31,8 +31,8 @@ def folder(tmp_path, monkeypatch):
     Path("cloud.ply").write_bytes(make_ply("binary_little_endian"))
     Image.fromarray(SMALL.depth[0]).save("depth.png")
     Path("empty.npz").touch()
-    write(Path("rope"), "ros1", film(SMALL, 3, True))
-    write(Path("cameras"), "mcap", cameras(SMALL))
+    write_bag(Path("rope"), "ros1", record_film(SMALL, 3, True))
+    write_bag(Path("cameras"), "mcap", record_cameras(SMALL))
     chain = strand.Chain(POINTS, 0.004, confidence=0.5, doubts=(Doubt("end", 0.7, "where", "why"),))
     strand.Model((chain,), SCENE.poses, confidence=0.5, doubts=chain.doubts, method="default").save(
         "model.json"
@@ -131,7 +131,7 @@ def test_a_model(folder, capsys):
 def test_a_recording_without_depth_is_refused(folder, capsys):
     made = Messages()
     entries = [("/color", 1, made.image(np.ones((2, 6), np.uint8), 1, encoding="rgb8", step=6, width=2))]
-    write(Path("colours"), "mcap", entries)
+    write_bag(Path("colours"), "mcap", entries)
     lines = lines_of(capsys, "colours")
     assert lines[-1] == "  refused     no topic has readable depth"
     assert main(["reconstruct", "colours"]) == 1
@@ -259,7 +259,7 @@ def test_what_a_terminal_would_obey_is_not_printed(folder, capsys):
     frame = "a\x1b]0;b\x07\nc"
     image = made.image(np.ones((2, 3), np.uint16), 1, frame)
     info = made.info(SCENE.intrinsics, (2, 3), 1)
-    write(Path("odd"), "mcap", [("/camera_info", 1, info), ("/depth", 1, image)])
+    write_bag(Path("odd"), "mcap", [("/camera_info", 1, info), ("/depth", 1, image)])
     (line,) = [line for line in lines_of(capsys, "odd") if line.startswith("  depth ")]
     assert line.endswith(r"in the TF frame a\x1b]0;b\x07\nc")
     assert main(["info", "no\x1b[2J.npz"]) == 3
@@ -274,7 +274,7 @@ def test_memory_stays_with_the_length_of_a_recording(tmp_path, kind):
     )
     peaks = []
     for frames in (2, 150):
-        path = write(tmp_path / f"{frames}", kind, film(SCENE, frames, kind == "ros1"))
+        path = write_bag(tmp_path / f"{frames}", kind, record_film(SCENE, frames, kind == "ros1"))
         command = [sys.executable, "-c", program, "info", str(path)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         peaks.append(int(done.stderr))

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 import strand
-from lib.bag_files import FORMATS, START, Messages, cameras, film, millimetres, write
+from lib.bag_files import (
+    FORMATS,
+    START,
+    Messages,
+    convert_to_millimeters,
+    record_cameras,
+    record_film,
+    write_bag,
+)
 from strand.cli import main
 from strand.io.models import load_frames
 from strand.support.files import FileFormatError
@@ -24,14 +32,16 @@ KNOWN = [*RADIUS, *WORLD, *BOUNDS]
 
 def direct(k):
     """Nodes of the rope in one view of the scene."""
-    view = strand.View.from_depth(millimetres(SCENE)[k], SCENE.intrinsics, SCENE.poses[k], depth_scale=0.001)
+    view = strand.View.from_depth(
+        convert_to_millimeters(SCENE)[k], SCENE.intrinsics, SCENE.poses[k], depth_scale=0.001
+    )
     (chain,) = strand.reconstruct([view], radius=0.0042, bounds=SCENE.bounds).chains
     return chain.points
 
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_one_command_reconstructs_a_recording(tmp_path, capsys, kind):
-    path = write(tmp_path / "rope", kind, film(SCENE, 3, kind == "ros1"))
+    path = write_bag(tmp_path / "rope", kind, record_film(SCENE, 3, kind == "ros1"))
     assert main(["reconstruct", str(path), *RADIUS]) == 0
     out, _ = capsys.readouterr()
     ((length,),) = [re.findall(r"^\d+ +(\d+\.\d) +\d+ +4\.20 +open +\d\.\d\d", out, re.MULTILINE)]
@@ -40,7 +50,7 @@ def test_one_command_reconstructs_a_recording(tmp_path, capsys, kind):
 
 
 def test_cameras_together_and_a_file(tmp_path, capsys):
-    path = write(tmp_path / "rope", "mcap", cameras(SCENE))
+    path = write_bag(tmp_path / "rope", "mcap", record_cameras(SCENE))
     out = tmp_path / "model.json"
     command = ["reconstruct", str(path), "--topic", "/camera_*", *WORLD, *RADIUS, *BOUNDS, "-o", str(out)]
     assert main([*command, "--ropes", "1", "--figures", str(tmp_path / "figures")]) == 0
@@ -49,7 +59,7 @@ def test_cameras_together_and_a_file(tmp_path, capsys):
     assert len(list((tmp_path / "figures").glob("*.png"))) > 3
     views = [
         strand.View.from_depth(depth, SCENE.intrinsics, pose, depth_scale=0.001)
-        for depth, pose in zip(millimetres(SCENE), SCENE.poses, strict=True)
+        for depth, pose in zip(convert_to_millimeters(SCENE), SCENE.poses, strict=True)
     ]
     want = strand.reconstruct(views, radius=0.0042, bounds=SCENE.bounds, ropes=1)
     got = strand.load_model(out)
@@ -57,7 +67,7 @@ def test_cameras_together_and_a_file(tmp_path, capsys):
 
 
 def test_a_frame_by_its_number(tmp_path, capsys):
-    path = write(tmp_path / "rope", "sqlite3", film(SCENE, 3))
+    path = write_bag(tmp_path / "rope", "sqlite3", record_film(SCENE, 3))
     out = tmp_path / "a.json"
     assert main(["reconstruct", str(path), *KNOWN, "--frame", "2", "-o", str(out)]) == 0
     np.testing.assert_allclose(strand.load_model(out).chains[0].points, direct(2), rtol=0, atol=1e-9)
@@ -71,9 +81,9 @@ def test_a_frame_by_its_number(tmp_path, capsys):
 def test_every_frame_is_a_line(tmp_path, capsys):
     made = Messages()
     empty = made.image(np.zeros(SIZE, np.uint16), START + 1)
-    entries = list(film(SCENE, 5))
+    entries = list(record_film(SCENE, 5))
     entries.append(("/depth", START + 1, empty))
-    path = write(tmp_path / "rope", "mcap", sorted(entries, key=lambda entry: entry[1]))
+    path = write_bag(tmp_path / "rope", "mcap", sorted(entries, key=lambda entry: entry[1]))
     out = tmp_path / "frames.jsonl"
     command = ["reconstruct", str(path), *KNOWN, "--every", "2", "--frame", "1", "-o", str(out)]
     assert main(command) == 0
@@ -92,7 +102,7 @@ def test_every_frame_is_a_line(tmp_path, capsys):
 
 
 def test_every_frame_is_a_line_of_json(tmp_path, capsys):
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 3))
+    path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 3))
     out = tmp_path / "frames.jsonl"
     command = ["reconstruct", str(path), *KNOWN, "--every", "2", "--json"]
     assert main([*command, "-o", str(out)]) == 0
@@ -105,7 +115,7 @@ def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
     made = Messages()
     image = made.image(np.zeros(SIZE, np.uint16), START)
     info = made.info(SCENE.intrinsics, SIZE, START)
-    path = write(tmp_path / "rope", "mcap", [("/camera_info", START, info), ("/depth", START, image)])
+    path = write_bag(tmp_path / "rope", "mcap", [("/camera_info", START, info), ("/depth", START, image)])
     out = tmp_path / "frames.jsonl"
     out.write_text("before")
     assert main(["reconstruct", str(path), *RADIUS, "--every", "1", "-o", str(out)]) == 1
@@ -115,8 +125,8 @@ def test_frames_without_an_answer_leave_no_file(tmp_path, capsys):
 
 
 def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsys):
-    messages = [message for message in film(SCENE, 1) if "info" not in message[0]]
-    path = write(tmp_path / "rope", "mcap", messages)
+    messages = [message for message in record_film(SCENE, 1) if "info" not in message[0]]
+    path = write_bag(tmp_path / "rope", "mcap", messages)
     assert main(["reconstruct", str(path), *KNOWN]) == 1
     assert "no CameraInfo" in capsys.readouterr().err
     (fx, _, cx), (_, fy, cy), _ = SCENE.intrinsics
@@ -150,7 +160,7 @@ def test_a_recording_without_camera_info_is_read_with_intrinsics(tmp_path, capsy
 )
 def test_errors_are_one_line(tmp_path, monkeypatch, capsys, arguments, code, said):
     monkeypatch.chdir(tmp_path)
-    write(tmp_path / "rope", "ros1", film(SCENE, 2, True))
+    write_bag(tmp_path / "rope", "ros1", record_film(SCENE, 2, True))
     SCENE.save(tmp_path / "arc.npz")
     (tmp_path / "empty.mcap").write_bytes(b"")
     assert main(["reconstruct", *arguments]) == code

@@ -122,7 +122,7 @@ def test_the_same_answers_have_the_same_digest(tmp_path):
 def test_a_folder_of_scenes_is_taken_instead_of_the_collection(tmp_path):
     made = strand.synthetic.scene("s", seed=3, views=3)
     made.save(tmp_path / "mine.npz")
-    (scene,) = collection.chosen(argparse.Namespace(folder=tmp_path, only=""))
+    (scene,) = collection.choose_scenes(argparse.Namespace(folder=tmp_path, only=""))
     assert scene.name == "mine"
     np.testing.assert_array_equal(scene.depth, made.depth)
     np.testing.assert_array_equal(scene.poses_true, made.poses_true)
@@ -131,23 +131,23 @@ def test_a_folder_of_scenes_is_taken_instead_of_the_collection(tmp_path):
     assert scene.mask is None
     masked = dataclasses.replace(made, mask=made.depth % 2 == 0)
     masked.save(tmp_path / "masked.npz")
-    np.testing.assert_array_equal(collection.stored(tmp_path / "masked.npz").mask, masked.mask)
+    np.testing.assert_array_equal(collection.load_stored(tmp_path / "masked.npz").mask, masked.mask)
     with pytest.raises(SystemExit, match="no scene whose name holds 'yours'"):
-        list(collection.chosen(argparse.Namespace(folder=tmp_path, only="yours")))
+        list(collection.choose_scenes(argparse.Namespace(folder=tmp_path, only="yours")))
     with np.load(tmp_path / "mine.npz") as arrays:
         np.savez(tmp_path / "less.npz", **{key: arrays[key] for key in arrays if key != "noise"})
     with pytest.raises(ValueError, match=r"less\.npz: missing noise"):
-        collection.stored(tmp_path / "less.npz")
+        collection.load_stored(tmp_path / "less.npz")
 
 
 def test_the_collection_has_stored_and_drawn_scenes(collected):
-    names = collection.names()
+    names = collection.list_names()
     assert len(names) == len(set(names)) > 40
     assert {path.stem for path in (collection.DATA / "scenes").glob("*.npz")} < set(names)
     for name, ropes in (("two_ropes", 2), ("heap00", 1), ("random_3", 2), ("coil_1.5mm", 1)):
         scene = collected(name)
         assert (scene.name, len(scene.truth), len(scene.views)) == (name, ropes, 7)
-        again = collection.scene(name)
+        again = collection.make_scene(name)
         assert again is not scene
         np.testing.assert_array_equal(again.depth, scene.depth)
         np.testing.assert_array_equal(again.poses, scene.poses)
@@ -155,7 +155,7 @@ def test_the_collection_has_stored_and_drawn_scenes(collected):
 
 def test_a_stored_scene_is_what_the_package_reads():
     path = collection.DATA / "scenes" / "two_ropes.npz"
-    ours, theirs = collection.stored(path), strand.load_scene(path)
+    ours, theirs = collection.load_stored(path), strand.load_scene(path)
     for view, other in zip(ours.views, theirs.views, strict=True):
         np.testing.assert_array_equal(view.world_points, other.world_points)
     for nodes, others in zip(ours.truth, theirs.truth, strict=True):
@@ -165,14 +165,14 @@ def test_a_stored_scene_is_what_the_package_reads():
 
 
 def test_real_frames_are_depths_in_metres():
-    names = frames.names()
+    names = frames.list_frames()
     assert names == ["0091", "0156", "0190", "0285", "0500", "0590"]
-    assert [name for name in names if frames.gray(name) is not None] == ["0285", "0500"]
+    assert [name for name in names if frames.load_gray(name) is not None] == ["0285", "0500"]
     for name in names:
-        depth = frames.depth(name)
+        depth = frames.load_depth(name)
         assert depth.shape == (720, 1280)
         assert 0.3 < np.median(depth[depth > 0]) < 1.0
-        view = frames.view(name)
+        view = frames.load_view(name)
         assert len(view.points) == np.count_nonzero(depth)
         assert view.world_points[:, 2].max() < 0.0
 
@@ -248,6 +248,6 @@ def test_ropes_that_hang_cross_as_seen_across_their_layer():
         chains=hung, views=1, layout=strand.synthetic.Layout(wall=0.5), mask=strand.synthetic.Segmentation()
     )
     for made in (lying, hanging):
-        found, chains = judging.judged(made, tell_radius=True, tell_ropes=True)
+        found, chains = judging.judge_scene(made, tell_radius=True, tell_ropes=True)
         assert chains
         assert found.crossings.true == 2

@@ -94,7 +94,7 @@ def test_tables_of_scenes_have_all_scenes_of_the_collection(command):
     after = page.read_text(encoding="utf-8").split(f"## `{command}`\n\n", 1)[1]
     table = after.split("\n\n", 1)[0].splitlines()
     assert table[0].startswith("| scene | topology |")
-    assert [row.split("|")[1].strip() for row in table[2:]] == list(collection.names())
+    assert [row.split("|")[1].strip() for row in table[2:]] == list(collection.list_names())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

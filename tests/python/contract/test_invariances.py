@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strand
-from lib.measure import measured
+from lib.measure import measure_chains
 from strand import View
 from strand.views.pose import rotation_about
 
@@ -168,8 +168,10 @@ def test_a_mirrored_scene_has_mirrored_ropes_and_crossings(case):
     unmirrored = [strand.Chain(chain.points, chain.radius, chain.closed) for chain in direct.chains]
     assert apart(mirrored, strand.Model(unmirrored, direct.poses), case.scene.radius) < 3 * NEAR
     truth, radius = case.scene.truth, case.scene.radius
-    right = measured([chain.points for chain in direct.chains], truth, radius).crossings
-    turned = measured([chain.points for chain in model.chains], [nodes @ mirror for nodes in truth], radius)
+    right = measure_chains([chain.points for chain in direct.chains], truth, radius).crossings
+    turned = measure_chains(
+        [chain.points for chain in model.chains], [nodes @ mirror for nodes in truth], radius
+    )
     assert (turned.crossings.right, turned.crossings.found) == (right.right, right.found)
 
 

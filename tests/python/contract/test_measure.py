@@ -8,7 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lib.measure import Crossings, crossings, frechet, measured, resampled, rms_in_order
+from lib.measure import (
+    Crossings,
+    compute_frechet,
+    compute_rms_in_order,
+    find_crossings,
+    measure_chains,
+    resampled,
+)
 
 R = 0.004
 ACROSS = np.array([0.0, 1.0, 0.0])
@@ -30,7 +37,7 @@ def rope():
 
 def test_the_rope_itself_is_right_in_both_directions(rope):
     for chain in (rope, rope[::-1]):
-        found = measured([chain], [rope], R)
+        found = measure_chains([chain], [rope], R)
         assert found.right
         assert (found.chains, found.ropes) == (1, 1)
         # turned round, nodes are as far apart but elsewhere by parts of a step
@@ -42,18 +49,18 @@ def test_the_rope_itself_is_right_in_both_directions(rope):
 
 def test_a_shift_is_measured():
     nodes = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 50)
-    found = measured([nodes + 0.003 * ACROSS], [nodes], R)
+    found = measure_chains([nodes + 0.003 * ACROSS], [nodes], R)
     assert found.right
     assert found.frechet == pytest.approx(0.003 / R)
     assert found.rms == pytest.approx(0.003)
-    assert not measured([nodes + 1.51 * R * ACROSS], [nodes], R).right
+    assert not measure_chains([nodes + 1.51 * R * ACROSS], [nodes], R).right
 
 
 def test_a_missing_end_counts_from_one_and_a_half_radii_on():
     nodes = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 2001)
     for missing, right in ((1.0, True), (2.0, False)):
         chain = nodes[nodes[:, 0] <= 0.2 - missing * R]
-        found = measured([chain], [nodes], R)
+        found = measure_chains([chain], [nodes], R)
         assert found.right == right
         assert found.frechet == pytest.approx(missing, abs=0.1)
         assert found.length_error == pytest.approx(missing * R / 0.2, rel=0.02)
@@ -62,7 +69,7 @@ def test_a_missing_end_counts_from_one_and_a_half_radii_on():
 def test_a_shortcut_is_wrong_though_every_node_is_on_the_rope(rope):
     # from the crossing straight on, without the circle
     short = np.vstack([rope[:49], rope[248:]])
-    found = measured([short], [rope], R)
+    found = measure_chains([short], [rope], R)
     assert not found.right
     assert found.rms < 1.5 * R
     assert found.frechet > 10.0
@@ -70,7 +77,7 @@ def test_a_shortcut_is_wrong_though_every_node_is_on_the_rope(rope):
 
 
 def test_a_rope_in_two_parts_is_wrong(rope):
-    found = measured([rope[:150], rope[149:]], [rope], R)
+    found = measure_chains([rope[:150], rope[149:]], [rope], R)
     assert (found.chains, found.ropes, found.right) == (2, 1, False)
     # the better part is measured all the same
     assert np.isfinite([found.frechet, found.rms, found.length_error]).all()
@@ -79,13 +86,13 @@ def test_a_rope_in_two_parts_is_wrong(rope):
 def test_a_rope_without_a_chain_is_wrong():
     one = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 50)
     two = one + 0.05 * ACROSS
-    assert measured([two, one], [one, two], R).right
-    found = measured([one], [one, two], R)
+    assert measure_chains([two, one], [one, two], R).right
+    found = measure_chains([one], [one, two], R)
     assert (found.chains, found.ropes, found.right) == (1, 2, False)
     assert found.frechet == np.inf
     assert found.rms < 1e-9
     for chains in ([], [one[:1]]):
-        found = measured(chains, [one], R)
+        found = measure_chains(chains, [one], R)
         assert (found.chains, found.right) == (0, False)
         assert found.frechet == found.rms == found.length_error == np.inf
 
@@ -93,30 +100,30 @@ def test_a_rope_without_a_chain_is_wrong():
 def test_ropes_that_change_places_where_they_cross_are_wrong():
     t = np.linspace(-0.1, 0.1, 201)[:, None]
     one, two = t * [1.0, 0.5, 0.0], t * [1.0, -0.5, 0.0]
-    assert measured([one, two], [one, two], R).right
+    assert measure_chains([one, two], [one, two], R).right
     swapped = [np.vstack([one[:100], two[100:]]), np.vstack([two[:100], one[100:]])]
-    assert not measured(swapped, [one, two], R).right
+    assert not measure_chains(swapped, [one, two], R).right
 
 
 def test_the_wrong_strand_on_top_is_no_crossing_found(rope):
     flipped = rope * [1.0, 1.0, -1.0] + [0.0, 0.0, 4.0 * R]
-    assert measured([flipped], [rope], 10.0 * R).crossings == Crossings(found=1, true=1, right=0)
+    assert measure_chains([flipped], [rope], 10.0 * R).crossings == Crossings(found=1, true=1, right=0)
 
 
 def test_a_crossing_elsewhere_is_not_the_true_one(rope):
     chain = rope * [2.0, 2.0, 1.0]
-    assert measured([chain], [rope], R).crossings == Crossings(found=1, true=1, right=0)
+    assert measure_chains([chain], [rope], R).crossings == Crossings(found=1, true=1, right=0)
 
 
 def test_crossings_are_told_by_arc_length_and_height(rope):
-    ((low, high, rise),) = crossings(resampled(rope))
+    ((low, high, rise),) = find_crossings(resampled(rope))
     lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(rope, axis=0), axis=1))]
     at = [[np.interp(s, lengths, rope[:, k]) for k in range(3)] for s in (low, high)]
     np.testing.assert_allclose(at[0][:2], at[1][:2], atol=1e-4)
     assert rise == pytest.approx(at[1][2] - at[0][2], abs=1e-5)
     assert rise > R
     straight = np.linspace([0.1, 0.2, 0.0], [0.3, -0.1, 0.0], 300)
-    assert len(crossings(straight)) == 0
+    assert len(find_crossings(straight)) == 0
 
 
 def test_frechet_is_that_of_its_definition():
@@ -130,7 +137,7 @@ def test_frechet_is_that_of_its_definition():
             shortest = min((leash(*pair) for pair in before), default=0.0)
             return max(float(np.linalg.norm(a[i] - b[j])), shortest)
 
-        assert frechet(a, b) == pytest.approx(leash(n - 1, m - 1), rel=1e-12)
+        assert compute_frechet(a, b) == pytest.approx(leash(n - 1, m - 1), rel=1e-12)
 
 
 def test_errors_are_counted_in_order_along_the_rope():
@@ -138,10 +145,10 @@ def test_errors_are_counted_in_order_along_the_rope():
     there = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], 101)
     back = there[::-1] + 0.01 * ACROSS
     rope = np.vstack([there, back])
-    assert rms_in_order(rope, rope) == 0.0
+    assert compute_rms_in_order(rope, rope) == 0.0
     # one that starts on the wrong strand gets no credit for lying on it
     wrong = np.vstack([there + 0.01 * ACROSS, back])
-    assert rms_in_order(wrong, rope) > 0.006
+    assert compute_rms_in_order(wrong, rope) > 0.006
 
 
 def test_resampling_keeps_ends_and_length(rope):

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import strand
-from lib.bag_files import START, Messages, millimetres
+from lib.bag_files import START, Messages, convert_to_millimeters
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "recordings.md").read_text(encoding="utf-8")
 SCENE = strand.synthetic.scene("arc", seed=0, views=3)
-DEPTH = millimetres(SCENE)[1]
+DEPTH = convert_to_millimeters(SCENE)[1]
 K = SCENE.intrinsics
 POSE = SCENE.poses[1]
 BOUNDS = ([-0.5, -0.5, 0.05], [0.5, 0.5, 2.0])

@@ -10,7 +10,7 @@ from knot_floer_homology import pd_to_hfk
 
 import strand
 from knots import BRAIDS, closed_braid, drawn
-from lib.measure import crossings
+from lib.measure import find_crossings
 from strand.synthetic import shape
 
 OVERHAND = strand.knot_diagram(shape("overhand"))
@@ -82,7 +82,7 @@ def test_a_diagram_shows_the_knot_that_is_tied():
 def test_crossings_are_those_that_are_seen():
     nodes = shape("paper")
     diagram = strand.knot_diagram(nodes)
-    seen = crossings(nodes)
+    seen = find_crossings(nodes)
     assert len(diagram.signs) == len(seen)
     passages = sorted((s, high) for low, top, _ in seen for s, high in ((low, False), (top, True)))
     heights = np.interp([s for s, _ in passages], np.linspace(0, 0.4, len(nodes)), nodes[:, 2])

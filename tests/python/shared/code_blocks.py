@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 import strand
-from lib.bag_files import START, Messages, cameras, film, millimetres, write
+from lib.bag_files import START, Messages, convert_to_millimeters, record_cameras, record_film, write_bag
 from shared.scene_files import make_ply
 from strand.cli import main
 from strand.synthetic import SyntheticScene
@@ -103,7 +103,7 @@ def give_image() -> dict[str, Any]:
 
 def give_messages() -> dict[str, Any]:
     """Messages of a camera."""
-    made, depth = Messages(), millimetres(make_arc())[1]
+    made, depth = Messages(), convert_to_millimeters(make_arc())[1]
     return {
         "stamp": START,
         "image": made.image(depth, START),
@@ -165,11 +165,11 @@ def single_files(folder: Path) -> None:
 def bags(folder: Path) -> None:
     """Recordings: rope.mcap of one camera, rope.bag of three, and the folder rope of 41 frames."""
     table = [("table", "world", np.eye(4))]
-    film_placed = [("/tf_static", START, Messages().tf(table, START)), *film(make_arc(), 2)]
-    write(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
-    placed = [("/tf_static", START, Messages(True).tf(table, START)), *cameras(make_arc(), True)]
-    write(folder / "rope", "ros1", placed)
-    write(folder / "rope", "sqlite3", film(make_arc(), 41))
+    film_placed = [("/tf_static", START, Messages().tf(table, START)), *record_film(make_arc(), 2)]
+    write_bag(folder / "made", "mcap", film_placed).rename(folder / "rope.mcap")
+    placed = [("/tf_static", START, Messages(True).tf(table, START)), *record_cameras(make_arc(), True)]
+    write_bag(folder / "rope", "ros1", placed)
+    write_bag(folder / "rope", "sqlite3", record_film(make_arc(), 41))
 
 
 def many(folder: Path) -> None:

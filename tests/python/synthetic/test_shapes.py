@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from lib.measure import crossings
+from lib.measure import find_crossings
 from strand.synthetic import Camera, scene, shapes
 from strand.synthetic.shapes import SHAPES, shape
 
@@ -56,7 +56,7 @@ def assert_valid(name, nodes, radius):
     assert nodes[:, 2].min() >= radius
     assert clearance(nodes, radius) >= 2.0
     assert bend_radius(nodes) >= 2.5 * radius
-    assert len(crossings(nodes)) == CROSSINGS[name]
+    assert len(find_crossings(nodes)) == CROSSINGS[name]
 
 
 @pytest.mark.parametrize("radius", [0.002, 0.0042, 0.01])
@@ -95,7 +95,9 @@ def test_seeds_place_and_vary_valid_shapes(name):
 @pytest.mark.parametrize("name", [name for name, count in CROSSINGS.items() if count])
 def test_strands_pass_by_turns_under_and_over(name):
     nodes = shape(name)
-    passes = sorted((s, z * side) for low, high, z in crossings(nodes) for s, side in ((low, -1), (high, 1)))
+    passes = sorted(
+        (s, z * side) for low, high, z in find_crossings(nodes) for s, side in ((low, -1), (high, 1))
+    )
     heights = np.array([z for _, z in passes])
     assert (np.sign(heights) == np.tile([-1, 1], len(heights) // 2)).all()
     assert np.abs(heights) == pytest.approx(2.1 * RADIUS, rel=0.01)
@@ -106,7 +108,7 @@ def test_strands_pass_by_turns_under_and_over(name):
 
 
 def order_of_crossings(nodes):
-    found = crossings(nodes)
+    found = find_crossings(nodes)
     passes = sorted((s, i) for i, (low, high, _) in enumerate(found) for s in (low, high))
     names = {i: "ABCDEF"[k] for k, i in enumerate(dict.fromkeys(i for _, i in passes))}
     return "".join(names[i] for _, i in passes)
@@ -138,7 +140,7 @@ def test_crossings_of_the_papers_string_are_steep_and_isolated(seed):
     nodes = shape("paper") if seed is None else scene("paper", seed=seed, views=1).truth[0]
     s = shapes.arc_lengths(nodes) / RADIUS
     flat = nodes[:, :2] / RADIUS
-    found = [(low / RADIUS, high / RADIUS) for low, high, _ in crossings(nodes)]
+    found = [(low / RADIUS, high / RADIUS) for low, high, _ in find_crossings(nodes)]
 
     def at(x):
         return np.array([np.interp(x, s, flat[:, k]) for k in range(2)])

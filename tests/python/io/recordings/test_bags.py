@@ -15,7 +15,7 @@ import pytest
 from rosbags.rosbag2 import storage_mcap
 
 import strand
-from lib.bag_files import FORMATS, START, film, write
+from lib.bag_files import FORMATS, START, record_film, write_bag
 from strand import Recording
 from strand.io.recordings import is_recording, limits
 from strand.io.recordings.bags import Bag
@@ -32,7 +32,9 @@ LIMIT = 1 << 22
 
 def made(folder, kind, compression=None, frames=4):
     """A bag and the file in it that holds the messages."""
-    path = write(folder / f"{kind}_{compression}", kind, film(SCENE, frames, kind == "ros1"), compression)
+    path = write_bag(
+        folder / f"{kind}_{compression}", kind, record_film(SCENE, frames, kind == "ros1"), compression
+    )
     if path.is_file():
         return path, path
     return path, next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
@@ -153,7 +155,7 @@ def test_what_is_missing_or_no_file(tmp_path):
 
 
 def test_bags_that_are_compressed_as_a_whole_are_refused(tmp_path):
-    path = write(tmp_path / "bag", "sqlite3", film(SCENE, 2), "file")
+    path = write_bag(tmp_path / "bag", "sqlite3", record_film(SCENE, 2), "file")
     with pytest.raises(
         FileFormatError, match=r"\.zstd: the file is compressed as a whole; decompress it first"
     ):

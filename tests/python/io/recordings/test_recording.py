@@ -7,14 +7,23 @@ import pytest
 
 import strand
 from lib import bag_files
-from lib.bag_files import FORMATS, PERIOD, START, Messages, cameras, film, millimetres, write
+from lib.bag_files import (
+    FORMATS,
+    PERIOD,
+    START,
+    Messages,
+    convert_to_millimeters,
+    record_cameras,
+    record_film,
+    write_bag,
+)
 from strand import Recording
 from strand.io import recordings
 from strand.io.recordings import is_recording
 from strand.support.files import FileFormatError
 
 SCENE = strand.synthetic.scene("arc", seed=0, views=3, camera=strand.synthetic.Camera(size=(160, 120)))
-DEPTHS = millimetres(SCENE)
+DEPTHS = convert_to_millimeters(SCENE)
 K = SCENE.intrinsics
 
 
@@ -40,7 +49,7 @@ def same(views, others, atol=0.0):
     ],
 )
 def test_cameras_of_a_scene_give_the_views_of_the_scene(tmp_path, kind, compression):
-    path = write(tmp_path / "bag", kind, cameras(SCENE, kind == "ros1"), compression)
+    path = write_bag(tmp_path / "bag", kind, record_cameras(SCENE, kind == "ros1"), compression)
     assert is_recording(path)
     with Recording(path, ["/camera_*"], world="world") as recording:
         assert recording.topics == tuple(f"/camera_{k}/depth/image_raw" for k in range(3))
@@ -53,7 +62,7 @@ def test_cameras_of_a_scene_give_the_views_of_the_scene(tmp_path, kind, compress
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_scene_comes_back_from_a_recording(tmp_path, kind):
-    path = write(tmp_path / "bag", kind, cameras(SCENE, kind == "ros1"))
+    path = write_bag(tmp_path / "bag", kind, record_cameras(SCENE, kind == "ros1"))
     known = {"radius": SCENE.radius, "bounds": SCENE.bounds, "ropes": 1}
     with Recording(path, ["/camera_*"], world="world") as recording:
         model = strand.reconstruct(next(iter(recording)).views, **known)
@@ -63,7 +72,7 @@ def test_a_scene_comes_back_from_a_recording(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_one_camera_is_read_frame_by_frame(tmp_path, kind):
-    path = write(tmp_path / "bag", kind, film(SCENE, 7, kind == "ros1"))
+    path = write_bag(tmp_path / "bag", kind, record_film(SCENE, 7, kind == "ros1"))
     with Recording(path) as recording:
         assert recording.topics == ("/depth",)
         frames = list(recording)
@@ -80,7 +89,7 @@ def test_one_camera_is_read_frame_by_frame(tmp_path, kind):
 
 
 def test_a_moving_camera_is_placed_by_tf(tmp_path):
-    path = write(tmp_path / "bag", "mcap", film(SCENE, 4))
+    path = write_bag(tmp_path / "bag", "mcap", record_film(SCENE, 4))
     with Recording(path, world="world") as recording:
         frames = list(recording)
         assert [frame.number for frame in recording.read(1, None, 2)] == [1, 3]
@@ -90,13 +99,13 @@ def test_a_moving_camera_is_placed_by_tf(tmp_path):
 
 def test_frames_without_a_pose_are_left_out(tmp_path):
     made = Messages()
-    entries = [entry for entry in film(SCENE, 6) if entry[0] != "/tf"]
+    entries = [entry for entry in record_film(SCENE, 6) if entry[0] != "/tf"]
     entries += [
         ("/tf", START + i * PERIOD, made.tf([("world", "camera", SCENE.poses[0])], START + i * PERIOD))
         for i in (2, 3)
     ]
     entries.sort(key=lambda entry: entry[1])
-    path = write(tmp_path / "bag", "sqlite3", entries)
+    path = write_bag(tmp_path / "bag", "sqlite3", entries)
     with Recording(path, world="world", tolerance=0.001) as recording:
         assert len(recording) == 2
         assert [frame.stamp for frame in recording] == [START + 2 * PERIOD, START + 3 * PERIOD]
@@ -107,10 +116,10 @@ def test_frames_without_a_pose_are_left_out(tmp_path):
 
 def test_no_frame_with_a_pose_is_an_error(tmp_path):
     made = Messages()
-    entries = [entry for entry in film(SCENE, 3) if entry[0] != "/tf"]
+    entries = [entry for entry in record_film(SCENE, 3) if entry[0] != "/tf"]
     late = START + 10**12
     entries.append(("/tf", late, made.tf([("world", "camera", np.eye(4))], late)))
-    path = write(tmp_path / "bag", "mcap", entries)
+    path = write_bag(tmp_path / "bag", "mcap", entries)
     with (
         Recording(path, world="world") as recording,
         pytest.raises(FileFormatError, match="TF lacks the pose of a camera at all of 3 times"),
@@ -119,7 +128,7 @@ def test_no_frame_with_a_pose_is_an_error(tmp_path):
 
 
 def test_poses_may_be_given(tmp_path):
-    path = write(tmp_path / "bag", "mcap", cameras(SCENE))
+    path = write_bag(tmp_path / "bag", "mcap", record_cameras(SCENE))
     with Recording(path, ["/camera_*"], poses=SCENE.poses) as recording:
         (frame,) = recording
     same(frame.views, direct())
@@ -146,7 +155,7 @@ def two_cameras(offset, second_every=1, frames=6):
 
 @pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
 def test_views_of_one_time_are_together_wherever_they_are_in_the_file(tmp_path, kind):
-    path = write(tmp_path / "bag", kind, two_cameras(5_000_000))
+    path = write_bag(tmp_path / "bag", kind, two_cameras(5_000_000))
     poses = [np.eye(4)] * 2
     with Recording(path, ["/a/depth", "/b/depth"], poses=poses, tolerance=0.006) as recording:
         frames = list(recording)
@@ -162,7 +171,7 @@ def test_views_of_one_time_are_together_wherever_they_are_in_the_file(tmp_path, 
 
 
 def test_a_slower_camera_makes_fewer_frames_or_is_used_twice(tmp_path):
-    path = write(tmp_path / "bag", "mcap", two_cameras(0, second_every=2))
+    path = write_bag(tmp_path / "bag", "mcap", two_cameras(0, second_every=2))
     poses = [np.eye(4)] * 2
     with Recording(path, ["/a/depth", "/b/depth"], poses=poses, tolerance=0.01) as recording:
         assert recording.stamps.tolist() == [START + i * PERIOD for i in (0, 2, 4)]
@@ -174,7 +183,7 @@ def test_a_slower_camera_makes_fewer_frames_or_is_used_twice(tmp_path):
 
 
 def test_views_far_apart_in_the_file_are_held_within_a_limit(tmp_path):
-    path = write(tmp_path / "bag", "sqlite3", two_cameras(0, frames=12))
+    path = write_bag(tmp_path / "bag", "sqlite3", two_cameras(0, frames=12))
     limit = 6 * DEPTHS[0].nbytes
     with (
         Recording(path, ["/a/*", "/b/*"], poses=[np.eye(4)] * 2, max_bytes=limit) as recording,
@@ -184,7 +193,7 @@ def test_views_far_apart_in_the_file_are_held_within_a_limit(tmp_path):
 
 
 def test_several_topics_need_a_choice_and_poses(tmp_path):
-    path = write(tmp_path / "bag", "mcap", cameras(SCENE))
+    path = write_bag(tmp_path / "bag", "mcap", record_cameras(SCENE))
     every = ", ".join(f"/camera_{k}/depth/image_raw" for k in range(3))
     with pytest.raises(ValueError, match=f"topics: several show depth.*: {every}$"):
         Recording(path)
@@ -201,17 +210,17 @@ def test_several_topics_need_a_choice_and_poses(tmp_path):
 def test_a_recording_without_depth_says_what_it_has(tmp_path):
     made = Messages()
     color = made.image(DEPTHS[0], START, encoding="rgb8")
-    path = write(tmp_path / "bag", "mcap", [("/color", START, color)])
+    path = write_bag(tmp_path / "bag", "mcap", [("/color", START, color)])
     with pytest.raises(FileFormatError, match=r"no topic shows depth; it has /color \(sensor_msgs/msg/Image"):
         Recording(path)
-    path = write(tmp_path / "tf", "mcap", [("/tf", START, made.tf([("a", "b", np.eye(4))], START))])
+    path = write_bag(tmp_path / "tf", "mcap", [("/tf", START, made.tf([("a", "b", np.eye(4))], START))])
     with pytest.raises(FileFormatError, match=r"no topic shows depth; it has /tf \(tf2_msgs/msg/TFMessage\)"):
         Recording(path)
 
 
 def test_images_need_a_camera_info_beside_them(tmp_path):
-    entries = [entry for entry in film(SCENE, 2) if entry[0] != "/camera_info"]
-    path = write(tmp_path / "bag", "mcap", entries)
+    entries = [entry for entry in record_film(SCENE, 2) if entry[0] != "/camera_info"]
+    path = write_bag(tmp_path / "bag", "mcap", entries)
     with pytest.raises(
         FileFormatError, match="no CameraInfo on /camera_info; there is one on: none; or give intrinsics"
     ):
@@ -222,9 +231,9 @@ def test_images_need_a_camera_info_beside_them(tmp_path):
 
 def test_a_camera_info_of_another_image_is_refused(tmp_path):
     made = Messages()
-    entries = [("/camera_info", START, made.info(K, (480, 640), START)), *film(SCENE, 2)]
+    entries = [("/camera_info", START, made.info(K, (480, 640), START)), *record_film(SCENE, 2)]
     entries = [entry for i, entry in enumerate(entries) if i != 1]
-    path = write(tmp_path / "bag", "mcap", entries)
+    path = write_bag(tmp_path / "bag", "mcap", entries)
     with Recording(path) as recording, pytest.raises(FileFormatError, match="640 x 480 pixels, and this one"):
         next(iter(recording))
 
@@ -233,7 +242,7 @@ def test_lenses_that_distort_are_refused_unless_that_is_ignored(tmp_path):
     made = Messages()
     info = made.info(K, DEPTHS[0].shape, START, d=[0.1, -0.05, 0, 0, 0])
     entries = [("/camera_info", START, info), ("/depth", START, made.image(DEPTHS[0], START))]
-    path = write(tmp_path / "bag", "mcap", entries)
+    path = write_bag(tmp_path / "bag", "mcap", entries)
     with pytest.raises(FileFormatError, match=r"/camera_info: CameraInfo.D: expected no distortion"):
         Recording(path)
     with Recording(path, ignore_distortion=True) as recording:
@@ -255,7 +264,7 @@ def test_recordings_of_realsense_say_their_unit(tmp_path, unit):
     if unit is not None:
         number = made.make("std_msgs/msg/Float32", data=unit)
         entries.append(("/device_0/sensor_0/option/Depth Units/value", START, number))
-    path = write(tmp_path / "rs", "ros1", entries)
+    path = write_bag(tmp_path / "rs", "ros1", entries)
     with Recording(path) as recording:
         assert recording.topics == (f"{stream}/image/data",)
         if unit is None:
@@ -281,7 +290,7 @@ def test_points_and_compressed_depth_are_read_too(tmp_path):
             "data": np.frombuffer(cloud["data"], np.uint8),
         },
     )
-    path = write(tmp_path / "points", "mcap", [("/points", START, message)])
+    path = write_bag(tmp_path / "points", "mcap", [("/points", START, message)])
     with Recording(path) as recording:
         assert recording.topics == ("/points",)
         (frame,) = recording
@@ -292,7 +301,7 @@ def test_points_and_compressed_depth_are_read_too(tmp_path):
         (topic, START, made.compressed(DEPTHS[0], START)),
         ("/points", START, message),
     ]
-    path = write(tmp_path / "png", "mcap", entries)
+    path = write_bag(tmp_path / "png", "mcap", entries)
     with Recording(path) as recording:
         assert recording.topics == (topic,)
         same(next(iter(recording)).views, direct([np.eye(4)] * 3)[:1])
@@ -302,7 +311,7 @@ def test_frames_of_older_messages_without_a_stamp_have_the_time_of_recording(tmp
     made = Messages()
     entries = [("/camera_info", START, made.info(K, DEPTHS[0].shape, 0))]
     entries += [("/depth", START + i, made.image(DEPTHS[0], 0)) for i in range(2)]
-    path = write(tmp_path / "bag", "mcap", entries)
+    path = write_bag(tmp_path / "bag", "mcap", entries)
     with Recording(path) as recording:
         assert recording.stamps.tolist() == [START, START + 1] == [frame.stamp for frame in recording]
 
@@ -322,13 +331,13 @@ def test_frames_of_older_messages_without_a_stamp_have_the_time_of_recording(tmp
     ],
 )
 def test_wrong_arguments_are_named(tmp_path, arguments, error, message):
-    path = write(tmp_path / "bag", "mcap", film(SCENE, 1))
+    path = write_bag(tmp_path / "bag", "mcap", record_film(SCENE, 1))
     with pytest.raises(error, match=message):
         Recording(path, **arguments)
 
 
 def test_wrong_ranges_of_frames_are_named(tmp_path):
-    path = write(tmp_path / "bag", "mcap", film(SCENE, 1))
+    path = write_bag(tmp_path / "bag", "mcap", record_film(SCENE, 1))
     with Recording(path, tolerance=1e300) as recording:
         for arguments in ((-1,), (0, -1), (0, None, 0)):
             with pytest.raises(ValueError, match="expected at least"):

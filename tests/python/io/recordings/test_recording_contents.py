@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from lib.bag_files import FORMATS, PERIOD, START, Messages, cameras, film, write
+from lib.bag_files import FORMATS, PERIOD, START, Messages, record_cameras, record_film, write_bag
 from strand.io.recordings.bags import Bag
 from strand.io.recordings.recording_contents import Topic, read_recording_contents
 from strand.support.files import FileFormatError
@@ -18,7 +18,7 @@ MOST = 1 << 24
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_topics_are_counted_by_the_index(tmp_path, kind):
-    path = write(tmp_path / "rope", kind, film(SCENE, 4, kind == "ros1"))
+    path = write_bag(tmp_path / "rope", kind, record_film(SCENE, 4, kind == "ros1"))
     held = read_recording_contents(path, None, MOST)
     assert held.format == ("ROS 1 bag" if kind == "ros1" else "ROS 2 bag" if path.is_dir() else "MCAP file")
     assert held.start == START
@@ -40,7 +40,7 @@ def test_topics_are_counted_by_the_index(tmp_path, kind):
 
 
 def test_only_the_first_messages_are_read(tmp_path, monkeypatch):
-    path = write(tmp_path / "rope", "mcap", film(SCENE, 300))
+    path = write_bag(tmp_path / "rope", "mcap", record_film(SCENE, 300))
     read = []
     decoded = Bag.decode
 
@@ -55,7 +55,7 @@ def test_only_the_first_messages_are_read(tmp_path, monkeypatch):
 
 
 def test_cameras_that_are_asked_for(tmp_path):
-    path = write(tmp_path / "rope", "mcap", cameras(SCENE))
+    path = write_bag(tmp_path / "rope", "mcap", record_cameras(SCENE))
     held = read_recording_contents(path, None, MOST)
     assert [camera.topic for camera in held.cameras] == [f"/camera_{k}/depth/image_raw" for k in range(2)]
     held = read_recording_contents(path, ["/camera_1/*"], MOST)
@@ -76,7 +76,7 @@ def test_what_strand_cannot_read_is_said(tmp_path):
         ("/tf", START, made.tf([("world", "camera", np.eye(4))], START)),
         ("/tf", START + 1, made.tf([("map", "camera", np.eye(4))], START)),
     ]
-    held = read_recording_contents(write(tmp_path / "rope", "mcap", entries), None, MOST)
+    held = read_recording_contents(write_bag(tmp_path / "rope", "mcap", entries), None, MOST)
     distorted, broken = held.cameras
     assert (distorted.view, distorted.size) == (None, SIZE)
     assert "--ignore-distortion" in distorted.trouble
@@ -88,15 +88,15 @@ def test_what_strand_cannot_read_is_said(tmp_path):
 def test_a_recording_without_depth_or_messages(tmp_path):
     made = Messages()
     info = made.info(SCENE.intrinsics, (30, 40), START)
-    held = read_recording_contents(write(tmp_path / "a", "mcap", [("/info", START, info)]), None, MOST)
+    held = read_recording_contents(write_bag(tmp_path / "a", "mcap", [("/info", START, info)]), None, MOST)
     assert (len(held.topics), held.cameras, held.tf_frames) == (1, (), ())
-    held = read_recording_contents(write(tmp_path / "b", "sqlite3", []), None, MOST)
+    held = read_recording_contents(write_bag(tmp_path / "b", "sqlite3", []), None, MOST)
     assert (held.start, held.seconds, held.topics) == (None, 0.0, ())
 
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_damaged_files_are_described_or_the_one_error(tmp_path, kind):
-    path = write(tmp_path / "rope", kind, film(SCENE, 2, kind == "ros1"))
+    path = write_bag(tmp_path / "rope", kind, record_film(SCENE, 2, kind == "ros1"))
     file = path if path.is_file() else next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()
     random = np.random.default_rng(5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from lib.measure import measured
+from lib.measure import measure_chains
 from strand.synthetic import SyntheticScene, cluttered_scene
 
 
@@ -31,7 +31,7 @@ def rope_pixels(scene, number):
 
 
 def right(scene, model):
-    return measured([model.chains[0].points], scene.truth, scene.radius).right
+    return measure_chains([model.chains[0].points], scene.truth, scene.radius).right
 
 
 @pytest.mark.parametrize("scene", ["one", "three"])
