@@ -1,1 +1,1 @@
-"""What a reconstruction did, in numbers, lines of text and pictures."""
+"""Describe a reconstruction in tables, figures, an HTML page and recordings for Rerun."""

@@ -1,4 +1,4 @@
-"""What each camera saw, as an image that lines can be drawn over: its own, or one made of its points."""
+"""Give each view a camera and a depth image to draw over, made from its points if it has no image."""
 
 from __future__ import annotations
 
@@ -12,15 +12,19 @@ from strand.support.checks import Array
 from strand.views.pinhole import Pinhole
 from strand.views.view import View
 
-# an image that is made of points: pixels on its longer side, and for each point
-_LARGEST, _PIXELS_A_POINT = 480, 3.0
-# points farther aside are not drawn, nor the least and the greatest share of the others
-_WIDEST, _ASIDE = np.tan(np.radians(70.0)), 0.005
+_MIN_SIDE = 40  # of an image made from points, pixels
+_MAX_SIDE = 480  # of an image made from points, pixels
+_PIXELS_PER_POINT = 3.0  # of an image made from points
+_MAX_TANGENT = np.tan(np.radians(70.0))  # points at larger angles to the view's direction are not drawn
+_OUTER_SHARE = 0.005  # of the points on each side that may lie outside the image
+_MARGIN = 0.1  # around the points, of the image's side
+_MIN_SPAN = 1e-6  # of the points, as a tangent
+_MIN_SIDE_LENGTH = 1e-6  # of the sum of unit vectors; cameras all around give less
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """One view's camera in its corrected pose, and the depth image that it took.
+    """The camera of a view in its registered pose, and its depth image.
 
     Attributes
     ----------
@@ -28,9 +32,9 @@ class Camera:
         Camera to world.
     pinhole : Pinhole
     depth : (H, W) ndarray
-        Metres; 0 where there is no return.
+        Metres; 0 without a return.
     imagined : bool
-        Whether the view came as points: the camera then looks from its viewpoint at their middle.
+        Whether the view had only points: the camera then looks from the viewpoint at their median.
     """
 
     pose: Array
@@ -43,16 +47,16 @@ class Camera:
         """(3,) World frame, metres."""
         return np.asarray(self.pose[:3, 3])
 
-    def projected(self, points: Array) -> tuple[Array, Array]:
-        """(M, 2) Columns and rows of points of the world, pixels, and (M,) their depths, metres.
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Return (M, 2) columns and rows, pixels, and (M,) depths, metres, of points in the world frame.
 
-        Points that are not before the camera have NaN for pixels.
+        The pixels of points behind the camera are NaN.
         """
         x, y, z = ((points - self.viewpoint) @ self.pose[:3, :3]).T
         return self.pinhole.project(np.column_stack([x, y, np.where(z > 0, z, np.nan)])), z
 
-    def corners(self, distance: float) -> Array:
-        """(4, 3) The image's corners at a depth, in order around it, world frame, metres."""
+    def find_corners(self, distance: float) -> Array:
+        """Return (4, 3) the image's corners at a depth, in order around it, world frame, metres."""
         height, width = self.depth.shape
         columns = np.array([-0.5, width - 0.5, width - 0.5, -0.5])
         rows = np.array([-0.5, -0.5, height - 0.5, height - 0.5])
@@ -61,21 +65,13 @@ class Camera:
 
 
 def make_cameras(model: Model, views: Sequence[View]) -> list[Camera | None]:
-    """Return each view's camera in the model's pose; None where a view has neither an image nor points.
-
-    Raises
-    ------
-    ValueError
-        If the model has not one pose for each view.
-    """
+    """Return the camera of each view in the model's pose; None for a view without image and points."""
     if len(model.poses) != len(views):
-        raise ValueError(
-            f"views: expected the {len(model.poses)} that the model was made from, got {len(views)}"
-        )
-    return [_camera(view, pose) for view, pose in zip(views, model.poses, strict=True)]
+        raise ValueError(f"views: expected the {len(model.poses)} views of the model, got {len(views)}")
+    return [_make_camera(view, pose) for view, pose in zip(views, model.poses, strict=True)]
 
 
-def _camera(view: View, pose: Array) -> Camera | None:
+def _make_camera(view: View, pose: Array) -> Camera | None:
     if view.image is not None:
         return Camera(pose, view.image.camera, view.image.depth, False)
     if not len(view.points):
@@ -83,22 +79,22 @@ def _camera(view: View, pose: Array) -> Camera | None:
     middle = np.median(view.points, axis=0)
     away = float(np.linalg.norm(middle))
     forward = middle / away if away > 0 else np.array([0.0, 0.0, 1.0])
-    # rows and columns stay as near to the axes of the view's frame as they can
+    # keep rows and columns close to the axes of the view's frame
     aside = np.eye(3)[0 if abs(forward[0]) < 0.9 else 1]
     right = aside - (aside @ forward) * forward
     right /= np.linalg.norm(right)
     turn = np.column_stack([right, np.cross(forward, right), forward])
     x, y, z = (view.points @ turn).T
-    seen = (z > 0) & (np.hypot(x, y) < _WIDEST * z)
+    seen = (z > 0) & (np.hypot(x, y) < _MAX_TANGENT * z)
     turned = np.eye(4)
     turned[:3, :3] = turn
     if not seen.any():
         return None
     x, y, z = x[seen] / z[seen], y[seen] / z[seen], z[seen]
-    low, high = np.quantile(np.column_stack([x, y]), [_ASIDE, 1.0 - _ASIDE], axis=0)
-    span = float(max((high - low).max(), 1e-6))
-    side = float(np.clip(np.sqrt(len(x) * _PIXELS_A_POINT), 40, _LARGEST))
-    focal, margin = side / (1.2 * span), 0.1 * side
+    low, high = np.quantile(np.column_stack([x, y]), [_OUTER_SHARE, 1.0 - _OUTER_SHARE], axis=0)
+    span = float(max((high - low).max(), _MIN_SPAN))
+    side = float(np.clip(np.sqrt(len(x) * _PIXELS_PER_POINT), _MIN_SIDE, _MAX_SIDE))
+    focal, margin = side / (1.2 * span), _MARGIN * side
     left, top = margin - focal * low
     width, height = (np.ceil(focal * (high - low) + 2 * margin)).astype(int).tolist()
     depth = np.full((height, width), np.inf)
@@ -110,9 +106,9 @@ def _camera(view: View, pose: Array) -> Camera | None:
 
 
 def find_seen_side(points: Array, viewpoints: Array) -> Array:
-    """(3,) Unit vector from points to where most of the cameras stand; z if they stand all around."""
+    """Return the (3,) unit vector from points towards most of the cameras; z if these are all around."""
     rays = viewpoints - points.mean(axis=0)
     lengths = np.linalg.norm(rays, axis=1, keepdims=True)
     side = (rays / np.maximum(lengths, 1e-300)).sum(axis=0)
     length = float(np.linalg.norm(side))
-    return np.asarray(side / length) if length > 1e-6 else np.array([0.0, 0.0, 1.0])
+    return np.asarray(side / length) if length > _MIN_SIDE_LENGTH else np.array([0.0, 0.0, 1.0])

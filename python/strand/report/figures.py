@@ -1,9 +1,9 @@
-"""Figures of a reconstruction, stage by stage."""
+"""Draw figures of a reconstruction, stage by stage."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from strand.report.drawn_chains import (
+    close_path,
+    color_paths,
+    compute_deviations,
+    find_ends,
+    find_rope_ends,
+)
+from strand.report.published_figures import (
+    draw_axis_points,
+    draw_chains,
+    draw_normals,
+    draw_segments,
+    draw_separation,
+)
 from strand.report.sheet import (
-    DIMENSION,
-    GREY,
+    FONT_SIZE,
+    GRAY,
     INK,
     LEFT,
     MAX_NAMES,
@@ -27,9 +41,8 @@ from strand.report.sheet import (
     make_panel,
     make_sheet,
     make_stroke,
-    pick_spread,
 )
-from strand.report.tables import find_stage_names
+from strand.report.tables import find_branch
 from strand.ropes.chain import Chain
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
@@ -41,30 +54,43 @@ from strand.support.files import write_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MAX_NORMALS = 800
-# marker and colour of a doubt's place
-_DOUBT = ("X", "#ffd92f")
+# the figures of each method, in the order of its stages
+_FIGURES = {
+    "tubes": ("raw", "filtered", "registered", "arcs", "ropes", "residuals", "uncertainty", "cameras"),
+    "images": ("raw", "filtered", "registered", "ropes", "uncertainty", "cameras"),
+    "published": (
+        *("raw", "filtered", "normals", "registered", "axis-points", "chains"),
+        *("separation", "segments", "strings", "cameras"),
+    ),
+}
+_DOUBT_MARKER = "X"
+_DOUBT_COLOR = "#ffd92f"
+_MAX_LENGTHS = 4  # chains whose length is in a title
+_DEVIATION_HEIGHT = 1.5  # panel of standard deviations, inches
+_SUPPORT_HEIGHT = 0.7  # panel of the number of points below it, inches
+_SUPPORT_GAP = 0.12  # between these two panels, inches
+_CHAIN_GAP = 0.55  # between the panels of two chains, inches
 
 
 def write_figures(
     model: Model, directory: str | os.PathLike[str], truth: Sequence[ArrayLike] = ()
 ) -> list[Path]:
-    """Draw what every stage made, one PNG file a figure.
+    """Draw the result of each stage to a PNG file.
 
-    Raw points, filtered points, registered points, the arcs seen, the chains with what is doubted, the
-    residuals of the fit, the uncertainty of the nodes, and the cameras. By the published method raw points,
-    filtered points, normals, registered points, axis points and traced chains (fig. 6 a-f), the separation d*
-    over the nodes with the cuts (fig. 11), the segments with their ends (fig. 12), the strings (fig. 13), and
-    the cameras.
+    - All methods: raw, filtered and registered points, the chains with their doubts, and the cameras.
+    - Tubes: the observed arcs, the residuals of the fit, and the uncertainty of the nodes too.
+    - Images: the uncertainty of the nodes too.
+    - The published method: normals, axis points and traced chains (fig. 6), the separation d* with the cuts
+      (fig. 11) and the segments (fig. 12) too; its chains are called strings (fig. 13).
 
     Parameters
     ----------
     model : Model
         Made with `keep_stages=True`.
     directory : str or path-like
-        Where the files go; made if it does not exist. Files of the same names are replaced.
+        The folder for the files, made if needed. Files of the same names are replaced.
     truth : sequence of (M, 3) array_like of float
-        True centrelines in the world frame, metres, to draw with the ropes.
+        True centrelines in the world frame, metres, to draw with the chains.
 
     Returns
     -------
@@ -80,50 +106,21 @@ def write_figures(
     OSError
         If a file cannot be written.
     """
-    centrelines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
-    figures: dict[str, Callable[[], Figure]]
-    if find_stage_names(model) == "published":
-        figures = {
-            "1-raw.png": lambda: draw_raw(model),
-            "2-filtered.png": lambda: draw_filtered(model),
-            "3-normals.png": lambda: draw_normals(model),
-            "4-registered.png": lambda: draw_registered(model),
-            "5-axis-points.png": lambda: draw_axis_points(model),
-            "6-chains.png": lambda: draw_chains(model),
-            "7-separation.png": lambda: draw_separation(model),
-            "8-segments.png": lambda: draw_segments(model),
-            "9-strings.png": lambda: draw_ropes(model, centrelines),
-            "10-cameras.png": lambda: draw_cameras(model),
-        }
-    elif find_stage_names(model) == "images":
-        figures = {
-            "1-raw.png": lambda: draw_raw(model),
-            "2-filtered.png": lambda: draw_filtered(model),
-            "3-registered.png": lambda: draw_registered(model),
-            "4-ropes.png": lambda: draw_ropes(model, centrelines),
-            "5-uncertainty.png": lambda: draw_uncertainty(model),
-            "6-cameras.png": lambda: draw_cameras(model),
-        }
-    else:
-        figures = {
-            "1-raw.png": lambda: draw_raw(model),
-            "2-filtered.png": lambda: draw_filtered(model),
-            "3-registered.png": lambda: draw_registered(model),
-            "4-arcs.png": lambda: draw_arcs(model),
-            "5-ropes.png": lambda: draw_ropes(model, centrelines),
-            "6-residuals.png": lambda: draw_residuals(model),
-            "7-uncertainty.png": lambda: draw_uncertainty(model),
-            "8-cameras.png": lambda: draw_cameras(model),
-        }
+    centerlines = tuple(np.asarray(line, dtype=np.float64) for line in truth)
+    names = _FIGURES[find_branch(model)]
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    for name, draw in figures.items():
-        _write(draw(), directory / name)
-    return [directory / name for name in figures]
+    paths = []
+    for number, name in enumerate(names, 1):
+        ropes = name in ("ropes", "strings")
+        figure = draw_ropes(model, centerlines) if ropes else _DRAW[name](model)
+        paths.append(directory / f"{number}-{name}.png")
+        _write(figure, paths[-1])
+    return paths
 
 
 def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[str]) -> None:
-    """Draw a model's chains over the points they came from, in plan, to one PNG file.
+    """Draw a model's chains over points, in plan, to a PNG file.
 
     Parameters
     ----------
@@ -132,7 +129,7 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     points : (N, 3) array_like of float
         Points in the world frame, metres.
     path : str or path-like
-        The file; one that exists is replaced.
+        The file; an existing one is replaced.
 
     Raises
     ------
@@ -143,127 +140,28 @@ def plot_over_points(model: Model, points: ArrayLike, path: str | os.PathLike[st
     """
     cloud = np.asarray(points, dtype=np.float64)
     names = [f"chain {i}: {chain.length * 1e3:.0f} mm" for i, chain in enumerate(model.chains)]
-    entries = [make_dot("points", GREY), *make_line_entries(names)]
+    entries = [make_dot("points", GRAY), *make_line_entries(names)]
     sheet = make_sheet(model, cloud, "Chains over the points", entries, elevation=False)
-    sheet.points(cloud, GREY, size=2.0)
-    paths = [_closed(chain.points, chain.closed) for chain in model.chains]
-    sheet.lines(_coloured(paths), width=2.6)
-    sheet.markers(_rope_ends(model), "o", PALETTE[3])
+    sheet.draw_points(cloud, GRAY, size=2.0)
+    paths = [close_path(chain) for chain in model.chains]
+    sheet.draw_lines(color_paths(paths), width=2.6)
+    sheet.draw_markers(find_rope_ends(model), "o", PALETTE[3])
     _write(sheet.figure, Path(path))
 
 
 def draw_raw(model: Model) -> Figure:
-    """Points inside the extraction range, as the views' poses place them (fig. 6 a)."""
-    return _by_view(model, model.stages["raw"], "Raw points inside the extraction range")
+    """Draw the points inside the extraction range, in the poses of the views (fig. 6 a)."""
+    return _draw_by_view(model, model.stages["raw"], "Raw points inside the extraction range")
 
 
 def draw_filtered(model: Model) -> Figure:
-    """Points that the outlier removal kept (fig. 6 b)."""
-    return _by_view(model, model.stages["filtered"], "Points after outlier removal")
+    """Draw the points that the outlier filter kept (fig. 6 b)."""
+    return _draw_by_view(model, model.stages["filtered"], "Points after outlier removal")
 
 
 def draw_registered(model: Model) -> Figure:
-    """Points in the registered poses (fig. 6 d)."""
-    return _by_view(model, model.stages["registered"], "Registered points")
-
-
-def draw_normals(model: Model) -> Figure:
-    """Points, some of them with their outward unit normals (fig. 6 c)."""
-    points, vectors = np.vstack(model.stages["filtered"]), np.vstack(model.stages["normals"])
-    key = {"right": (1, 0), "up": (0, 1), "left": (-1, 0), "down": (0, -1)}
-    key["towards the reader"] = (0, 0)
-    key_colours = _direction_colours(np.array(list(key.values())))
-    legend = [make_stroke(name, colour) for name, colour in zip(key, key_colours, strict=True)]
-    sheet = make_sheet(model, points, f"Normals at {len(points):,} points", legend)
-    sheet.points(points[pick_spread(len(points), MAX_POINTS // 3)], GREY, size=1.0)
-    reach = 0.03 * float(np.ptp(points, axis=0).max())
-    some = pick_spread(len(points), MAX_NORMALS)
-    collections = import_extra("matplotlib.collections")
-    for axes, across, up, depth in sheet.panels:
-        order = some[np.argsort(depth(points[some]), kind="stable")]
-        feet, tips = sheet.plan.of(points[order]), sheet.plan.of(points[order] + reach * vectors[order])
-        pieces = np.stack([feet, tips], axis=1)[:, :, [across, up]]
-        each = _direction_colours(sheet.plan.of(vectors[order])[:, :2] * sheet.plan.signs[:2] / 1e3)
-        axes.add_collection(collections.LineCollection(list(pieces), colors=each, linewidths=0.9))
-    return sheet.figure
-
-
-def draw_axis_points(model: Model) -> Figure:
-    """Points moved inwards onto the ropes' axes, and averaged (fig. 6 e)."""
-    points = model.stages["axis_points"]
-    sheet = make_sheet(model, points, f"{len(points):,} axis points", bar=True)
-    height = sheet.plan.of(points)[:, 2]
-    colours = sheet.scale(height.min(), height.max(), "viridis", sheet.plan.label(2))
-    sheet.points(points, colours(height), size=2.0)
-    return sheet.figure
-
-
-def draw_chains(model: Model) -> Figure:
-    """Chains as they were traced (fig. 6 f)."""
-    traced, cloud = model.stages["traced"], model.stages["axis_points"]
-    names = [f"chain {i}: {len(chain)} nodes" for i, chain in enumerate(traced)]
-    title = f"{len(traced)} {'chain' if len(traced) == 1 else 'chains'} traced"
-    sheet = make_sheet(model, cloud, title, make_line_entries(names))
-    sheet.points(cloud, GREY)
-    sheet.lines(_coloured(traced))
-    for i, chain in enumerate(traced):
-        sheet.markers(chain, "o", PALETTE[i % len(PALETTE)], size=3.5)
-    return sheet.figure
-
-
-def draw_separation(model: Model) -> Figure:
-    """Separation d* over the node index, with the cuts at its local minima (fig. 11)."""
-    traced, cuts = model.stages["traced"], model.stages["cuts"]
-    values = [np.where(np.isfinite(d), 1e3 * d, np.nan) for d in model.stages["separation"]]
-    shown = sorted(sorted(range(len(traced)), key=lambda i: -len(traced[i]))[:MAX_NAMES])
-    lines, ticker = import_extra("matplotlib.lines"), import_extra("matplotlib.ticker")
-    legend = [lines.Line2D([], [], marker="v", ls=":", color=INK, mfc="white", mew=1.2, ms=8, label="cut")]
-    if model.chains:
-        legend.append(lines.Line2D([], [], color=DIMENSION, ls="--", label="rope's diameter 2 r"))
-    title = "Separation d* along the chains"
-    if len(shown) < len(traced):
-        title += f" (the {len(shown)} longest of {len(traced)})"
-    panel, gap = 1.6, 0.5
-    figure, foot = make_figure(title, (panel + gap) * len(shown) - 0.25, legend)
-    highest = max((float(np.nanmax(values[i])) for i in shown if np.isfinite(values[i]).any()), default=1.0)
-    for row, i in enumerate(reversed(shown)):
-        axes = make_panel(figure, LEFT, foot + (panel + gap) * row, WIDTH - LEFT - RIGHT, panel)
-        colour = PALETTE[i % len(PALETTE)]
-        axes.plot(np.arange(len(values[i])), values[i], ".-", color=colour, lw=1.4, ms=5)
-        at = np.asarray(cuts[i], dtype=np.intp)
-        axes.plot(at, values[i][at], "v", ms=8, mfc="white", mec=INK, mew=1.2, zorder=4)
-        for node in at:
-            axes.axvline(node, color=INK, lw=0.8, ls=":")
-        if model.chains:
-            axes.axhline(2e3 * model.chains[0].radius, color=DIMENSION, lw=1.0, ls="--")
-        axes.set(xlim=(-1, max(len(values[i]), 2)), ylim=(0, 1.08 * highest))
-        axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        axes.set_ylabel("d* / mm", fontsize=10)
-        axes.set_title(f"chain {i}", loc="left", fontsize=10, pad=3, color=colour)
-        if row == 0:
-            axes.set_xlabel("node", fontsize=10)
-    return figure
-
-
-def draw_segments(model: Model) -> Figure:
-    """Segments that the split left, with the ropes' ends and the ends at crossings (fig. 12)."""
-    parts, cloud = model.stages["segments"], model.stages["axis_points"]
-    title = f"{len(parts)} {'segment' if len(parts) == 1 else 'segments'} after the split"
-    legend = [
-        make_dot("rope's end", PALETTE[3], edge=INK),
-        make_dot("segment's end", "white", edge=INK),
-        make_dot("axis points", GREY),
-    ]
-    sheet = make_sheet(model, cloud, title, legend)
-    sheet.points(cloud, GREY)
-    sheet.lines(_coloured(parts))
-    ends = _ends(parts)
-    sheet.markers(ends, "o", "white")
-    # a rope may go on a little beyond its last segment
-    last = [np.linalg.norm(ends - end, axis=1).argmin() for end in _rope_ends(model)]
-    sheet.markers(ends[np.array(last, dtype=np.intp)], "o", PALETTE[3])
-    sheet.numbers(parts)
-    return sheet.figure
+    """Draw the points in the registered poses (fig. 6 d)."""
+    return _draw_by_view(model, model.stages["registered"], "Registered points")
 
 
 def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
@@ -274,61 +172,63 @@ def draw_ropes(model: Model, truth: Sequence[Array] = ()) -> Figure:
     """
     cloud = np.vstack(model.stages["registered"])
     count = len(model.chains)
-    lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:4])
-    title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > 4 else ''}"
-    legend = [make_dot("registered points", GREY), make_dot("rope's end", PALETTE[3], edge=INK)]
-    bridged = np.vstack([np.empty((0, 3)), *(chain.points[_bridged(chain)] for chain in model.chains)])
+    lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
+    title = f"{count} {'chain' if count == 1 else 'chains'}: {lengths}{', …' if count > _MAX_LENGTHS else ''}"
+    legend = [make_dot("registered points", GRAY), make_dot("rope's end", PALETTE[3], edge=INK)]
+    bridged = np.vstack(
+        [np.empty((0, 3)), *(chain.points[_find_bare_nodes(chain)] for chain in model.chains)]
+    )
     if len(bridged):
         legend.append(make_dot("node without points", "white", edge=INK))
-    crossed = _crossed(model, cloud)
+    crossed = _find_crossings(model, cloud)
     if len(crossed):
         legend.append(make_dot("crossing", "none", edge=INK))
-    unsure = _doubted(model)
+    unsure = _find_doubts(model)
     if len(unsure):
-        legend.append(_doubt_entry())
+        legend.append(_make_doubt_entry())
     if truth:
         legend.append(
             import_extra("matplotlib.lines").Line2D([], [], color=INK, lw=0.9, ls="--", label="truth")
         )
     sheet = make_sheet(model, cloud, title, legend, bar=True)
-    sheet.points(cloud, GREY)
+    sheet.draw_points(cloud, GRAY)
     longest = max((chain.length for chain in model.chains), default=0.0)
-    colours = sheet.scale(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
+    colors = sheet.draw_color_bar(0.0, max(1e3 * longest, 1e-9), "cool", "arc length / mm")
     lines = []
     for chain in model.chains:
-        path = _closed(chain.points, chain.closed)
+        path = close_path(chain)
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        lines.append((path, colours(1e3 * (np.cumsum(steps) - steps / 2))))
-    sheet.lines(lines, width=3.0)
-    sheet.markers(bridged, "o", "white", size=2.5)
+        lines.append((path, colors(1e3 * (np.cumsum(steps) - steps / 2))))
+    sheet.draw_lines(lines, width=3.0)
+    sheet.draw_markers(bridged, "o", "white", size=2.5)
     for line in truth:
-        where = sheet.plan.of(line)
+        where = sheet.plan.to_millimeters(line)
         for axes, across, up, _ in sheet.panels:
             axes.plot(where[:, across], where[:, up], color=INK, lw=0.9, ls="--", zorder=4)
-    sheet.markers(_rope_ends(model), "o", PALETTE[3])
-    sheet.markers(crossed, "o", "none", size=16.0)
-    sheet.markers(unsure, *_DOUBT)
+    sheet.draw_markers(find_rope_ends(model), "o", PALETTE[3])
+    sheet.draw_markers(crossed, "o", "none", size=16.0)
+    sheet.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
     return sheet.figure
 
 
 def draw_cameras(model: Model) -> Figure:
-    """Draw where the cameras stood in their registered poses, which way they looked, and the next view.
+    """Draw the cameras in their registered poses, their directions, the next view, chains and doubts.
 
-    Chains and places of doubts are drawn too. Poses whose z axis does not lead to the chains, as of points in
-    the world frame, have no direction.
+    A camera whose z axis does not point at the chains is drawn without a direction: its view may hold
+    points in the world frame.
     """
-    lines = [_closed(chain.points, chain.closed) for chain in model.chains]
+    lines = [close_path(chain) for chain in model.chains]
     nodes = np.vstack([np.empty((0, 3)), *lines])
-    centres, ahead = model.poses[:, :3, 3], model.poses[:, :3, 2]
-    away = np.linalg.norm(centres - nodes.mean(axis=0), axis=1) if len(nodes) else np.ones(len(centres))
-    inwards = ((nodes.mean(axis=0) - centres) * ahead).sum(axis=1) if len(nodes) else np.zeros(len(centres))
+    centers, ahead = model.poses[:, :3, 3], model.poses[:, :3, 2]
+    away = np.linalg.norm(centers - nodes.mean(axis=0), axis=1) if len(nodes) else np.ones(len(centers))
+    inwards = ((nodes.mean(axis=0) - centers) * ahead).sum(axis=1) if len(nodes) else np.zeros(len(centers))
     looking = inwards > 0.5 * away
-    tips = (centres + 0.25 * away[:, None] * ahead)[looking]
+    tips = (centers + 0.25 * away[:, None] * ahead)[looking]
     try:
         advised = model.next_view()[None]
     except ValueError:  # nothing to look at
         advised = np.empty((0, 3))
-    unsure, count = _doubted(model), len(centres)
+    unsure, count = _find_doubts(model), len(centers)
     legend = [make_dot("camera", PALETTE[0], edge=INK)]
     if len(tips):
         legend.append(make_stroke("the way it looks", PALETTE[0]))
@@ -337,34 +237,36 @@ def draw_cameras(model: Model) -> Figure:
     if len(advised):
         legend.append(make_dot("next view", PALETTE[2], edge=INK))
     if len(unsure):
-        legend.append(_doubt_entry())
+        legend.append(_make_doubt_entry())
     title = f"{count} {'camera' if count == 1 else 'cameras'}, "
     title += f"{len(lines)} {'chain' if len(lines) == 1 else 'chains'}"
-    sheet = make_sheet(model, np.vstack([nodes, centres, tips, advised]), title, legend)
-    sheet.lines([(line, INK) for line in lines], width=1.4)
-    sheet.lines([(np.stack(ray), PALETTE[0]) for ray in zip(centres[looking], tips, strict=True)], width=1.2)
-    sheet.markers(centres, "o", PALETTE[0])
-    sheet.markers(advised, "D", PALETTE[2])
-    sheet.markers(unsure, *_DOUBT)
+    sheet = make_sheet(model, np.vstack([nodes, centers, tips, advised]), title, legend)
+    sheet.draw_lines([(line, INK) for line in lines], width=1.4)
+    sheet.draw_lines(
+        [(np.stack(ray), PALETTE[0]) for ray in zip(centers[looking], tips, strict=True)], width=1.2
+    )
+    sheet.draw_markers(centers, "o", PALETTE[0])
+    sheet.draw_markers(advised, "D", PALETTE[2])
+    sheet.draw_markers(unsure, _DOUBT_MARKER, _DOUBT_COLOR)
     return sheet.figure
 
 
 def draw_arcs(model: Model) -> Figure:
-    """Arcs that the views saw of the ropes, with their ends, before they were linked."""
+    """Draw the observed arcs and their ends before they are linked."""
     parts, cloud = model.stages["arcs"], np.vstack(model.stages["registered"])
-    legend = [make_dot("arc's end", "white", edge=INK), make_dot("registered points", GREY)]
+    legend = [make_dot("arc's end", "white", edge=INK), make_dot("registered points", GRAY)]
     sheet = make_sheet(model, cloud, f"{len(parts)} {'arc' if len(parts) == 1 else 'arcs'} seen", legend)
-    sheet.points(cloud, GREY)
-    sheet.lines(_coloured(parts))
-    sheet.markers(_ends(parts), "o", "white")
-    sheet.numbers(parts)
+    sheet.draw_points(cloud, GRAY)
+    sheet.draw_lines(color_paths(parts))
+    sheet.draw_markers(find_ends(parts), "o", "white")
+    sheet.draw_numbers(parts)
     return sheet.figure
 
 
 def draw_residuals(model: Model) -> Figure:
-    """Distances of the points from the fitted surface: what is left after the fit, and where.
+    """Draw the distances of the points from the fitted surface.
 
-    A patch of one colour is something that the tubes or the poses do not describe; noise alone is mixed.
+    A patch of one colour is an error of the tubes or the poses. Noise alone gives a mix of colours.
     """
     fit = model.stages["fit"]
     share = 100.0 * float(np.mean(fit.explained))
@@ -372,41 +274,43 @@ def draw_residuals(model: Model) -> Figure:
     legend = [] if fit.explained.all() else [make_dot("point that no tube explains", INK)]
     sheet = make_sheet(model, fit.points, title, legend, bar=True, elevation=False)
     limit = max(3e3 * fit.sigma, 1e-6)
-    colours = sheet.scale(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
+    colors = sheet.draw_color_bar(-limit, limit, "coolwarm", "residual / mm (above 0: outside)")
     explained = np.flatnonzero(fit.explained)
-    # in no order: the nearer points are those that noise carries outwards, and would hide the others
+    # in random order: in order of depth, points with positive noise would cover the others
     some = np.random.default_rng(0).permutation(explained)[:MAX_POINTS]
     axes, across, up, _ = sheet.panels[0]
-    where = sheet.plan.of(fit.points[some])
-    each = colours(1e3 * fit.residual[some])
+    where = sheet.plan.to_millimeters(fit.points[some])
+    each = colors(1e3 * fit.residual[some])
     axes.scatter(where[:, across], where[:, up], s=4.0, c=each, linewidths=0, antialiaseds=False)
-    sheet.points(fit.points[~fit.explained], INK, size=4.0)
+    sheet.draw_points(fit.points[~fit.explained], INK, size=4.0)
     return sheet.figure
 
 
 def draw_uncertainty(model: Model) -> Figure:
-    """Draw the nodes' standard deviation in their worst direction, and how many points see them."""
+    """Draw the standard deviation of the nodes in their worst direction, and their numbers of points."""
     shown = sorted(sorted(range(len(model.chains)), key=lambda i: -model.chains[i].length)[:MAX_NAMES])
     title = "Standard deviation of the nodes, and the points that see them"
     if len(shown) < len(model.chains):
         title += f" (the {len(shown)} longest of {len(model.chains)})"
     legend = [make_stroke("in the worst direction", PALETTE[0])]
-    if any(_bridged(model.chains[i]).any() for i in shown):
+    if any(_find_bare_nodes(model.chains[i]).any() for i in shown):
         legend.append(make_dot("node without points", PALETTE[3]))
-    upper, lower, between, gap = 1.5, 0.7, 0.12, 0.55
-    pitch = upper + between + lower + gap
+    pitch = _DEVIATION_HEIGHT + _SUPPORT_GAP + _SUPPORT_HEIGHT + _CHAIN_GAP
     figure, foot = make_figure(title, max(pitch * len(shown) - 0.25, 1.0), legend)
     ticker = import_extra("matplotlib.ticker")
-    deviations = {i: 1e3 * _deviations(model.chains[i]) for i in shown}
+    deviations = {
+        i: 1e3 * values for i in shown if (values := compute_deviations(model.chains[i])) is not None
+    }
     highest = max((float(values.max()) for values in deviations.values()), default=1.0)
     farthest = max((1e3 * model.chains[i].length for i in shown), default=1.0)
     for row, i in enumerate(reversed(shown)):
         chain, bottom = model.chains[i], foot + pitch * row
-        s, without = 1e3 * chain.arc_length, _bridged(chain)
-        below = make_panel(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, lower)
-        above = make_panel(figure, LEFT, bottom + lower + between, WIDTH - LEFT - RIGHT, upper)
+        s, without = 1e3 * chain.arc_length, _find_bare_nodes(chain)
+        below = make_panel(figure, LEFT, bottom, WIDTH - LEFT - RIGHT, _SUPPORT_HEIGHT)
+        raised = bottom + _SUPPORT_HEIGHT + _SUPPORT_GAP
+        above = make_panel(figure, LEFT, raised, WIDTH - LEFT - RIGHT, _DEVIATION_HEIGHT)
         assert chain.points_seen is not None
-        below.fill_between(s, chain.points_seen, step="mid", color=GREY, lw=0)
+        below.fill_between(s, chain.points_seen, step="mid", color=GRAY, lw=0)
         below.plot(s[without], np.zeros(int(without.sum())), "o", ms=3, color=PALETTE[3], clip_on=False)
         above.plot(s, deviations[i], color=PALETTE[0], lw=1.6)
         above.plot(s[without], deviations[i][without], "o", ms=3, color=PALETTE[3])
@@ -416,84 +320,51 @@ def draw_uncertainty(model: Model) -> Figure:
         above.yaxis.set_major_locator(ticker.MaxNLocator(4, steps=[1, 2, 5, 10]))
         below.set(ylim=(0, None))
         above.tick_params(labelbottom=False)
-        above.set_ylabel("sd / mm", fontsize=10)
-        below.set_ylabel("points", fontsize=10)
-        above.set_title(f"rope {i}", loc="left", fontsize=10, pad=3)
+        above.set_ylabel("sd / mm", fontsize=FONT_SIZE)
+        below.set_ylabel("points", fontsize=FONT_SIZE)
+        above.set_title(f"rope {i}", loc="left", fontsize=FONT_SIZE, pad=3)
         if row == 0:
-            below.set_xlabel("arc length / mm", fontsize=10)
+            below.set_xlabel("arc length / mm", fontsize=FONT_SIZE)
     return figure
 
 
-def _deviations(chain: Chain) -> Array:
-    """(M,) Standard deviation of each node in its worst direction, metres."""
-    assert chain.covariance is not None
-    variances = np.linalg.eigvalsh(chain.covariance)[:, -1]
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
-
-
-def _bridged(chain: Chain) -> NDArray[np.bool_]:
-    """(M,) Which nodes no point supports, as far as that is known."""
+def _find_bare_nodes(chain: Chain) -> NDArray[np.bool_]:
+    """Return (M,) whether a node has no points; all False if not known."""
     if chain.points_seen is None:
         return np.zeros(len(chain.points), dtype=bool)
     return np.asarray(chain.points_seen == 0)
 
 
-def _by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
+def _draw_by_view(model: Model, clouds: Sequence[Array], title: str) -> Figure:
     points = np.vstack(clouds)
     view = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
-    # neighbouring views in neighbouring colours: the order of the views shows
-    colours = import_extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
-    legend = [make_dot(f"view {i}", colour) for i, colour in enumerate(colours[: 2 * MAX_NAMES])]
+    # neighbouring views have similar colours, which shows their order
+    colors = import_extra("matplotlib").colormaps["turbo"](np.linspace(0.08, 0.92, len(clouds)))
+    legend = [make_dot(f"view {i}", color) for i, color in enumerate(colors[: 2 * MAX_NAMES])]
     if len(clouds) > len(legend):
         legend.append(make_dot(f"and {len(clouds) - len(legend)} more", "none"))
     sheet = make_sheet(model, points, f"{title}: {len(points):,}", legend)
-    sheet.points(points, colours[view])
+    sheet.draw_points(points, colors[view])
     return sheet.figure
 
 
-def _direction_colours(directions: ArrayLike) -> Array:
-    """Colour (N, 2) parts of unit vectors in the plan: hue by direction, pale if steep."""
-    right, up = np.asarray(directions, dtype=np.float64).T
-    hue = np.arctan2(up, right) / (2 * np.pi) % 1.0
-    parts = np.stack([hue, np.minimum(np.hypot(right, up), 1.0), np.full_like(hue, 0.8)], axis=1)
-    return np.asarray(import_extra("matplotlib.colors").hsv_to_rgb(parts))
-
-
-def _coloured(paths: Iterable[Array]) -> list[tuple[Array, str]]:
-    return [(path, PALETTE[i % len(PALETTE)]) for i, path in enumerate(paths)]
-
-
-def _ends(paths: Iterable[Array]) -> Array:
-    """(2 N, 3) First and last points of N paths."""
-    return np.array([end for path in paths for end in (path[0], path[-1])]).reshape(-1, 3)
-
-
-def _doubted(model: Model) -> Array:
-    """(N, 3) Places of the doubts that have one."""
+def _find_doubts(model: Model) -> Array:
+    """Return (N, 3) the places of the doubts that have one."""
     return np.array([d.place for d in model.doubts if d.place is not None]).reshape(-1, 3)
 
 
-def _doubt_entry() -> Any:
-    marker, colour = _DOUBT
+def _make_doubt_entry() -> Any:
     return import_extra("matplotlib.lines").Line2D(
-        [], [], ls="", marker=marker, mfc=colour, mec=INK, label="doubt"
+        [], [], ls="", marker=_DOUBT_MARKER, mfc=_DOUBT_COLOR, mec=INK, label="doubt"
     )
 
 
-def _rope_ends(model: Model) -> Array:
-    return _ends(chain.points for chain in model.chains if not chain.closed)
-
-
-def _crossed(model: Model, cloud: Array) -> Array:
-    """(K, 3) Places of the crossings that the plan shows."""
-    plan = Plan.towards(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
+def _find_crossings(model: Model, cloud: Array) -> Array:
+    """Return (K, 3) the places of the crossings in the plan."""
+    plan = Plan.from_viewpoints(model.poses[:, :3, 3], cloud if len(cloud) else np.zeros((1, 3)))
     towards = plan.signs[2] * np.eye(3)[plan.axes[2]]
     met = list_crossings(model.chains, towards, model.doubts)
     return np.vstack([np.empty((0, 3)), *(crossing.place for crossing in met)])
-
-
-def _closed(points: Array, closed: bool) -> Array:
-    return np.vstack([points, points[:1]]) if closed else points
 
 
 def _write(figure: Figure, path: Path) -> None:
@@ -501,3 +372,19 @@ def _write(figure: Figure, path: Path) -> None:
     canvas = import_extra("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     canvas.print_png(data)
     write_bytes(path, data.getvalue())
+
+
+_DRAW = {
+    "raw": draw_raw,
+    "filtered": draw_filtered,
+    "normals": draw_normals,
+    "registered": draw_registered,
+    "arcs": draw_arcs,
+    "axis-points": draw_axis_points,
+    "chains": draw_chains,
+    "separation": draw_separation,
+    "segments": draw_segments,
+    "residuals": draw_residuals,
+    "uncertainty": draw_uncertainty,
+    "cameras": draw_cameras,
+}

@@ -1,4 +1,4 @@
-"""The chains drawn over what each camera saw, as SVG with the depth image inside."""
+"""Draw the chains over a camera's depth image, as SVG."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ from numpy.typing import NDArray
 
 from strand.geometry.polyline import find_runs
 from strand.report.cameras import Camera
+from strand.report.drawn_chains import close_path, pick_color
 from strand.report.sheet import pick_spread
 from strand.ropes.chain import Chain
 from strand.ropes.model import Model
-from strand.ropes.notebook import PALETTE
 from strand.support.checks import Array
 from strand.support.extras import import_extra
 
-# pixels around the ropes that an image shows beside them, as a part of their extent, and at least
-_MARGIN, _LEAST_MARGIN = 0.12, 12
-# widths in which an image may be drawn, pixels: the first whose file is small enough is taken
-_WIDTHS = (640, 480, 320, 200)
-# grey says how far a place is before the plane that most of the image lies in, in radii
-_FARTHEST, _NEAREST = -3.0, 6.0
-_ROUNDS, _FITTED = 4, 20_000  # rounds of the fit of that plane, and pixels in it
-# a place of a rope is hidden if something stands so many radii before its axis
-_HIDDEN = 2.0
-# an image may say so much of a model: nodes of all chains together, chains, doubts, characters of a doubt
-_MOST_NODES, MAX_CHAINS, _MOST_DOUBTS, _LONGEST = 800, 50, 20, 150
-# pixels far outside are not told apart
-_OUTSIDE = 1e5
+MAX_CHAINS = 50  # chains that are drawn
+_MAX_NODES = 800  # nodes of all chains together
+_MAX_DOUBTS = 20  # doubts that are drawn
+_MAX_REASON = 150  # characters of a doubt
+_MARGIN = 0.12  # around the ropes, of their extent
+_MIN_MARGIN = 12  # around the ropes, pixels
+_WIDTHS = (640, 480, 320, 200)  # pixels: the image gets the first width whose file is small enough
+# shades of grey show the distance before the plane of most pixels
+_DARKEST = -3.0  # radii before the plane
+_BRIGHTEST = 6.0  # radii before the plane
+_PLANE_ROUNDS = 4  # of the plane's fit
+_PLANE_PIXELS = 20_000  # in the plane's fit, at most
+_PLANE_CUTOFF = 2.5  # of the median distance: farther pixels leave the plane's fit
+_MIN_COVER = 2.0  # radii before a rope's axis: something there hides the rope
+_MAX_PIXEL = 1e5  # coordinates farther outside are clipped
 
 
 def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
@@ -40,29 +42,22 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
     Parameters
     ----------
     camera : Camera
-        In its corrected pose.
     model : Model
-        Its chains, and its doubts.
     max_bytes : int
-        About how large the image may be, as text.
+        Approximate limit for the embedded image, as text.
 
     Returns
     -------
     str
-        An `svg` element. Brighter is nearer; black is no return. What a rope bridges without points is
-        dashed, what something hides from this camera thin.
-
-    Raises
-    ------
-    ImportError
-        If Pillow is not installed.
+        An `svg` element. Brighter pixels are nearer, black ones have no return. Chains are dashed where
+        they have no points, and thin where something hides them from this camera.
     """
     chains = model.chains[:MAX_CHAINS]
-    drawn = [camera.projected(_path(chain)) for chain in chains]
+    drawn = [camera.project(close_path(chain)) for chain in chains]
     radius = float(np.median([chain.radius for chain in chains])) if chains else 0.005
-    left, top, right, bottom = _window(camera, [pixels for pixels, _ in drawn])
+    left, top, right, bottom = _find_window(camera, [pixels for pixels, _ in drawn])
     cut = camera.depth[top:bottom, left:right]
-    image = _embedded(_grey(cut, radius), max_bytes)
+    image = _encode_image(_shade(cut, radius), max_bytes)
     width, height = right - left, bottom - top
     size = max(width, height) / 100
     parts = [
@@ -70,23 +65,23 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
         f'<image x="{left}" y="{top}" width="{width}" height="{height}" '
         f'preserveAspectRatio="none" href="{image}"/>',
     ]
-    every = max(-(-sum(len(pixels) for pixels, _ in drawn) // _MOST_NODES), 1)
+    every = max(-(-sum(len(pixels) for pixels, _ in drawn) // _MAX_NODES), 1)
     for i, (chain, (pixels, z)) in enumerate(zip(chains, drawn, strict=True)):
-        colour = PALETTE[i % len(PALETTE)]
+        color = pick_color(i)
         kept = np.unique(np.append(np.arange(0, len(pixels), every), len(pixels) - 1))
-        parts += _strokes(camera, chain, pixels, z, kept, colour)
+        parts += _draw_strokes(camera, chain, pixels, z, kept, color)
         u, v = pixels[0]
         if left <= u <= right and top <= v <= bottom:
-            parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="{colour}"/>')
+            parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{0.8 * size:.2f}" fill="{color}"/>')
             parts.append(
                 f'<text x="{u + size:.1f}" y="{v - size:.1f}" font-size="{4 * size:.1f}" '
-                f'fill="{colour}">{i}</text>'
+                f'fill="{color}">{i}</text>'
             )
-    for doubt in [doubt for doubt in model.doubts if doubt.place is not None][:_MOST_DOUBTS]:
+    for doubt in [doubt for doubt in model.doubts if doubt.place is not None][:_MAX_DOUBTS]:
         assert doubt.place is not None
-        u, v = camera.projected(doubt.place[None])[0][0]
+        u, v = camera.project(doubt.place[None])[0][0]
         if left <= u <= right and top <= v <= bottom:
-            reason = escape(str(doubt)[:_LONGEST])
+            reason = escape(str(doubt)[:_MAX_REASON])
             parts.append(
                 f'<circle class="doubt" cx="{u:.1f}" cy="{v:.1f}" r="{2.5 * size:.2f}">'
                 f"<title>{reason}</title></circle>"
@@ -94,12 +89,8 @@ def draw_overlay(camera: Camera, model: Model, max_bytes: int) -> str:
     return "".join([*parts, "</svg>"])
 
 
-def _path(chain: Chain) -> Array:
-    return np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
-
-
-def _window(camera: Camera, drawn: Sequence[Array]) -> tuple[int, int, int, int]:
-    """Columns and rows of the part of an image that is around the ropes; all of it if none is in it."""
+def _find_window(camera: Camera, drawn: Sequence[Array]) -> tuple[int, int, int, int]:
+    """Return left, top, right and bottom of the part with the ropes; the whole image without ropes."""
     height, width = camera.depth.shape
     pixels = np.concatenate([np.empty((0, 2)), *drawn])
     u, v = pixels[np.isfinite(pixels).all(axis=1)].T
@@ -107,13 +98,13 @@ def _window(camera: Camera, drawn: Sequence[Array]) -> tuple[int, int, int, int]
     if not inside.any():
         return 0, 0, width, height
     u, v = u[inside], v[inside]
-    margin = max(_MARGIN * max(float(np.ptp(u)), float(np.ptp(v))), _LEAST_MARGIN)
+    margin = max(_MARGIN * max(float(np.ptp(u)), float(np.ptp(v))), _MIN_MARGIN)
     left, top = max(int(u.min() - margin), 0), max(int(v.min() - margin), 0)
     return left, top, min(int(u.max() + margin) + 1, width), min(int(v.max() + margin) + 1, height)
 
 
-def _grey(depth: Array, radius: float) -> NDArray[np.uint8]:
-    """(H, W) Shades of an image: how far each place is before the plane that most of them lie in."""
+def _shade(depth: Array, radius: float) -> NDArray[np.uint8]:
+    """Return (H, W) shades of grey by the distance before the plane of most pixels."""
     rows, columns = np.nonzero(depth > 0)
     shades = np.zeros(depth.shape, dtype=np.uint8)
     if not len(rows):
@@ -121,22 +112,22 @@ def _grey(depth: Array, radius: float) -> NDArray[np.uint8]:
     z = depth[rows, columns]
     # the inverse depth of a plane is linear in columns and rows
     terms = np.column_stack([columns - columns.mean(), rows - rows.mean(), np.ones(len(rows))])
-    kept = pick_spread(len(rows), _FITTED)
+    kept = pick_spread(len(rows), _PLANE_PIXELS)
     nearer = np.zeros(len(rows))
-    for _ in range(_ROUNDS):
+    for _ in range(_PLANE_ROUNDS):
         plane = terms @ np.linalg.lstsq(terms[kept], 1.0 / z[kept], rcond=None)[0]
         nearer = z * (1.0 - z * plane)
         usual = np.median(np.abs(nearer[kept]))
-        kept = kept[np.abs(nearer[kept]) <= 2.5 * usual]
+        kept = kept[np.abs(nearer[kept]) <= _PLANE_CUTOFF * usual]
         if len(kept) < 3:
             break
-    level = (nearer / radius - _FARTHEST) / (_NEAREST - _FARTHEST)
+    level = (nearer / radius - _DARKEST) / (_BRIGHTEST - _DARKEST)
     shades[rows, columns] = np.rint(60 + 195 * np.clip(level, 0.0, 1.0))
     return shades
 
 
-def _embedded(shades: NDArray[np.uint8], max_bytes: int) -> str:
-    """Return an image as a data URI of about so many bytes at most."""
+def _encode_image(shades: NDArray[np.uint8], max_bytes: int) -> str:
+    """Return an image as a data URI of about `max_bytes` at most."""
     image = import_extra("PIL.Image").fromarray(shades)
     text = ""
     for width in _WIDTHS:
@@ -150,14 +141,14 @@ def _embedded(shades: NDArray[np.uint8], max_bytes: int) -> str:
     return text
 
 
-def _strokes(
-    camera: Camera, chain: Chain, pixels: Array, z: Array, kept: NDArray[np.intp], colour: str
+def _draw_strokes(
+    camera: Camera, chain: Chain, pixels: Array, z: Array, kept: NDArray[np.intp], color: str
 ) -> list[str]:
-    """Lines of one chain: plain, thin where something hides it, dashed where no point supports it."""
+    """Draw one chain: thin where something hides it, dashed where it has no points."""
     bridged = np.append(chain.bridged, chain.bridged[:1]) if chain.closed else chain.bridged
-    pixels, z, bridged = pixels[kept].clip(-_OUTSIDE, _OUTSIDE), z[kept], bridged[kept]
+    pixels, z, bridged = pixels[kept].clip(-_MAX_PIXEL, _MAX_PIXEL), z[kept], bridged[kept]
     visible = np.asarray(np.isfinite(pixels).all(axis=1))
-    hidden = _hidden(camera, pixels, z, chain.radius)
+    hidden = _find_hidden(camera, pixels, z, chain.radius)
     states: dict[str, NDArray[np.bool_]] = {
         "seen": visible & ~hidden & ~bridged,
         "hidden": visible & hidden & ~bridged,
@@ -167,21 +158,21 @@ def _strokes(
     for kind, chosen in states.items():
         pieces = []
         for start, stop in find_runs(chosen):
-            # to the next node, so that the pieces join
+            # extend each piece to the next node, so that pieces join
             to = stop + 1 if stop < len(pixels) and visible[stop] else stop
             pieces.append("M" + "L".join(f"{u:.1f},{v:.1f}" for u, v in pixels[start:to]))
         if pieces:
-            strokes.append(f'<path class="{kind}" d="{"".join(pieces)}" stroke="{colour}"/>')
+            strokes.append(f'<path class="{kind}" d="{"".join(pieces)}" stroke="{color}"/>')
     return strokes
 
 
-def _hidden(camera: Camera, pixels: Array, z: Array, radius: float) -> NDArray[np.bool_]:
-    """(M,) Whether the image shows something well before a place of a rope."""
+def _find_hidden(camera: Camera, pixels: Array, z: Array, radius: float) -> NDArray[np.bool_]:
+    """Return (M,) whether the depth image shows something before each node of a rope."""
     height, width = camera.depth.shape
     whole = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0).clip(-1, 1e6)).astype(int)
     columns, rows = whole.T
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     before = np.zeros(len(pixels), dtype=bool)
     seen = camera.depth[rows[inside], columns[inside]]
-    before[inside] = (seen > 0) & (seen < z[inside] - _HIDDEN * radius)
+    before[inside] = (seen > 0) & (seen < z[inside] - _MIN_COVER * radius)
     return before

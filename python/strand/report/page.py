@@ -1,4 +1,4 @@
-"""One HTML file that shows a reconstruction: in space, over each image, and in tables. It fetches nothing."""
+"""Write an HTML page about a reconstruction: a 3D view, the chains over each image, and tables."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 
 import strand._core as _core
 from strand.report.cameras import Camera, find_seen_side, make_cameras
+from strand.report.drawn_chains import compute_deviations
 from strand.report.overlay import MAX_CHAINS, draw_overlay
 from strand.report.sheet import pick_spread
-from strand.report.space_figure import compute_deviations, make_space_figure
+from strand.report.space_figure import make_space_figure
 from strand.report.tables import count_stages
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
@@ -29,13 +30,14 @@ from strand.support.files import write_bytes
 from strand.views.pose import moved
 from strand.views.view import View, check_views
 
-# so that the page stays below 5 MB: bytes of all depth images, and how many; rows of a table; characters of a
-# cell
-_IMAGE_BYTES, _MOST_IMAGES = 700_000, 16
-_MOST_ROWS, _LONGEST = 100, 400
-# a doubt so many radii from a chain is said to be about it
-_NEAR = 5.0
-# the browser itself refuses to fetch anything; plotly's scripts and styles are in the page
+# these keep the page below 5 MB
+_IMAGE_BYTES = 700_000  # of all depth images together
+_MAX_IMAGES = 16  # depth images
+_MAX_ROWS = 100  # rows of a table
+_MAX_TEXT = 400  # characters of a cell
+_MAX_LENGTHS = 6  # chains whose length is in the summary
+_DOUBT_DISTANCE = 5.0  # radii from a chain: nearer doubts are listed with it
+# the browser refuses to fetch anything; the page includes plotly's script
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
 
@@ -48,26 +50,29 @@ def write_report(
     given: Mapping[str, str] | None = None,
     truth: Sequence[ArrayLike] = (),
 ) -> None:
-    """Write one HTML page about a reconstruction: whole or not at all, below 5 MB, without links to anything.
+    """Write a self-contained HTML page of at most 5 MB about a reconstruction.
 
-    It shows, in space and to be turned, points by view, chains by arc length or standard deviation, stretches
-    that no view saw, ends, crossings, doubts, joins, cameras and the next view; the chains over each depth
-    image; and tables of chains, doubts and warnings, views and stages. Where there is more than the page may
-    hold, points, nodes, images and rows are left out, and the page says so.
+    - A 3D view shows the points by view, the chains by arc length or standard deviation, unseen stretches,
+    ends,
+      crossings, doubts, joins, cameras and the next view.
+    - The chains are drawn over each depth image.
+    - Tables list the chains, crossings, doubts and warnings, views and stages.
+
+    The page needs no network. If there are too many points, nodes, images or rows, the page shows a part of
+    them and says so.
 
     Parameters
     ----------
     model : Model
-        With its stages (`keep_stages=True`) the points are those that the answer was made of, and the stages'
-        table counts them; without them all points of the views are shown.
+        If it has stages, the page shows the points that strand used and counts them, else all points of the
+        views.
     views : sequence of View
-        What the model was made from, in the same order.
+        The views of the model, in the same order.
     path : str or path-like
-        The file; one that exists is replaced.
+        The file. An existing one is replaced when the new one is complete.
     title : str
-        What the page is called.
     given : mapping of str to str, optional
-        What was known of the ropes beforehand, for the page's table: "radius" and "4.2 mm", for example.
+        Rows for the table of given values, such as {"radius": "4.2 mm"}.
     truth : sequence of (M, 3) array_like of float
         True centrelines in the world frame, metres, to draw with the chains.
 
@@ -76,7 +81,7 @@ def write_report(
     TypeError
         If `views` are not views, or `truth` does not hold floats.
     ValueError
-        If there is not one pose in the model for each view, or a true centreline is not (M, 3) and finite.
+        If the model has another number of poses than views, or a true centreline is not (M, 3) and finite.
     ImportError
         If plotly or Pillow is not installed.
     OSError
@@ -88,81 +93,82 @@ def write_report(
     figure = make_space_figure(model, place_points(model, views), cameras, lines)
     script = gzip.compress(import_extra("plotly.offline").get_plotlyjs().encode(), mtime=0)
     sections = [
-        ("Chains over the depth images", _overlays(model, cameras)),
-        ("Chains", _chains(model)),
-        ("Crossings", _crossings(model)),
-        ("Doubts and warnings", _doubts(model)),
-        ("Views", _views(model, views)),
-        ("What was given", _table(["what", "value"], (given or {}).items())),
-        ("Stages", _stages(model, views)),
+        ("Chains over the depth images", _draw_overlays(model, cameras)),
+        ("Chains", _tabulate_chains(model)),
+        ("Crossings", _tabulate_crossings(model)),
+        ("Doubts and warnings", _tabulate_doubts(model)),
+        ("Views", _tabulate_views(model, views)),
+        ("Given values", _format_table(["quantity", "value"], (given or {}).items())),
+        ("Stages", _tabulate_stages(model, views)),
     ]
     page = Template(files("strand.report").joinpath("page.html").read_text("utf-8")).substitute(
         policy=_POLICY,
-        title=_cell(title),
-        summary=_cell(_summary(model)),
+        title=_escape(title),
+        summary=_escape(_summarize(model)),
         body="\n".join(f"<h2>{name}</h2>\n{content}" for name, content in sections if content),
         version=_core.__version__,
         plotly=b64encode(script).decode(),
-        figure=_json(figure),
+        figure=_dump_json(figure),
     )
     write_bytes(path, page.encode("utf-8", "replace"))
 
 
 def place_points(model: Model, views: Sequence[View]) -> list[Array]:
-    """Points of each view in its corrected pose, world frame, metres."""
+    """Return the points of each view in its registered pose, world frame, metres."""
     if "registered" in model.stages:
         return [np.asarray(points) for points in model.stages["registered"]]
     return [moved(view.points, pose) for view, pose in zip(views, model.poses, strict=True)]
 
 
-def _summary(model: Model) -> str:
+def _summarize(model: Model) -> str:
     count = len(model.chains)
-    lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:6])
+    lengths = ", ".join(f"{chain.length * 1e3:.0f} mm" for chain in model.chains[:_MAX_LENGTHS])
     said = [f"{count} {'chain' if count == 1 else 'chains'}"]
     if count:
-        said[0] += f" ({lengths}{', …' if count > 6 else ''})"
+        said[0] += f" ({lengths}{', …' if count > _MAX_LENGTHS else ''})"
     unknown = np.isnan(model.confidence)
     said.append("confidence not known" if unknown else f"confidence {model.confidence:.2f}")
-    said.append(_counted(len(model.doubts), "doubt"))
-    said.append(_counted(len(model.warnings), "warning"))
+    said.append(_count(len(model.doubts), "doubt"))
+    said.append(_count(len(model.warnings), "warning"))
     if model.alternatives:
-        said.append(f"{_counted(len(model.alternatives), 'other way')} to join the segments fitted too")
+        said.append(f"{_count(len(model.alternatives), 'other way')} to join the segments fitted too")
     said.append(f"method {model.method or 'not known'}")
     return "; ".join(said) + "."
 
 
-def _counted(count: int, what: str) -> str:
+def _count(count: int, what: str) -> str:
     return f"{count or 'no'} {what}{'' if count == 1 else 's'}"
 
 
-def _overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
-    shown = [i for i in pick_spread(len(cameras), _MOST_IMAGES).tolist() if cameras[i] is not None]
+def _draw_overlays(model: Model, cameras: Sequence[Camera | None]) -> str:
+    shown = [i for i in pick_spread(len(cameras), _MAX_IMAGES).tolist() if cameras[i] is not None]
     figures = []
     for i in shown:
         camera = cameras[i]
         assert camera is not None
         drawn = draw_overlay(camera, model, _IMAGE_BYTES // len(shown))
-        made = ", made of its points" if camera.imagined else ""
+        made = ", drawn from its points" if camera.imagined else ""
         figures.append(f"<figure>{drawn}<figcaption>view {i}{made}</figcaption></figure>")
     some = "" if len(shown) == len(cameras) else f" {len(shown)} of {len(cameras)} views are shown."
     if len(model.chains) > MAX_CHAINS:
         some += f" The {MAX_CHAINS} longest of {len(model.chains)} chains are drawn."
     return (
-        f'<div class="views">{"".join(figures)}</div><p class="note">Brighter is nearer to the camera than '
-        "the plane that most of the image lies in; black is no return. A chain is thin where something hides "
-        "it from the camera, and dashed where no view saw it. Numbers stand where chains start; red rings "
-        f"are doubts.{some}</p>"
+        f'<div class="views">{"".join(figures)}</div><p class="note">Brighter pixels are nearer than the '
+        "plane that fits most of the image; black pixels have no return. A chain is thin where something "
+        "hides it from the camera, and dashed where no view saw it. Numbers mark the starts of chains; red "
+        f"rings mark doubts.{some}</p>"
     )
 
 
-def _chains(model: Model) -> str:
+def _tabulate_chains(model: Model) -> str:
     rows = []
-    for i, chain in enumerate(model.chains[: _MOST_ROWS + 1]):
+    for i, chain in enumerate(model.chains[: _MAX_ROWS + 1]):
         sd, seen = compute_deviations(chain), chain.points_seen
         near = [
             doubt.kind
-            for doubt in model.doubts[:_MOST_ROWS]
-            if doubt.place is not None and chain.nearest(doubt.place[None]).distance[0] < _NEAR * chain.radius
+            for doubt in model.doubts[:_MAX_ROWS]
+            if doubt.place is not None
+            and chain.nearest(doubt.place[None]).distance[0] < _DOUBT_DISTANCE * chain.radius
         ]
         rows.append(
             (
@@ -172,15 +178,15 @@ def _chains(model: Model) -> str:
                 f"{len(chain.points)}",
                 "closed" if chain.closed else "open",
                 "" if np.isnan(chain.confidence) else f"{chain.confidence:.2f}",
-                _millimetres(chain.points[0]),
-                _millimetres(chain.points[-1]),
+                _format_millimeters(chain.points[0]),
+                _format_millimeters(chain.points[-1]),
                 "" if seen is None else f"{100 * np.mean(seen > 0):.0f} %",
                 "" if sd is None else f"{1e3 * np.median(sd):.2f} / {1e3 * sd.max():.2f}",
                 ", ".join(dict.fromkeys(near)),
             )
         )
     head = ["chain", "length / mm", "radius / mm", "nodes", "ends", "confidence"]
-    return _table(
+    return _format_table(
         [
             *head,
             "first node / mm",
@@ -193,8 +199,8 @@ def _chains(model: Model) -> str:
     )
 
 
-def _crossings(model: Model) -> str:
-    """Crossings as the cameras see them; nothing without any."""
+def _tabulate_crossings(model: Model) -> str:
+    """Return the table of crossings as the cameras see them; empty without any."""
     if not model.chains:
         return ""
     nodes = np.concatenate([chain.points for chain in model.chains])
@@ -208,19 +214,19 @@ def _crossings(model: Model) -> str:
             f"{np.degrees(one.angle):.0f}°",
             f"{one.sign:+d}",
             f"{one.probability:.3f}",
-            _millimetres(one.place),
+            _format_millimeters(one.place),
         )
-        for one in met[: _MOST_ROWS + 1]
+        for one in met[: _MAX_ROWS + 1]
     ]
     head = ["over", "under", "height / mm", "gap / mm", "angle", "sign", "probability", "where / mm"]
-    table = _table(head, rows, len(met))
+    table = _format_table(head, rows, len(met))
     side = ", ".join(f"{x:.2f}" for x in towards)
-    seen = f"Seen from the cameras' side, against ({side}). Probability: that the order is right."
+    seen = f"The direction of view is against ({side}). The probability is that of the order."
     return table and f'{table}<p class="note">{seen}</p>'
 
 
-def _doubts(model: Model) -> str:
-    """Doubts, the weightiest first, then warnings that no doubt has said."""
+def _tabulate_doubts(model: Model) -> str:
+    """Return the table of doubts, the heaviest first, and of warnings without a doubt."""
     said = {str(doubt) for doubt in model.doubts}
     rows = [
         ("doubt", doubt.kind, f"{doubt.amount:.3f}", f"unsure {doubt.about}: {doubt.reason}", doubt.place)
@@ -232,14 +238,14 @@ def _doubts(model: Model) -> str:
     ]
     if not rows:
         return "<p>None.</p>"
-    cells = [(*row[:4], "" if row[4] is None else _millimetres(row[4])) for row in rows]
-    return _table(["", "kind", "weight", "what", "where / mm"], cells)
+    cells = [(*row[:4], "" if row[4] is None else _format_millimeters(row[4])) for row in rows]
+    return _format_table(["", "kind", "weight", "what", "where / mm"], cells)
 
 
-def _views(model: Model, views: Sequence[View]) -> str:
+def _tabulate_views(model: Model, views: Sequence[View]) -> str:
     rows = []
     for i, (view, pose) in enumerate(zip(views, model.poses, strict=True)):
-        if i > _MOST_ROWS:
+        if i > _MAX_ROWS:
             break
         if view.image is None:
             what = "points"
@@ -256,54 +262,54 @@ def _views(model: Model, views: Sequence[View]) -> str:
                 what,
                 f"{len(view.points):,}",
                 f"{view.dropped:,}",
-                _millimetres(pose[:3, 3]),
+                _format_millimeters(pose[:3, 3]),
                 f"{shift:.2f} mm, {turned:.2f}°",
             )
         )
     head = ["view", "what", "points", "not finite", "camera / mm", "camera moved by registration"]
-    return _table(head, rows, len(views))
+    return _format_table(head, rows, len(views))
 
 
-def _stages(model: Model, views: Sequence[View]) -> str:
+def _tabulate_stages(model: Model, views: Sequence[View]) -> str:
     if model.stages:
         rows = [
             (
                 s.name,
                 *("" if n is None else f"{n:,}" for n in (s.points_in, s.points_out)),
-                _milliseconds(s.seconds),
+                _format_milliseconds(s.seconds),
             )
             for s in count_stages(views, model)
         ]
     else:
-        rows = [(name, "", "", _milliseconds(seconds)) for name, seconds in model.timings.items()]
-    total = ("total", "", "", _milliseconds(sum(model.timings.values())))
-    return _table(["stage", "points in", "points out", "ms"], [*rows, total] if rows else [])
+        rows = [(name, "", "", _format_milliseconds(seconds)) for name, seconds in model.timings.items()]
+    total = ("total", "", "", _format_milliseconds(sum(model.timings.values())))
+    return _format_table(["stage", "points in", "points out", "ms"], [*rows, total] if rows else [])
 
 
-def _millimetres(place: Array) -> str:
+def _format_millimeters(place: Array) -> str:
     return ", ".join(f"{1e3 * value:.0f}" for value in place)
 
 
-def _milliseconds(seconds: float) -> str:
+def _format_milliseconds(seconds: float) -> str:
     return f"{1e3 * seconds:.1f}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], count: int | None = None) -> str:
-    """Make a table of escaped texts; nothing without rows."""
+def _format_table(head: Sequence[str], rows: Iterable[Sequence[str]], count: int | None = None) -> str:
+    """Return a table of escaped texts; empty without rows."""
     rows = list(rows)
     if not rows:
         return ""
     count = len(rows) if count is None else count
-    lines = ["".join(f"<th>{_cell(name)}</th>" for name in head)]
-    lines += ["".join(f"<td>{_cell(text)}</td>" for text in row) for row in rows[:_MOST_ROWS]]
-    more = f'<p class="note">and {count - _MOST_ROWS:,} more</p>' if count > _MOST_ROWS else ""
+    lines = ["".join(f"<th>{_escape(name)}</th>" for name in head)]
+    lines += ["".join(f"<td>{_escape(text)}</td>" for text in row) for row in rows[:_MAX_ROWS]]
+    more = f'<p class="note">and {count - _MAX_ROWS:,} more</p>' if count > _MAX_ROWS else ""
     return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>{more}"
 
 
-def _cell(text: str) -> str:
-    return escape(text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …")
+def _escape(text: str) -> str:
+    return escape(text if len(text) <= _MAX_TEXT else f"{text[:_MAX_TEXT]} …")
 
 
-def _json(value: dict[str, Any]) -> str:
-    """JSON that may stand in a script element."""
+def _dump_json(value: dict[str, Any]) -> str:
+    """Return JSON that is safe inside a script element."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

@@ -1,4 +1,4 @@
-"""What is to be said against an answer, the heaviest first: its doubts and warnings, each once."""
+"""List the doubts and warnings of a model, the heaviest first, each once."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from strand.ropes.model import Model
 
 @dataclass(frozen=True)
 class Remark:
-    """A doubt or a warning of a model, in words.
+    """A doubt or a warning of a model as text.
 
     Attributes
     ----------
     text : str
     weight : float
-        The doubt's amount: the confidence is exp(-0.01 - d), where d adds up all of them. 0 of a warning that
-        is about no doubt.
+        The doubt's amount; the confidence is exp(-0.01 - d), where d is the sum of all amounts. 0 for a
+        warning without a doubt.
     warned : bool
-        Whether the model warns of it; else it is a doubt alone.
+        Whether the model has a warning; otherwise, only a doubt.
     """
 
     text: str
@@ -27,7 +27,7 @@ class Remark:
 
 
 def list_remarks(model: Model) -> tuple[Remark, ...]:
-    """Return a model's doubts and warnings, the heaviest first; a warning about a doubt is one with it."""
+    """Return a model's doubts and warnings, the heaviest first; a doubt and its warning become one remark."""
     left = list(model.warnings)
     found = []
     for doubt in model.doubts:
@@ -37,5 +37,5 @@ def list_remarks(model: Model) -> tuple[Remark, ...]:
         found.append(Remark(str(doubt if own is None else own), doubt.amount, own is not None))
     found += [Remark(str(warning), 0.0, True) for warning in left]
     found.sort(key=lambda remark: (-remark.weight, not remark.warned))
-    # the same words twice say nothing more
+    # drop repeated texts, keeping the first
     return tuple({remark.text: remark for remark in reversed(found)}.values())[::-1]

@@ -1,4 +1,4 @@
-"""The same scene in Rerun, a viewer of its own: depth images in their cameras, points, chains and doubts."""
+"""Show a model and its views in Rerun: depth images, points, chains, crossings and doubts."""
 
 from __future__ import annotations
 
@@ -11,33 +11,36 @@ from numpy.typing import ArrayLike
 
 from strand._core import StrandError
 from strand.report.cameras import find_seen_side, make_cameras
+from strand.report.drawn_chains import close_path, pick_color
 from strand.report.page import place_points
 from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
-from strand.ropes.notebook import PALETTE
 from strand.support.checks import check_finite_array
 from strand.support.extras import import_extra
 from strand.support.files import write_bytes
 from strand.views.view import View, check_views
 
-_CROSSING, _DOUBT, _NEXT, _TRUTH = (255, 127, 14), (214, 39, 40), (44, 160, 44), (32, 32, 32)
-# how deep a camera's image stands before it, as a part of its distance from the ropes
-_PLANE = 0.2
+_CROSSING = (255, 127, 14)  # red, green and blue
+_DOUBT = (214, 39, 40)  # red, green and blue
+_NEXT_VIEW = (44, 160, 44)  # red, green and blue
+_TRUTH = (32, 32, 32)  # red, green and blue
+_IMAGE_DISTANCE = 0.2  # of a camera's image from the camera, of its distance from the ropes
+_POINT_SIZE = 1.5  # radius of a point on the screen, in Rerun's points
 
 
 def write_recording(
     model: Model, views: Sequence[View], path: str | os.PathLike[str], *, truth: Sequence[ArrayLike] = ()
 ) -> None:
-    """Write a recording that Rerun's viewer opens, whole or not at all; no window is opened.
+    """Write a recording for Rerun's viewer; no window opens.
 
     Parameters
     ----------
     model : Model
-        With or without its stages; with them the points are those that the answer was made of.
+        If it has stages, the recording shows the points that strand used, else all points of the views.
     views : sequence of View
-        What the model was made from, in the same order.
+        The views of the model, in the same order.
     path : str or path-like
-        The `.rrd` file; one that exists is replaced.
+        The `.rrd` file. An existing one is replaced when the new one is complete.
     truth : sequence of (M, 3) array_like of float
         True centrelines in the world frame, metres, to show beside the chains.
 
@@ -46,7 +49,7 @@ def write_recording(
     TypeError
         If `views` are not views, or `truth` does not hold floats.
     ValueError
-        If there is not one pose in the model for each view, or a true centreline is not (M, 3) and finite.
+        If the model has another number of poses than views, or a true centreline is not (M, 3) and finite.
     ImportError
         If rerun-sdk is not installed.
     OSError
@@ -60,14 +63,14 @@ def write_recording(
 
 
 def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()) -> None:
-    """Open Rerun's viewer in a window of its own, and return; the window stays.
+    """Open Rerun's viewer in a window that stays open after the function returns.
 
     Parameters
     ----------
     model : Model
-        With or without its stages.
+        If it has stages, the viewer shows the points that strand used, else all points of the views.
     views : sequence of View
-        What the model was made from, in the same order.
+        The views of the model, in the same order.
     truth : sequence of (M, 3) array_like of float
         True centrelines in the world frame, metres, to show beside the chains.
 
@@ -76,7 +79,7 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
     TypeError, ValueError
         As `write_recording` does.
     strand.StrandError
-        If the viewer cannot be started or reached: without a display, for example.
+        If the viewer cannot be started, for example without a display.
     ImportError
         If rerun-sdk is not installed.
     """
@@ -86,9 +89,10 @@ def show(model: Model, views: Sequence[View], *, truth: Sequence[ArrayLike] = ()
         recording.spawn()
         _log(rerun, recording, model, views, truth)
         recording.flush()
-    except RuntimeError as error:  # without a display the viewer ends at once
+    except RuntimeError as error:  # without a display, the viewer ends at once
         why = (str(error).splitlines() or [""])[0]
-        raise StrandError(f"Rerun's viewer cannot be shown ({why}); a recording can be saved") from error
+        reason = f"Rerun's viewer cannot be started ({why}); write_recording (--save) needs no display"
+        raise StrandError(reason) from error
 
 
 def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth: Sequence[ArrayLike]) -> None:
@@ -96,13 +100,13 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     cameras = make_cameras(model, views)
     lines = [check_finite_array(f"truth[{i}]", line, ("N", 3)) for i, line in enumerate(truth)]
 
-    def log(name: str, *what: Any) -> None:
-        recording.log(name, *what, static=True)
+    def log(name: str, *shapes: Any) -> None:
+        recording.log(name, *shapes, static=True)
 
     nodes = np.vstack([np.zeros((0, 3)), *(chain.points for chain in model.chains)])
     middle = nodes.mean(axis=0) if len(nodes) else np.zeros(3)
     for i, (camera, points) in enumerate(zip(cameras, place_points(model, views), strict=True)):
-        log(f"points/{i}", rerun.Points3D(points, radii=rerun.Radius.ui_points(1.5)))
+        log(f"points/{i}", rerun.Points3D(points, radii=rerun.Radius.ui_points(_POINT_SIZE)))
         if camera is None:
             continue
         height, width = camera.depth.shape
@@ -115,20 +119,20 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
                 image_from_camera=np.array([[fx, 0.0, cx + 0.5], [0.0, fy, cy + 0.5], [0.0, 0.0, 1.0]]),
                 resolution=[width, height],
                 camera_xyz=rerun.ViewCoordinates.RDF,
-                image_plane_distance=_PLANE * away,
+                image_plane_distance=_IMAGE_DISTANCE * away,
             ),
         )
         log(f"cameras/{i}/depth", rerun.DepthImage(camera.depth.astype(np.float32), meter=1.0))
     for i, chain in enumerate(model.chains):
-        path = np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
-        colour = tuple(bytes.fromhex(PALETTE[i % len(PALETTE)][1:]))
+        path = close_path(chain)
+        color = tuple(bytes.fromhex(pick_color(i)[1:]))
         said = f"chain {i}: {chain.length * 1e3:.0f} mm"
-        log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[colour], labels=[said]))
+        log(f"chains/{i}", rerun.LineStrips3D([path], radii=chain.radius / 3, colors=[color], labels=[said]))
         if not chain.closed:
             log(
                 f"ends/{i}",
                 rerun.Points3D(
-                    chain.points[[0, -1]], radii=chain.radius, colors=[colour], labels=["start", "end"]
+                    chain.points[[0, -1]], radii=chain.radius, colors=[color], labels=["start", "end"]
                 ),
             )
     radius = float(np.median([chain.radius for chain in model.chains])) if model.chains else 0.005
@@ -150,5 +154,5 @@ def _log(rerun: Any, recording: Any, model: Model, views: Sequence[View], truth:
     if model.chains and len(model.poses):
         log(
             "next_view",
-            rerun.Points3D([model.next_view()], radii=2 * radius, colors=[_NEXT], labels=["next view"]),
+            rerun.Points3D([model.next_view()], radii=2 * radius, colors=[_NEXT_VIEW], labels=["next view"]),
         )

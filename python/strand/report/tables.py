@@ -1,4 +1,4 @@
-"""What a reconstruction did, in numbers and in lines of text."""
+"""Count the points and chains of each stage, compare with the truth, and format tables of text."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from strand.ropes.crossings import list_crossings
 from strand.ropes.model import Model
 from strand.views.view import View
 
-# each method's stages, and what they hand on by its name in Model.stages: None for stages that hand on no
-# points; the last one hands on the model's chains
+# the stages of each branch or method, each with the key of its points in Model.stages, or None if it has no
+# points; the last stage makes the model's chains
 STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
     "tubes": {
         "extract": "raw",
@@ -47,7 +47,7 @@ STAGE_ARRAYS: dict[str, dict[str, str | None]] = {
         "reconnect": "chains",
     },
 }
-# what each method makes of the points on the way to whole ropes, by its name in Model.stages
+# keys of Model.stages that are counted, and their names in tables
 COUNTED = {
     "tubes": {"arcs": "arcs seen", "chains": "whole ropes"},
     "images": {"readings": "ropes in the readings compared", "chains": "whole ropes"},
@@ -57,11 +57,10 @@ COUNTED = {
         "chains": "whole strings",
     },
 }
-PAPER_COUNTS = (3, 7, 1)
-# so many kinds of doubt a row names: a table fits in 80 columns
-_KINDS = 2
-# so many crossings a table has
-_CROSSINGS = 30
+PAPER_COUNTS = (3, 7, 1)  # of COUNTED["published"], in the paper's experiment
+_MAX_KINDS = 2  # kinds of doubt in a row, so that a table fits in 80 columns
+_MAX_CROSSINGS = 30  # rows of the table of crossings
+_SPACING = 1e-3  # metres between the places where a chain is compared with the truth
 
 
 @dataclass(frozen=True)
@@ -71,12 +70,10 @@ class StageCount:
     Attributes
     ----------
     name : str
-        The stage.
     points_in, points_out : int or None
-        Points before and after it; arcs and chains count with all their nodes. None if it hands on no points:
-        it estimates the radius, or works on curves.
+        Points before and after the stage; nodes of arcs and chains count as points. None for a stage that
+        estimates the radius or works on curves.
     seconds : float
-        The time it took.
     """
 
     name: str
@@ -87,28 +84,22 @@ class StageCount:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How far a chain is from the true centreline.
+    """The error of a chain against the true centreline.
 
     Attributes
     ----------
     length_error : float
-        Difference of the lengths over the true length; positive where the chain is too long.
+        Relative error of the length; positive if the chain is too long.
     rms : float
-        Root mean square distance of the chain, resampled every 1 mm, from the centreline, metres.
+        Root mean square distance of the chain, sampled every 1 mm, from the centreline, metres.
     """
 
     length_error: float
     rms: float
 
 
-def find_stage_names(model: Model) -> str:
-    """Return whose stages a model holds, its branch or its method.
-
-    Raises
-    ------
-    ValueError
-        If the model was made without its stages.
-    """
+def find_branch(model: Model) -> str:
+    """Return the branch, or else the method, whose stages a model has; raise ValueError without stages."""
     name = model.branch or model.method
     if not model.stages or name not in STAGE_ARRAYS:
         raise ValueError("model: expected one with its stages, from reconstruct(..., keep_stages=True)")
@@ -116,129 +107,86 @@ def find_stage_names(model: Model) -> str:
 
 
 def count_stages(views: Sequence[View], model: Model) -> tuple[StageCount, ...]:
-    """Count the points through the stages.
-
-    Parameters
-    ----------
-    views : sequence of View
-        What the model was made from.
-    model : Model
-        Made with `keep_stages=True`.
-
-    Returns
-    -------
-    tuple of StageCount
-        In the stages' order; without those that did not run.
-
-    Raises
-    ------
-    ValueError
-        If the model was made without its stages.
-    """
-    arrays = _handed_on(model)
+    """Count the points in and out of each stage that ran; the model needs its stages."""
+    arrays = _list_stages(model)
     counts = []
     before = sum(len(view.points) for view in views)
-    for name, key in STAGE_ARRAYS[find_stage_names(model)].items():
+    for name, key in STAGE_ARRAYS[find_branch(model)].items():
         if name not in model.timings:
             continue
         if key is None:
             counts.append(StageCount(name, None, None, model.timings[name]))
             continue
-        after = _points(arrays[key])
+        after = _count_points(arrays[key])
         counts.append(StageCount(name, before, after, model.timings[name]))
         before = after
     return tuple(counts)
 
 
 def count_chains(model: Model) -> tuple[int, ...]:
-    """Count what became whole ropes.
-
-    Parameters
-    ----------
-    model : Model
-        Made with `keep_stages=True`.
-
-    Returns
-    -------
-    tuple of int
-        The arcs seen and the whole ropes; by the published method the chains traced, the segments after the
-        split, and the whole strings.
-
-    Raises
-    ------
-    ValueError
-        If the model was made without its stages.
-    """
-    arrays = _handed_on(model)
-    return tuple(len(arrays[key]) for key in COUNTED[find_stage_names(model)])
+    """Count arcs, segments and chains, as listed in `COUNTED`; the model needs its stages."""
+    arrays = _list_stages(model)
+    return tuple(len(arrays[key]) for key in COUNTED[find_branch(model)])
 
 
 def measure_accuracy(chain: Chain, truth: ArrayLike) -> Accuracy:
-    """Compare a chain with the true centreline.
+    """Compare a chain with the (M, 3) nodes of the true centreline, world frame, metres.
 
-    Parameters
-    ----------
-    chain : Chain
-        What was reconstructed.
-    truth : (M, 3) array_like of float
-        Nodes of the true centreline, world frame, metres, M >= 2.
-
-    Returns
-    -------
-    Accuracy
-        Its `rms` takes the nearest place of the centreline for each place of the chain, so it says
-        nothing of parts that the chain leaves out: `length_error` does.
-
-    Raises
-    ------
-    TypeError
-        If `truth` does not hold floating point numbers.
-    ValueError
-        If `truth` is not a chain's nodes.
+    The `rms` uses the nearest place of the centreline to each place of the chain. Missing parts of the
+    chain do not change it; they show in `length_error`.
     """
     true = Chain(np.asarray(truth), chain.radius)
-    places = np.linspace(0.0, chain.length, max(round(chain.length / 1e-3) + 1, 2))
+    places = np.linspace(0.0, chain.length, max(round(chain.length / _SPACING) + 1, 2))
     distances = true.nearest(chain.at(places)).distance
     rms = float(np.sqrt(np.mean(distances**2)))
     return Accuracy(chain.length / true.length - 1.0, rms)
 
 
 def describe_stages(views: Sequence[View], model: Model) -> str:
-    """Table of the stages: points in, points out, milliseconds."""
+    """Format the stages: points in, points out, milliseconds."""
     rows = [
-        (count.name, _shown(count.points_in), _shown(count.points_out), f"{count.seconds * 1e3:.1f}")
+        (
+            count.name,
+            _format_count(count.points_in),
+            _format_count(count.points_out),
+            f"{count.seconds * 1e3:.1f}",
+        )
         for count in count_stages(views, model)
     ]
-    return _table([("stage", "points in", "points out", "ms"), *rows, _total(model.timings, columns=4)])
+    return _format_table(
+        [("stage", "points in", "points out", "ms"), *rows, _sum_row(model.timings, columns=4)]
+    )
 
 
 def describe_counts(model: Model) -> str:
-    """Table of the counts of `chain_counts`; by the published method with those of the paper beside them."""
-    made_by = find_stage_names(model)
+    """Format the counts of `count_chains`; for the published method, beside those of the paper."""
+    made_by = find_branch(model)
     names, counts = COUNTED[made_by].values(), map(str, count_chains(model))
     if made_by == "published":
-        return _table([("", "here", "paper"), *zip(names, counts, map(str, PAPER_COUNTS), strict=True)])
-    return _table([("", "here"), *zip(names, counts, strict=True)])
+        return _format_table(
+            [("", "here", "paper"), *zip(names, counts, map(str, PAPER_COUNTS), strict=True)]
+        )
+    return _format_table([("", "here"), *zip(names, counts, strict=True)])
 
 
 def describe_accuracy(model: Model, truth: Sequence[ArrayLike]) -> str:
-    """One line for each rope: its length and its error against the true centreline.
+    """Format one line for each rope: its length and its error against the true centreline.
 
-    The longest chain is compared with the longest centreline, and so on; further ones are left out.
+    The longest chain is compared with the longest centreline, and so on; the rest is skipped.
     """
     lines = []
-    centrelines = sorted(truth, key=_length, reverse=True)
+    centrelines = sorted(truth, key=_measure_length, reverse=True)
     for i, (chain, true) in enumerate(zip(model.chains, centrelines, strict=False)):
         error = measure_accuracy(chain, true)
         lines.append(
-            f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_length(true) * 1e3:.1f} mm "
+            f"rope {i}: length {chain.length * 1e3:.1f} mm, truth {_measure_length(true) * 1e3:.1f} mm "
             f"({error.length_error:+.2%}), RMS distance from truth {error.rms * 1e3:.2f} mm"
         )
     return "\n".join(lines)
 
 
 def describe_chains(model: Model) -> str:
-    """Table of the chains: length, nodes, radius, open or closed; confidence and doubts, if it has them."""
+    """Format the chains: length, nodes, radius, open or closed, and, if known, confidence and doubts."""
     sure = any(not np.isnan(chain.confidence) for chain in model.chains)
     rows = [
         (
@@ -247,19 +195,16 @@ def describe_chains(model: Model) -> str:
             f"{len(chain.points)}",
             f"{chain.radius * 1e3:.2f}",
             "closed" if chain.closed else "open",
-            *((f"{chain.confidence:.2f}", _kinds(chain)) if sure else ()),
+            *((f"{chain.confidence:.2f}", _list_kinds(chain)) if sure else ()),
         )
         for i, chain in enumerate(model.chains)
     ]
     more = ("confidence", "doubts") if sure else ()
-    return _table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
+    return _format_table([("chain", "length / mm", "nodes", "radius / mm", "ends", *more), *rows], (0, 6))
 
 
 def describe_crossings(model: Model) -> str:
-    """Table of the crossings as seen from above: both strands, the clearance, how sure the order is.
-
-    Empty without any.
-    """
+    """Format the crossings seen from above: strands, gap, angle, sign and probability; empty without any."""
     met = list_crossings(model.chains, (0, 0, 1), model.doubts)
     rows = [
         (
@@ -269,66 +214,66 @@ def describe_crossings(model: Model) -> str:
             f"{one.sign:+d}",
             f"{one.probability:.3f}",
         )
-        for one in met[:_CROSSINGS]
+        for one in met[:_MAX_CROSSINGS]
     ]
     if not rows:
         return ""
     head = ("over: chain at mm", "under", "gap / mm", "angle / °", "sign", "probability")
-    more = f"\nand {len(met) - _CROSSINGS} more crossings" if len(met) > _CROSSINGS else ""
-    return _table([head, *rows]) + more
+    more = f"\nand {len(met) - _MAX_CROSSINGS} more crossings" if len(met) > _MAX_CROSSINGS else ""
+    return _format_table([head, *rows]) + more
 
 
 def describe_confidence(model: Model) -> str:
-    """One line: how sure all ropes together are."""
+    """Format the confidence of all ropes together in one line."""
     if np.isnan(model.confidence):
         return "confidence: not known, as the method does not say"
     return f"confidence: {model.confidence:.2f} that all ropes run as said"
 
 
 def describe_frame(model: Model) -> str:
-    """One line of a recording's frame: how long its ropes are, and how sure that is."""
+    """Format the lengths and the confidence of a recording's frame in one line."""
     lengths = ", ".join(f"{chain.length * 1e3:.1f}" for chain in model.chains)
     sure = "" if np.isnan(model.confidence) else f", confidence {model.confidence:.2f}"
     return f"{len(model.chains)} {'rope' if len(model.chains) == 1 else 'ropes'}, {lengths} mm{sure}"
 
 
 def describe_timings(model: Model) -> str:
-    """Table of the stages' times."""
+    """Format the times of the stages."""
     rows = [(name, f"{seconds * 1e3:.1f}") for name, seconds in model.timings.items()]
-    return _table([("stage", "ms"), *rows, _total(model.timings, columns=2)])
+    return _format_table([("stage", "ms"), *rows, _sum_row(model.timings, columns=2)])
 
 
-def _handed_on(model: Model) -> dict[str, Any]:
-    """Return the arrays between the stages, and those of the chains."""
+def _list_stages(model: Model) -> dict[str, Any]:
+    """Return the arrays between the stages, and the nodes of the chains."""
     return {**model.stages, "chains": tuple(chain.points for chain in model.chains)}
 
 
-def _shown(count: int | None) -> str:
+def _format_count(count: int | None) -> str:
     return "" if count is None else f"{count}"
 
 
-def _points(stage: Any) -> int:
-    """Points of an array, or of several."""
+def _count_points(stage: Any) -> int:
+    """Return the number of points in an array, or in several."""
     return len(stage) if isinstance(stage, np.ndarray) else sum(len(points) for points in stage)
 
 
-def _length(points: ArrayLike) -> float:
+def _measure_length(points: ArrayLike) -> float:
     return float(np.linalg.norm(np.diff(np.asarray(points), axis=0), axis=1).sum())
 
 
-def _total(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
+def _sum_row(timings: Mapping[str, float], columns: int) -> tuple[str, ...]:
     return ("total", *[""] * (columns - 2), f"{sum(timings.values()) * 1e3:.1f}")
 
 
-def _kinds(chain: Chain) -> str:
-    """Kinds of a chain's doubts, the heaviest first, and how many more there are."""
+def _list_kinds(chain: Chain) -> str:
+    """Return the kinds of a chain's doubts, the heaviest first, and the number of further kinds."""
     kinds = list(dict.fromkeys(doubt.kind for doubt in chain.doubts))
-    more = [f"+{len(kinds) - _KINDS}"] if len(kinds) > _KINDS else []
-    return ", ".join(kinds[:_KINDS] + more)
+    more = [f"+{len(kinds) - _MAX_KINDS}"] if len(kinds) > _MAX_KINDS else []
+    return ", ".join(kinds[:_MAX_KINDS] + more)
 
 
-def _table(rows: Iterable[Sequence[str]], left: Container[int] = (0,)) -> str:
-    """Columns side by side: some, by their numbers, flush left, the others flush right."""
+def _format_table(rows: Iterable[Sequence[str]], left: Container[int] = (0,)) -> str:
+    """Return rows as text in columns; columns in `left` are flush left, others flush right."""
     rows = list(rows)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (

@@ -1,4 +1,4 @@
-"""One figure for each stage."""
+"""Tests of the figures of the stages."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from strand import Chain, Model, TubeFit
-from strand.report import figures
-from strand.report.sheet import PALETTE
+from strand import Chain, Model, TubeFit, figures
+from strand.ropes.notebook import PALETTE
 
 RADIUS = 0.004
 S = np.linspace(0.0, 0.2, 41)
@@ -18,7 +17,7 @@ LINE = np.stack([S - 0.1, 0.02 * np.sin(30 * S), 0.005 + 0.003 * np.cos(40 * S)]
 
 
 def tube(seed):
-    """Points and outward normals of the upper half of a tube around LINE."""
+    """Return points and outward normals of the upper half of a tube around LINE."""
     rng = np.random.default_rng(seed)
     angle = rng.uniform(0.0, np.pi, 800)
     normals = np.stack([np.zeros(800), np.cos(angle), np.sin(angle)], axis=1)
@@ -45,7 +44,7 @@ def model_of(**changes):
 
 
 def seen_chain(points=LINE, bridged=(20, 30), closed=False):
-    """A chain as the default method describes it, that no point supports in a stretch of its nodes."""
+    """Return a chain of the default method with a stretch of nodes without points."""
     counts = np.full(len(points), 5)
     counts[slice(*bridged)] = 0
     covariance = np.tile(np.diag([1e-8, 4e-8, 9e-8]), (len(points), 1, 1))
@@ -53,7 +52,7 @@ def seen_chain(points=LINE, bridged=(20, 30), closed=False):
 
 
 def tube_model_of(explained=0.9, **changes):
-    """A model of the default method."""
+    """Return a model of the default method, answered by tubes."""
     clouds = [tube(seed)[0] for seed in range(3)]
     points = np.concatenate(clouds)
     rng = np.random.default_rng(0)

@@ -111,7 +111,7 @@ def test_views_of_points_are_seen_from_their_viewpoint(turn):
         camera, svg = drawn(one, strand.Chain(LINE, 0.002))
         assert camera.imagined
         np.testing.assert_allclose(camera.viewpoint, viewpoint)
-        pixels, _ = camera.projected(LINE)
+        pixels, _ = camera.project(LINE)
         rows, columns = np.rint(pixels[:, 1]).astype(int), np.rint(pixels[:, 0]).astype(int)
         near = [
             camera.depth[r - 3 : r + 4, c - 3 : c + 4].max() > 0 for r, c in zip(rows, columns, strict=True)

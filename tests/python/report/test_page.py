@@ -223,7 +223,7 @@ def test_views_of_points_and_odd_models(browser, tmp_path, chains):
     write_report(model, views, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text("utf-8")
     assert f"{len(chains)} {'chain' if len(chains) == 1 else 'chains'}" in text
-    assert "view 0, made of its points" in text
+    assert "view 0, drawn from its points" in text
     if not chains:
         browser.events.clear()
         browser.open(tmp_path / "a.html")
@@ -243,7 +243,7 @@ def test_scenes_far_from_the_origin_keep_their_shape(tmp_path):
 
 
 def test_wrong_arguments_name_themselves(paper, paper_model, tmp_path):
-    with pytest.raises(ValueError, match="views: expected the 7 that the model was made from, got 6"):
+    with pytest.raises(ValueError, match="views: expected the 7 views of the model, got 6"):
         write_report(paper_model, paper.views[:6], tmp_path / "a.html")
     with pytest.raises(TypeError, match="views"):
         write_report(paper_model, [1], tmp_path / "a.html")
@@ -265,7 +265,7 @@ def test_names_the_missing_package(paper, paper_model, tmp_path, monkeypatch):
 
 def test_a_page_that_was_there_stays_if_anything_fails(paper, paper_model, tmp_path, monkeypatch):
     (tmp_path / "a.html").write_text("mine")
-    monkeypatch.setattr(page, "_stages", lambda *_: 1 / 0)
+    monkeypatch.setattr(page, "_tabulate_stages", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_report(paper_model, paper.views, tmp_path / "a.html")
     assert (tmp_path / "a.html").read_text() == "mine"

@@ -76,7 +76,7 @@ def test_a_viewer_that_does_not_start_is_an_error_of_strand(paper, paper_model, 
         raise RuntimeError("no display\nsee the manual")
 
     monkeypatch.setattr(Recording, "spawn", spawn)
-    with pytest.raises(strand.StrandError, match=r"cannot be shown \(no display\); a recording can be saved"):
+    with pytest.raises(strand.StrandError, match=r"cannot be started \(no display\); write_recording"):
         show(paper_model, paper.views)
 
 

@@ -79,7 +79,7 @@ def test_stages_and_counts_of_the_default_method():
         "fit": object(),
     }
     model = model_of(LINE[:9], **stages)
-    assert tables.find_stage_names(model) == "tubes"
+    assert tables.find_branch(model) == "tubes"
     assert tables.describe_stages([SEEN, SEEN], model).splitlines() == [
         "stage     points in  points out    ms",
         "extract          82          50   1.5",
@@ -111,7 +111,7 @@ def test_every_stage_that_runs_is_known(settings, method):
     model = strand.reconstruct(
         scene.views, radius, scene.bounds, config=settings, keep_stages=True, progress=names.append
     )
-    assert tables.find_stage_names(model) == method
+    assert tables.find_branch(model) == method
     assert names == list(model.timings) == list(tables.STAGE_ARRAYS[method])
     assert [count.name for count in tables.count_stages(scene.views, model)] == names
     assert tables.count_chains(model)[-1] == len(model.chains)
@@ -119,7 +119,7 @@ def test_every_stage_that_runs_is_known(settings, method):
 
 def test_stages_are_needed():
     for describe in (
-        tables.find_stage_names,
+        tables.find_branch,
         tables.count_chains,
         tables.describe_counts,
         lambda model: tables.count_stages([], model),

@@ -21,7 +21,7 @@ def model(made):
 
 
 def test_its_stages_are_listed_and_drawn(made, model, tmp_path):
-    assert tables.find_stage_names(model) == "images"
+    assert tables.find_branch(model) == "images"
     table = tables.describe_stages(made.views, model)
     assert all(name in table for name in ("filter", "images", "readings", "explain"))
     assert "whole ropes" in tables.describe_counts(model)
