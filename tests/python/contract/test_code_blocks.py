@@ -61,7 +61,7 @@ def readme(names, out, folder):
 
 
 def batch(names, out, folder):
-    assert (names["done"].made, names["done"].errors) == (4, 1)
+    assert (names["counts"].made, names["counts"].errors) == (4, 1)
     assert names["table"].num_rows == 4
     # the first frame has no rope
     first = strand.batch.load_table(folder / "table", ["nodes", "error"])[:1].to_pylist()
