@@ -15,6 +15,9 @@ from strand.support.checks import Array, round_to_millimeters
 SCALE = 2.5
 """A difference of costs, in the unit of `Config.linking`, that is worth a factor of e in the odds."""
 
+MIN_DOUBT = 1e-3  # smaller doubts are dropped
+USUAL_NOISE = 0.21  # radii of noise that raise no doubt
+
 # a doubt is about the chains within so many radii of its place
 _REACH = 15.0
 # doubt that is always there, and that of a join without any margin

@@ -12,6 +12,8 @@ from strand.config import Known
 from strand.support.checks import check_positive
 from strand.views.box import Box
 
+LENGTH_COST = 2.0  # of a hypothesis, per radius that a known length is missed by
+MAX_LENGTH_COST = 30.0  # of a hypothesis, per rope
 _MOST_ROPES = 10_000
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.polyline import find_runs, path_length
+from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
 from strand.reconstruction.evidence.visibility import Visibility, visibility_from
 from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
@@ -25,8 +26,6 @@ _BEND_COST = 5.0  # per integral of squared curvature, 1 / radii
 _BEND_CHANGE_COST = 20.0  # per integral of squared change of curvature, 1 / radii³
 _READING_COST = 0.1  # per cost of the reading of the image
 ROPE_COST = 6.0  # per rope
-_LENGTH_COST = 2.0  # per radius that a known length is missed by
-_MAX_LENGTH_COST = 30.0  # per rope
 _FREE_COST = 2.0  # per radius of rope in free space
 _MIN_FREE_NODES = 8  # nodes: shorter stretches in free space cost nothing
 _LABEL_COST = 4.0  # per change from one label of a mask to another
@@ -202,7 +201,7 @@ def penalize_lengths(fit: ImageFit, observed: Observed) -> float:
     radius = float(observed.radii.values[0])
     lengths = [float(path_length(nodes)[-1]) for nodes in fit.nodes]
     return sum(
-        min(_LENGTH_COST * prior.length_excess(length, true, radius), _MAX_LENGTH_COST)
+        min(LENGTH_COST * prior.length_excess(length, true, radius), MAX_LENGTH_COST)
         for length, true in zip(lengths, prior.expected(lengths), strict=True)
     )
 

@@ -11,7 +11,7 @@ import strand._core as _core
 from strand._core import ImageFit, RopeImages
 from strand.geometry.polyline import find_runs
 from strand.reconstruction.courses import Course, are_same_courses, sample_courses
-from strand.reconstruction.evidence.confidence import SCALE
+from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE
 from strand.reconstruction.images.comparison import Explanation
 from strand.reconstruction.images.image_nodes import iterate_squared_distances
 from strand.ropes.chain import Chain
@@ -33,10 +33,8 @@ _USUAL_OUTSIDE = 2.0  # squared radii of such tube that raise no doubt
 _WIDE = 0.8  # doubt per pixel that masks are too wide on each side
 _USUAL_WIDE = 1.25  # pixels too wide that raise no doubt
 _NOISE = 3.0  # doubt per radius of noise
-_USUAL_NOISE = 0.21  # radii of noise that raise no doubt
 _BARE = 0.05  # doubt per radius of a stretch without depth
 _USUAL_BARE = 6.0  # radii of a stretch without depth that raise no doubt: a strand on top hides them
-_MIN_DOUBT = 1e-3  # smaller doubts are dropped
 _MIN_PLACED_DOUBT = 0.05  # smaller doubts of uncovered mask have no place
 
 _OWN_NODES = 16  # nodes at an end that are not another strand
@@ -103,9 +101,9 @@ def find_doubts(
     place = _locate_uncovered(views, fit.nodes, radius) if amount > _MIN_PLACED_DOUBT else None
     found.append(Doubt("uncovered", amount, "of the ropes found", reason, place))
     reason = f"noise is {fit.noise:.2f} radii wide"
-    amount = _NOISE * max(fit.noise - _USUAL_NOISE, 0.0)
+    amount = _NOISE * max(fit.noise - USUAL_NOISE, 0.0)
     found.append(Doubt("noise", amount, "of all that is finer than the noise", reason))
-    kept = (doubt for doubt in found if doubt.amount > _MIN_DOUBT)
+    kept = (doubt for doubt in found if doubt.amount > MIN_DOUBT)
     return tuple(sorted(kept, key=lambda doubt: -doubt.amount))
 
 

@@ -9,6 +9,7 @@ from strand._core import TubeFit
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
+from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.second_look import find_unexplained, is_phantom
 from strand.reconstruction.tubes.tube_ends import find_extents
@@ -26,7 +27,6 @@ _OVERLAP = 4.0  # cost of each radius of rope in another strand's place
 _MIN_DISTANCE = 1.5  # radii: axes of two strands nearer than this overlap; in contact they are 2 apart
 _OWN = 5.0  # radii of arc length: nearer places of the same rope do not overlap
 _COUNT = 30.0  # cost of each rope more or less than known
-_LENGTH = 2.0  # cost of each radius by which a rope misses its known length, up to _COUNT
 
 
 def price_explanation(fit: TubeFit, visibility: Visibility | None) -> float:
@@ -72,5 +72,5 @@ def price_contradictions(chains: Chains, evidence: JoinEvidence) -> float:
     if prior.lengths:
         lengths = [float(path_length(nodes)[-1]) for nodes, _ in chains]
         for length, true in zip(lengths, prior.expected(lengths), strict=True):
-            cost += min(_LENGTH * prior.length_excess(length, true, evidence.radius), _COUNT)
+            cost += min(LENGTH_COST * prior.length_excess(length, true, evidence.radius), MAX_LENGTH_COST)
     return cost

@@ -9,7 +9,7 @@ import numpy as np
 from strand._core import TubeFit
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
-from strand.reconstruction.evidence.confidence import SCALE, doubt_of_margin
+from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE, doubt_of_margin
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, measure_prior_cost
 from strand.reconstruction.tubes.joins import ByClass, run_through
@@ -18,17 +18,15 @@ from strand.ropes.doubt import Doubt, Join
 from strand.support.checks import Array, round_to_millimeters
 
 # Amounts are doubts as in `Doubt.amount`. They were set on scenes drawn at random.
-_END = 0.4  # for each end that may be another strand's, or farther on
-_MAX_UNSEEN = 1.75  # radii: an end is in doubt if no camera saw farther beyond it
-_MAX_MOVE = 0.75  # radii: or if points that another strand explains too move it farther
-_INSIDE = (0.5, 2.5)  # radii: or if this stretch inside it
-_MIN_DENSITY = 0.4  # has less than this share of the rope's points per length
-_DROPPED = 0.15  # for each radius of a segment that became part of no rope, and for one more
-_NOISE = 6.0  # for each radius of noise
-_NARROW = 0.21  # radii: beyond this
-_STRAY_POINTS = 10.0  # for the share of points on no rope
-_USUAL_SHARE = 0.92  # of the points on ropes: below this
-_MIN_AMOUNT = 1e-3  # less is not mentioned
+_END = 0.4  # per reason to doubt an end
+_MAX_UNSEEN = 1.75  # radii beyond an end that no camera needs to see
+_MAX_MOVE = 0.75  # radii that an end may move with points that another strand explains too
+_INSIDE = (0.5, 2.5)  # radii: stretch inside an end that needs points
+_MIN_DENSITY = 0.4  # share of the rope's points per length that this stretch needs
+_DROPPED = 0.15  # per radius of a segment that became part of no rope, and for one more radius
+_NOISE = 6.0  # per radius of noise beyond `USUAL_NOISE`
+_STRAY_POINTS = 10.0  # per share of points that are missing to the usual share
+_USUAL_SHARE = 0.92  # of the points that lie on ropes
 
 
 def find_tube_doubts(
@@ -40,7 +38,7 @@ def find_tube_doubts(
 ) -> tuple[Doubt, ...]:
     """Return the doubts about an answer, the greatest first.
 
-    Strand doubts joins with small margins, rivals that cost hardly more, ends beyond which the rope may go on
+    It doubts joins with small margins, rivals that cost hardly more, ends beyond which the rope may go on
     unseen, segments in no rope, points on no rope, noise that is wide against the ropes, and given numbers
     without which the points would be explained better.
 
@@ -66,7 +64,7 @@ def find_tube_doubts(
     )
     amount = _STRAY_POINTS * max(_USUAL_SHARE - share, 0.0)
     found.append(Doubt("points", amount, "of the ropes found", reason))
-    found = [doubt for doubt in found if doubt.amount > _MIN_AMOUNT]
+    found = [doubt for doubt in found if doubt.amount > MIN_DOUBT]
     return tuple(sorted(found, key=lambda doubt: -doubt.amount))
 
 
@@ -92,7 +90,7 @@ def _doubt_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:
         found.append(Doubt("left out", amount, "what is there", reason, nodes[len(nodes) // 2]))
     wide = best.fit.sigma / radius
     reason = f"noise is {wide:.2f} radii wide"
-    amount = _NOISE * max(wide - _NARROW, 0.0)
+    amount = _NOISE * max(wide - USUAL_NOISE, 0.0)
     found.append(Doubt("noise", amount, "of details finer than the noise", reason))
     reason = "without it, other ropes would explain the points better"
     amount = measure_prior_cost(scored) / SCALE

@@ -17,19 +17,19 @@ from strand.views.view import View
 
 # Amounts are doubts as in `Doubt.amount`.
 _MAX_CORRELATION = 0.3  # pixels: errors that reach farther move fitted radii
-_RADIUS = 20.0  # for each share that a given radius is off
-_MAX_RADIUS = 0.6  # at most for a radius that is nearly right
+_RADIUS = 20.0  # per share that a given radius is off
+_MAX_RADIUS = 0.6  # for a radius that is off by less than `_FAR_SHARE`
 _RADIUS_SHARE = 0.008  # share that a radius may be off
 _RADIUS_SIGMAS = 2.0  # standard deviations of the fitted radius that it may be off
 _PULL = 0.4  # squares of noise over radius: how far noise pulls a fitted radius
 _PULL_SIGMAS = 0.1  # squares of noise over radius: how exactly that is known
 _FAR_SHARE = 0.25  # a radius that is farther off is guessed by how wide the ropes look
 _FAR_RADIUS = 3.0  # for a radius that is that far off by its looks too
-_END = 0.4  # for each normal deviate by which views disagree about an end
+_END = 0.4  # per normal deviate by which views disagree about an end, beyond chance
 _END_DEVIATE = 1.65  # normal deviate that is chance
 _END_SD = 0.1  # radii: deviation of an end's place, beside its own
 _END_NOISE = 0.8  # residuals: deviation of an end's place, beside its own
-_RESIDUALS = 10.0  # for each radius that mean residuals of stretches scatter
+_RESIDUALS = 10.0  # per radius that mean residuals of stretches scatter beyond what is usual
 _USUAL_SCATTER = 0.04  # radii: scatter that is usual
 _STRETCH = 1.0  # spans of a curve: length of the stretches
 _MIN_POINTS = 20  # of a stretch
