@@ -1,4 +1,4 @@
-"""Where a gripper can take hold of a rope and touches nothing else, ranked, and why not elsewhere."""
+"""Grasps of a gripper with two parallel jaws: where it can hold a rope, ranked, and why not elsewhere."""
 
 from __future__ import annotations
 
@@ -19,28 +19,26 @@ from strand.support.checks import Array, check_nonnegative, check_number, check_
 Table = tuple[Array, float]
 """Unit normal n, (3,), and n.x of the table's top, metres."""
 
-# what is tried at each place: turns of the approach about the rope, shares of what the jaws can open beyond
-# the least, and how far the tips reach below the rope's axis, in radii
-_TURNS = np.radians([0.0, -15.0, 15.0, -30.0, 30.0])
-_OPEN = (1.0, 0.5, 0.2, 0.0)
-_BELOW = (1.0, 0.3)
-# ropes are looked at in steps of so many radii, and not more of them
-_STEP, _MOST_STEPS = 0.5, 200_000
-# a rope that runs back by so much is another leg of it, in radii
-_BACK = 0.5
-# a rope that runs within so much of the direction of approach cannot be held across it, radians
-_STEEP = np.radians(45.0)
+_TURNS = np.radians([0.0, -15.0, 15.0, -30.0, 30.0])  # radians: tried turns of the approach about the rope
+_OPEN = (1.0, 0.5, 0.2, 0.0)  # tried openings, as fractions between the least and the greatest
+_BELOW = (1.0, 0.3)  # radii: tried reaches of the tips below the rope's axis
+_STEP = 0.5  # radii: length of the steps into which ropes are cut
+_MAX_STEPS = 200_000  # of all ropes; longer steps beyond
+_BACK = 0.5  # radii that a rope runs back before it counts as another leg
+_MAX_BEND_OVERLAP = 0.05  # radii that a bend may enter the fingers' clearance
+_STEEP = np.radians(45.0)  # radians: a rope this near to the approach cannot be held
 
 REASONS = {
-    "thick": "the rope is thicker than the jaws open",
+    "thick": "the rope is too thick for the jaws",
     "unseen": "no point supports the rope here",
     "steep": "the rope runs along the approach",
-    "unsure": "the rope's place is not known well enough for the jaws",
+    "unsure": "the rope's place is too uncertain for the jaws",
     "between": "another strand, or the other leg of a bend, lies between the jaws",
     "fingers": "another strand is in the way of a finger or of the palm",
-    "bend": "the rope bends too closely for the fingers",
+    "bend": "the rope bends too tightly for the fingers",
     "table": "the table is in the way of a finger or of the palm",
 }
+"""Reasons why a place has no grasp, by kind."""
 
 
 @dataclass(frozen=True)
@@ -50,22 +48,22 @@ class Gripper:
     Parameters
     ----------
     opening : float
-        How far apart the fingers' inner faces can be.
+        Greatest distance between the fingers' inner faces.
     width : float
-        Of a finger, along the rope.
+        Width of a finger, along the rope.
     thickness : float
-        Of a finger, from its inner to its outer face.
+        Thickness of a finger, from its inner to its outer face.
     depth : float
-        From the palm to the fingers' tips.
+        Length from the palm to the fingers' tips.
     clearance : float
-        How near anything may come to what it must not touch.
+        Least distance to whatever the gripper must not touch.
 
     Raises
     ------
     TypeError
-        If one is no number.
+        If a value is not a number.
     ValueError
-        If one is not positive, or `clearance` is negative.
+        If a length is not positive, or `clearance` is negative.
     """
 
     opening: float
@@ -82,32 +80,31 @@ class Gripper:
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """One way to take hold of a rope.
+    """One way to hold a rope.
 
     Attributes
     ----------
     chain : int
-        The chain's number.
+        Number of the chain.
     s : float
         Arc length of the place, metres.
     pose : (4, 4) ndarray
-        Gripper to world, metres. The origin is on the rope's axis; x runs along the rope, y from jaw to jaw,
-        z is the approach, from the palm to the rope.
+        Gripper-to-world pose, metres. The origin is on the rope's axis. x runs along the rope, y from jaw to
+        jaw, and z is the approach from the palm to the rope.
     width : float
-        How far the jaws are to be opened, metres.
+        Opening of the jaws, metres.
     tip : float
-        How far the tips reach beyond the rope's axis, along z, metres.
+        Reach of the tips beyond the rope's axis, along z, metres.
     clearance : float
-        From fingers and palm to the nearest other strand, metres; infinite without one.
+        Distance of fingers and palm from the nearest other strand, metres; infinite without one.
     table_clearance : float
-        From fingers and palm to the table, metres; NaN if no table was given.
+        Distance of fingers and palm from the table, metres; NaN without a given table.
     free : (float, float)
-        Length of rope before and after the place up to the next crossing, metres; up to the end, if none is
-        before that.
+        Length of rope before and after the place to the next crossing or end, metres.
     on_top : bool
         Whether the rope is the upper one at the nearer of these crossings; True without any.
     score : float
-        From 0 to 1: what the grasps are ranked by, see `Model.grasps`.
+        Rank among the grasps, from 0 to 1, see `Model.grasps`.
     """
 
     chain: int
@@ -145,9 +142,9 @@ class NoGrasp:
     Attributes
     ----------
     chain : int
-        The chain's number.
+        Number of the chain.
     stretch : (float, float)
-        The first and the last place of it that was tried, arc lengths in metres.
+        Arc lengths of the first and the last tried place, metres.
     kind : str
         One of `strand.ropes.grasps.REASONS`.
     """
@@ -163,14 +160,14 @@ class NoGrasp:
 
 @dataclass(frozen=True, eq=False)
 class Grasps:
-    """Grasps in order, the best first; goes like a tuple of them.
+    """Grasps, the best first; a sequence of them.
 
     Attributes
     ----------
     found : tuple of Grasp
-        At most one for each place that was tried.
+        At most one for each tried place.
     refused : tuple of NoGrasp
-        The other places, along the chains.
+        The other places, in order along the chains.
     """
 
     found: tuple[Grasp, ...]
@@ -194,7 +191,7 @@ class Grasps:
 
 @dataclass(frozen=True)
 class _Steps:
-    """All ropes in small, even steps: places (S, 3), arc lengths, chains' numbers and radii (S,)."""
+    """All ropes in small, even steps: places (S, 3), arc lengths, chain numbers and radii (S,)."""
 
     places: Array
     s: Array
@@ -209,22 +206,22 @@ def find_grasps(
     table: tuple[ArrayLike, float] | None,
     direction: ArrayLike,
 ) -> Grasps:
-    """Find where a gripper can take hold, see `Model.grasps`."""
+    """Find where a gripper can hold the ropes, see `Model.grasps`."""
     if not isinstance(gripper, Gripper):
         raise TypeError(f"gripper: expected a Gripper, got {type(gripper).__name__}")
-    towards, plane = check_direction("direction", direction), None if table is None else _plane(table)
+    towards, plane = check_direction("direction", direction), None if table is None else _check_table(table)
     found: list[Grasp] = []
     refused: list[NoGrasp] = []
     if not chains:
         return Grasps((), ())
-    steps = _steps(chains)
+    steps = _cut_steps(chains)
     for i, chain in enumerate(chains):
         passes = [(at[1], one.over is at) for one in crossings for at in (one.over, one.under) if at[0] == i]
         tried = max(ceil(chain.length / max(0.5 * gripper.width, chain.radius)), 1)
         kinds = []
         places = ((np.arange(tried) + 0.5) / tried * chain.length).tolist()
         for s in places:
-            one = _at(chain, i, s, gripper, steps, plane, towards, passes)
+            one = _try_place(chain, i, s, gripper, steps, plane, towards, passes)
             if isinstance(one, Grasp):
                 found.append(one)
             kinds.append("" if isinstance(one, Grasp) else one)
@@ -235,7 +232,7 @@ def find_grasps(
     return Grasps(tuple(sorted(found, key=lambda grasp: -grasp.score)), tuple(refused))
 
 
-def _plane(table: tuple[ArrayLike, float]) -> Table:
+def _check_table(table: tuple[ArrayLike, float]) -> Table:
     given = check_sequence("table", table, "a normal and an offset")
     if len(given) != 2:
         raise ValueError(f"table: expected a normal and an offset, got {len(given)} values")
@@ -244,9 +241,9 @@ def _plane(table: tuple[ArrayLike, float]) -> Table:
     return normal, check_number("table[1]", given[1]) / length
 
 
-def _steps(chains: Sequence[Line]) -> _Steps:
+def _cut_steps(chains: Sequence[Line]) -> _Steps:
     step = max(
-        _STEP * min(chain.radius for chain in chains), sum(chain.length for chain in chains) / _MOST_STEPS
+        _STEP * min(chain.radius for chain in chains), sum(chain.length for chain in chains) / _MAX_STEPS
     )
     arcs = [
         np.linspace(0.0, chain.length, ceil(chain.length / step) + 1, endpoint=not chain.closed)
@@ -260,7 +257,7 @@ def _steps(chains: Sequence[Line]) -> _Steps:
     )
 
 
-def _at(
+def _try_place(
     chain: Line,
     which: int,
     s: float,
@@ -281,7 +278,7 @@ def _at(
     if np.linalg.norm(straight) < np.sin(_STEEP):
         return "steep"
     straight /= np.linalg.norm(straight)
-    # across the rope by how much its place is unsure
+    # two standard deviations of the place across the rope
     spread = 0.0
     if chain.covariance is not None:
         y = np.cross(straight, x)
@@ -290,8 +287,8 @@ def _at(
     if least + 2.0 * spread > gripper.opening:
         return "unsure"
     widths = [least + 2.0 * spread + share * (gripper.opening - least - 2.0 * spread) for share in _OPEN]
-    near, mine, held = _near(place, x, gripper, steps, which, s, chain)
-    free, shortest, on_top = _free(chain, s, passes)
+    near, mine, held = _select_steps(place, x, gripper, steps, which, s, chain)
+    free, shortest, on_top = _measure_free(chain, s, passes)
     best: Grasp | None = None
     worst = "table"
     for turn in _TURNS:
@@ -302,13 +299,13 @@ def _at(
             tip = below * chain.radius
             gap = np.nan
             if table is not None:
-                gap = _above(table, place, axes, tip, width, gripper)
-                # the tips are raised off the table, as far as they still reach around the rope
+                gap = _measure_height(table, place, axes, tip, width, gripper)
+                # raise the tips off the table, while they still reach around the rope
                 tip -= max(gripper.clearance - gap, 0.0) / max(-(table[0] @ z), 1e-9)
                 gap = max(gap, gripper.clearance)
             if tip < 0.0:
                 continue
-            fault, clearance = _fault(local, steps.radius[near], mine, held, tip, width, gripper)
+            fault, clearance = _find_obstacle(local, steps.radius[near], mine, held, tip, width, gripper)
             if fault:
                 worst = fault if turn == 0.0 else worst
                 continue
@@ -326,10 +323,10 @@ def _at(
     return worst if best is None else best
 
 
-def _near(
+def _select_steps(
     place: Array, x: Array, gripper: Gripper, steps: _Steps, which: int, s: float, chain: Line
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the steps that the gripper may touch, which are the stretch held, and which pass the jaws once.
+    """Return the steps near the gripper, and which of them belong to the held stretch and the held leg.
 
     `x` is the rope's direction at the place.
     """
@@ -344,20 +341,20 @@ def _near(
         path = np.roll(own, -middle)[:half] if chain.closed else own[middle:]
         if way < 0:
             path = np.roll(own[::-1], middle + 1)[:half] if chain.closed else own[middle::-1]
-        path = path[: _outward(away[path], chain.radius)]
+        path = path[: _count_outward(away[path], chain.radius)]
         mine[path] = True
-        # the other leg of a bend is a second strand for the jaws before it comes back to the place
-        held[path[: _outward(way * ((steps.places[path] - place) @ x), _BACK * chain.radius)]] = True
+        # for the jaws, the other leg of a bend is a second strand before it comes back to the place
+        held[path[: _count_outward(way * ((steps.places[path] - place) @ x), _BACK * chain.radius)]] = True
     return near, mine[near], held[near]
 
 
-def _outward(far: Array, least: float) -> int | None:
-    """Return how many steps there are up to where the rope comes back by so much; None if it does not."""
+def _count_outward(far: Array, least: float) -> int | None:
+    """Return the number of steps until the distance shrinks by `least`; None if it never does."""
     back = np.flatnonzero(np.maximum.accumulate(far) - far > least)
     return int(back[0]) if len(back) else None
 
 
-def _fault(
+def _find_obstacle(
     local: Array,
     radius: Array,
     mine: NDArray[np.bool_],
@@ -366,9 +363,9 @@ def _fault(
     width: float,
     gripper: Gripper,
 ) -> tuple[str, float]:
-    """Return what is in the way, or nothing, and the clearance to other strands.
+    """Return the kind of obstacle, or "", and the clearance to other strands.
 
-    `local` are the steps in the gripper's frame.
+    `local` are the steps' places in the gripper's frame.
     """
     along = np.maximum(np.abs(local[:, 0]) - 0.5 * gripper.width, 0.0)
     across = np.abs(local[:, 1])
@@ -385,8 +382,8 @@ def _fault(
     clearance = float(body[~mine].min(initial=inf))
     if clearance < gripper.clearance:
         return "fingers", clearance
-    # a rope that just fits is no bend
-    if (body[mine] < gripper.clearance - 1e-9 - 0.05 * radius[mine]).any():
+    # a rope that just fits does not bend too tightly
+    if (body[mine] < gripper.clearance - 1e-9 - _MAX_BEND_OVERLAP * radius[mine]).any():
         return "bend", clearance
     return "", clearance
 
@@ -395,12 +392,14 @@ def _norm(x: Array, y: Array, z: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper) -> float:
-    """How far the lowest corner of fingers and palm is above the table, metres."""
+def _measure_height(
+    table: Table, place: Array, axes: Array, tip: float, width: float, gripper: Gripper
+) -> float:
+    """Return the height of the lowest corner of fingers and palm above the table, metres."""
     normal, offset = table
     along, across, ahead = abs(normal @ axes[:, 0]), abs(normal @ axes[:, 1]), normal @ axes[:, 2]
     lowest = []
-    # half the extent from jaw to jaw, and where the box starts and ends along the approach
+    # half the extent from jaw to jaw, and both ends along the approach, of fingers and palm
     for wide, far, near in (
         (0.5 * width + gripper.thickness, tip, tip - gripper.depth),
         (0.5 * gripper.opening + gripper.thickness, tip - gripper.depth, tip - 2.0 * gripper.depth),
@@ -409,12 +408,12 @@ def _above(table: Table, place: Array, axes: Array, tip: float, width: float, gr
     return float(normal @ place - offset + min(lowest))
 
 
-def _free(
+def _measure_free(
     chain: Line, s: float, passes: Sequence[tuple[float, bool]]
 ) -> tuple[tuple[float, float], float, bool]:
-    """Return the lengths up to the next crossings before and after, the shorter one, and who is on top there.
+    """Return the lengths to the next crossings before and after, the shorter one, and whether it is on top.
 
-    Without a crossing before or after, the length is up to the end; without any the shorter one is infinite.
+    Without a crossing on a side, the length is that to the end; without any the shorter one is infinite.
     """
     if not passes:
         return (s, chain.length - s), inf, True

@@ -1,4 +1,4 @@
-"""What notebooks show of a model or a chain: a small plot as SVG, and a few numbers."""
+"""The plot of ropes that notebooks show, as SVG, and the colours of ropes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def make_html(lines: Sequence[Line], text: Sequence[str], doubts: Sequence[Array
     Red rings mark the places (3,) of doubts.
     """
     said = "<br>".join(escape(row) for row in text)
-    return f"<div>{_plot(lines[:_MAX_LINES], doubts)}<div>{said}</div></div>"
+    return f"<div>{_draw(lines[:_MAX_LINES], doubts)}<div>{said}</div></div>"
 
 
-def _plot(lines: Sequence[Line], doubts: Sequence[Array]) -> str:
+def _draw(lines: Sequence[Line], doubts: Sequence[Array]) -> str:
     """Draw lines as SVG; empty without any."""
     if not lines:
         return ""

@@ -1,4 +1,4 @@
-"""Which way ropes come apart: an end is moved back over a crossing, or a loop is lifted off, one by one."""
+"""Pulls that take ropes apart: ends go back over crossings and loops are lifted off, one by one."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from strand.geometry.line import Line
 from strand.ropes.crossings import Crossing
 from strand.support.checks import Array
 
-# how far a rope goes beyond a crossing that it leaves, in both radii; how many ways an end may lie then, and
-# shares of its length
-_BEYOND = 2.0
-_FLATTEST = 0.25  # the least sine of the angle at a crossing that counts
-_WAYS = 36
-_SHARES = (1.0, 0.75, 0.5, 0.25)
-# how many times a way counts on which an end that is pulled out drags its rope, and on which a strand that is
-# lifted over an end draws rope from both sides; and the length of a tail that is not laid straight, which may
-# stay at the crossing
-_DRAGGED, _DRAWN, _SLACK = 2.0, 3.0, 8.0
+_BEYOND = 2.0  # both radii: how far a rope is moved beyond a crossing
+_MIN_SINE = 0.25  # of the angle at a crossing under which an end is pulled out
+_WAYS = 36  # tried directions of a straight tail
+_SHARES = (1.0, 0.75, 0.5, 0.25)  # tried fractions of its length
+_DRAGGED = 2.0  # effort of a way on which an end drags its rope, over that of a lifted one
+_DRAWN = 3.0  # effort of a strand that is lifted over an end and draws rope from both sides
+_SLACK = 8.0  # effort of tail without room to lie straight, which may stay at the crossing
+_MAX_CLEAR = 3.0  # radii: more distance from other strands does not make a way better
+_SAMPLES = 50  # places along a stretch
+_NO_LENGTH = 1e-9  # metres: a shorter vector has no direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,27 +34,27 @@ class Pull:
     Attributes
     ----------
     undoes : tuple of Crossing
-        One, or two of a loop.
+        One crossing, or the two of a loop.
     move : str
-        "end": an end goes back over the crossing, or is pulled out beneath it. "loop": a stretch that lies on
-        another one is lifted off it, to the side or over the other one's end.
+        "end": an end goes back over the crossing, or is pulled out beneath it. "loop": a stretch is lifted
+        off another one, to the side or over its end.
     lift : bool
-        Whether what is moved is lifted over the other strand. If not it lies beneath, and is pulled out along
+        Whether the moved strand is lifted over the other one. If not, it lies beneath and is pulled out along
         the table.
     chain : int
-        The number of the chain that is moved.
+        Number of the moved chain.
     s : float
-        Arc length of the place to hold, metres: an end, the middle of a loop or where it crosses an end, or,
-        where an end is pulled out, a place just beyond the crossing.
+        Arc length of the place to hold, metres: an end, the middle of a loop, the place where a loop crosses
+        an end, or just beyond the crossing where an end is pulled out.
     place : (3,) ndarray
         This place, world frame, metres.
     direction : (3,) ndarray
-        Unit vector across the direction of view: the way that the place is moved.
+        Unit vector in which the place is moved, at right angles to the direction of view.
     distance : float
-        How far, metres.
+        How far it is moved, metres.
     slack : float
-        Length of an end that there is no room to lay out straight, metres: it may stay at the crossing, and
-        then another pull is needed.
+        Length of an end without room to lie straight, metres. It may stay at the crossing, and then needs
+        another pull.
     """
 
     undoes: tuple[Crossing, ...]
@@ -83,9 +83,9 @@ class PullPlan:
     Attributes
     ----------
     pulls : tuple of Pull
-        In order. Each but the first is told for ropes as they lie now: look again after each.
+        The moves in order. All are planned for the ropes as they lie now: look again after each.
     left : tuple of Crossing
-        What they do not undo: crossings of rings with each other or themselves.
+        Crossings that remain: those of rings with each other or themselves.
     """
 
     pulls: tuple[Pull, ...]
@@ -109,23 +109,23 @@ class _Way(NamedTuple):
 
 
 def plan_pulls(chains: Sequence[Line], crossings: Sequence[Crossing], direction: ArrayLike) -> PullPlan:
-    """Plan how ropes come apart, see `Model.pull_plan`."""
+    """Plan the moves that take ropes apart, see `Model.pull_plan`."""
     towards = check_direction("direction", direction)
     left = dict(enumerate(crossings))
     pulls = []
     while left:
-        passes = _passes(chains, left)
-        ways = [*_loops(chains, left, passes, towards), *_ends(chains, left, passes, towards)]
+        passes = _list_passes(chains, left)
+        ways = [*_plan_loops(chains, left, passes, towards), *_plan_ends(chains, left, passes, towards)]
         if not ways:
             break
-        # the least effort for each crossing that it undoes
+        # least effort for each undone crossing
         best = min(ways, key=lambda way: way.effort / len(way.pull.undoes)).pull
         pulls.append(best)
         left = {k: one for k, one in left.items() if not any(one is gone for gone in best.undoes)}
     return PullPlan(tuple(pulls), tuple(left.values()))
 
 
-def _passes(chains: Sequence[Line], crossings: dict[int, Crossing]) -> list[list[_Pass]]:
+def _list_passes(chains: Sequence[Line], crossings: dict[int, Crossing]) -> list[list[_Pass]]:
     """Return the passes of each chain in order."""
     passes: list[list[_Pass]] = [[] for _ in chains]
     for k, one in crossings.items():
@@ -134,15 +134,15 @@ def _passes(chains: Sequence[Line], crossings: dict[int, Crossing]) -> list[list
     return [sorted(row, key=lambda each: each.s) for row in passes]
 
 
-def _beyond(chains: Sequence[Line], crossing: Crossing) -> float:
+def _find_margin(chains: Sequence[Line], crossing: Crossing) -> float:
     """Return how far a rope goes beyond a crossing that it leaves, metres."""
     return _BEYOND * (chains[crossing.over[0]].radius + chains[crossing.under[0]].radius)
 
 
-def _loops(
+def _plan_loops(
     chains: Sequence[Line], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
-    """Return moves of stretches that lie on another one, with nothing between (Reidemeister's second)."""
+    """Return moves that lift a stretch off one right below it (Reidemeister's second move)."""
     found = []
     beneath: dict[frozenset[int], list[tuple[int, float, float]]] = {}
     above = []
@@ -165,10 +165,10 @@ def _loops(
         s = s % chain.length if chain.closed else s
         place = chain.at(s)
         for lower in beneath.get(frozenset((a.crossing, b.crossing)), ()):
-            way = _across(chains, lower, both, (a.chain, a.s, length), towards)
-            # from the place that is held to beyond all of the lower stretch
-            passed = max(float(((_stretch(chains, *lower) - place) @ way).max()), 0.0)
-            distance = passed + _beyond(chains, both[0])
+            way = _find_side(chains, lower, both, (a.chain, a.s, length), towards)
+            # from the held place to beyond the whole lower stretch
+            passed = max(float(((_sample_stretch(chains, *lower) - place) @ way).max()), 0.0)
+            distance = passed + _find_margin(chains, both[0])
             pull = Pull(
                 undoes=both,
                 move="loop",
@@ -183,54 +183,54 @@ def _loops(
     return found
 
 
-def _stretch(chains: Sequence[Line], which: int, start: float, length: float) -> Array:
-    """(N, 3) Places along a stretch of a chain."""
+def _sample_stretch(chains: Sequence[Line], which: int, start: float, length: float) -> Array:
+    """Return places (N, 3) along a stretch of a chain."""
     chain = chains[which]
-    s = start + np.linspace(0.0, length, 50)
+    s = start + np.linspace(0.0, length, _SAMPLES)
     return np.asarray(chain.at(s % chain.length if chain.closed else s))
 
 
-def _across(
+def _find_side(
     chains: Sequence[Line],
     lower: tuple[int, float, float],
     both: tuple[Crossing, Crossing],
     upper: tuple[int, float, float],
     towards: Array,
 ) -> Array:
-    """(3,) Unit vector in the plan, from the upper of two stretches that cross twice to the lower one."""
+    """Return the unit vector (3,) from the upper to the lower of two stretches that cross twice."""
     chord = both[1].place - both[0].place
     across = np.cross(towards, chord)
-    apart = _stretch(chains, *lower).mean(axis=0) - _stretch(chains, *upper).mean(axis=0)
+    apart = _sample_stretch(chains, *lower).mean(axis=0) - _sample_stretch(chains, *upper).mean(axis=0)
     apart -= (apart @ towards) * towards
     length = float(np.linalg.norm(across))
     if length < min(chains[lower[0]].radius, chains[upper[0]].radius):
-        # crossings at one place: between the stretches' middles
+        # both crossings at one place: take the direction between the stretches' means
         across, length = apart, float(np.linalg.norm(apart))
-    if length < 1e-9:
-        # one stretch right above the other: either way
+    if length < _NO_LENGTH:
+        # one stretch right above the other: any side will do
         tangent = chains[upper[0]].tangent_at(upper[1])
         across = np.cross(towards, tangent if abs(tangent @ towards) < 0.999 else tangent[[1, 2, 0]])
         length = float(np.linalg.norm(across))
     return np.asarray(across / length * (1.0 if across @ apart >= 0.0 else -1.0))
 
 
-def _ends(
+def _plan_ends(
     chains: Sequence[Line], crossings: dict[int, Crossing], passes: list[list[_Pass]], towards: Array
 ) -> list[_Way]:
-    """Return moves that undo the crossings next to ends: of an end, or of a strand lifted over it."""
+    """Return moves that undo the crossing next to an end: by the end, or by a strand lifted over it."""
     found = []
     for i, (row, chain) in enumerate(zip(passes, chains, strict=True)):
         if chain.closed or not row:
             continue
         for first, end, inwards in ((row[0], 0.0, 1.0), (row[-1], chain.length, -1.0)):
             one = crossings[first.crossing]
-            beyond = _beyond(chains, one)
+            beyond = _find_margin(chains, one)
             if not first.over:
-                # it is held there, clear of the other strand also where they cross at a flat angle
-                beyond /= max(np.sin(one.angle), _FLATTEST)
+                # it is held there, clear of the other strand even at a flat angle
+                beyond /= max(np.sin(one.angle), _MIN_SINE)
             turn = float(np.clip(first.s + inwards * beyond, 0.0, chain.length))
             tail = abs(first.s - end) + beyond
-            way = _free_way(chains, i, turn, end, tail, inwards, towards)
+            way = _find_free_way(chains, i, turn, end, tail, inwards, towards)
             held = end if first.over else turn
             place, root = chain.at(held), chain.at(turn)
             move = root + way - place if first.over else way
@@ -249,27 +249,27 @@ def _ends(
                 slack=slack,
             )
             if not first.over:
-                off = _off_end(chains, one, i, end, tail, towards)
+                off = _plan_lift_over(chains, one, i, end, tail, towards)
                 found += [] if off is None else [off]
             found.append(_Way(pull, distance * (1.0 if pull.lift else _DRAGGED) + _SLACK * slack))
     return found
 
 
-def _off_end(
+def _plan_lift_over(
     chains: Sequence[Line], crossing: Crossing, which: int, end: float, tail: float, towards: Array
 ) -> _Way | None:
-    """Return how the upper strand is lifted over the lower one's end; None where others are in the way."""
+    """Return how the upper strand is lifted over the end of the lower one; None if others are in the way."""
     upper, s = crossing.over
     place, last = chains[upper].at(s), chains[which].at(end)
     way = last - place
     way -= (way @ towards) * towards
     length = float(np.linalg.norm(way))
-    beyond = _beyond(chains, crossing)
-    if length < 1e-9:
+    beyond = _find_margin(chains, crossing)
+    if length < _NO_LENGTH:
         return None
     way /= length
     distance = length + beyond
-    others = _strands(chains, [(which, end, tail), (upper, s, 2.0 * beyond)]) - place
+    others = _sample_others(chains, [(which, end, tail), (upper, s, 2.0 * beyond)]) - place
     others -= np.outer(others @ towards, towards)
     away = np.linalg.norm(others - np.outer(np.clip(others @ way, 0.0, distance), way), axis=1)
     if away.min(initial=np.inf) < 2.0 * chains[upper].radius:
@@ -287,19 +287,22 @@ def _off_end(
     return _Way(pull, _DRAWN * distance)
 
 
-def _strands(chains: Sequence[Line], left_out: Sequence[tuple[int, float, float]]) -> Array:
-    """(N, 3) Places on all chains, a radius apart, but those within a length of a chain's place."""
+def _sample_others(chains: Sequence[Line], skipped: Sequence[tuple[int, float, float]]) -> Array:
+    """Return places (N, 3) on all chains, a radius apart, without the skipped stretches.
+
+    A skipped stretch is a chain number, an arc length, and a reach to both sides, metres.
+    """
     found = []
     for i, each in enumerate(chains):
         s = np.arange(0.0, each.length, each.radius)
-        for which, at, reach in left_out:
+        for which, at, reach in skipped:
             if which == i:
                 s = s[np.abs(s - at) > reach + 4.0 * each.radius]
         found.append(each.at(s).reshape(-1, 3))
     return np.concatenate(found)
 
 
-def _free_way(
+def _find_free_way(
     chains: Sequence[Line],
     which: int,
     turn: float,
@@ -308,22 +311,22 @@ def _free_way(
     inwards: float,
     towards: Array,
 ) -> Array:
-    """(3,) From `turn` to where a straight tail would end that lies clear of all strands in the plan, metres.
+    """Return the vector (3,) of a straight tail from `turn` that lies clear of all strands, seen from above.
 
-    The tail is shorter than it is if there is no room for all of it.
+    It is shorter than the tail if there is no room for all of it.
     """
     chain = chains[which]
     back = inwards * chain.tangent_at(turn)
     back -= (back @ towards) * towards
     length = float(np.linalg.norm(back))
-    # a rope that runs along the direction of view leads nowhere in the plan
-    back = back / length if length > 1e-9 else np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
+    # a rope along the direction of view has no direction in projection
+    back = back / length if length > _NO_LENGTH else np.cross(towards, np.eye(3)[np.abs(towards).argmin()])
     back /= np.linalg.norm(back)
     aside = np.cross(towards, back)
     basis = np.stack([back, aside], axis=1)
-    # the tail goes along, and so does what is next to it
-    strands = (_strands(chains, [(which, end, abs(end - turn))]) - chain.at(turn)) @ basis
-    # from what is straight back outwards: the first of equals is kept
+    # the tail moves along, with what is next to it
+    strands = (_sample_others(chains, [(which, end, abs(end - turn))]) - chain.at(turn)) @ basis
+    # straight back first, as the first of equals is kept
     angles = np.linspace(-np.pi, np.pi, _WAYS, endpoint=False)
     angles = angles[np.argsort(np.abs(angles), kind="stable")]
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -331,7 +334,7 @@ def _free_way(
         reach = share * tail
         along = np.clip(strands @ ways.T, 0.0, reach)
         away = np.linalg.norm(strands[:, None] - along[..., None] * ways, axis=2)
-        clear = np.minimum(away.min(axis=0, initial=np.inf), 3.0 * chain.radius)
+        clear = np.minimum(away.min(axis=0, initial=np.inf), _MAX_CLEAR * chain.radius)
         if clear.max() >= 2.0 * chain.radius:
             break
     return np.asarray(reach * basis @ ways[clear.argmax()])
