@@ -30,8 +30,8 @@ __all__ = [
     "cores",
     "count_neighbors",
     "count_neighbors_each",
-    "crop",
     "crop_images",
+    "crop_points",
     "crossed_segments",
     "depth_bends",
     "edge_distances",
@@ -323,7 +323,7 @@ class RopeImages:
     ) -> list[float]: ...
     def support(self, fit: ImageFit) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]: ...
 
-def crop(
+def crop_points(
     points: ArrayLike, pose: ArrayLike, low: ArrayLike, high: ArrayLike, colors: ArrayLike | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]: ...
 def radius_outlier_mask(

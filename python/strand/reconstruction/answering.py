@@ -10,7 +10,7 @@ import numpy as np
 
 from strand.reconstruction.evidence.confidence import confidence, contradictions, of_chains
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
-from strand.reconstruction.observing import Given, Scene
+from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
 from strand.reconstruction.stages import Found, Run
 from strand.ropes.chain import Chain
@@ -20,23 +20,25 @@ from strand.ropes.model import Model
 _HURRIED = 0.3  # doubt of an answer for which the deadline made strand skip something
 
 
-def build_model(given: Given, scene: Scene, found: Found, run: Run, keep_stages: bool) -> Model:
+def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages: bool) -> Model:
     """Build the model of the chains that a method found.
 
     Parameters
     ----------
-    given : Given
     scene : Scene
     found : Found
         The method's answer for the observed views.
+    hints : Hints
     run : Run
     keep_stages : bool
         Whether the model keeps the arrays between the stages.
     """
-    chains = oriented(found.chains[: given.prior.ropes], given.previous)
-    against = contradictions(chains, found.chains[len(chains) :], given.prior, found.all_rings)
+    poses, pose_sd = _collect_poses(scene, found)
+    stages = _collect_stages(scene, found) if keep_stages else {}
+    chains = oriented(found.chains[: hints.prior.ropes], hints.previous)
+    against = contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
-        against += doubt_ends_at_edge(chains, given.views, scene.tables)
+        against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
     for doubt, about in against:
         run.warn(doubt.kind, doubt.reason, doubt.place, doubt.amount, about)
     doubts = sorted(
@@ -48,19 +50,18 @@ def build_model(given: Given, scene: Scene, found: Found, run: Run, keep_stages:
         ],
         key=lambda doubt: -doubt.amount,
     )
-    poses, pose_sd = _collect_poses(scene, found)
     return Model(
         tuple(chains) if found.doubts is None else _add_confidence(chains, doubts, against),
         poses,
         run.timings,
         tuple(run.warnings),
-        _collect_stages(scene, found) if keep_stages else {},
+        stages,
         pose_sd,
         confidence=float("nan") if found.doubts is None else confidence(doubts),
         joins=tuple(join for join in found.joins if max(join.chains) < len(chains)),
         doubts=tuple(doubts),
         alternatives=found.alternatives,
-        method=given.config.method,
+        method=hints.config.method,
         branch=found.branch,
         sensor=found.sensor,
     )
@@ -70,7 +71,7 @@ def _doubt_haste(run: Run) -> list[Doubt]:
     """Return the doubt that skipped work raises, and warn of it, if the deadline passed."""
     if not run.skipped:
         return []
-    doubt = Doubt("deadline", _HURRIED, "whether that is right", f"left out: {', '.join(run.skipped)}")
+    doubt = Doubt("deadline", _HURRIED, "whether that is right", f"skipped: {', '.join(run.skipped)}")
     run.warn(doubt.kind, doubt.reason, amount=doubt.amount)
     return [doubt]
 
@@ -87,7 +88,7 @@ def _add_confidence(
 
 def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
     """Return poses of all views and their deviations: registered where a view was used, else as given."""
-    poses = np.array([view.pose for view in scene.views])
+    poses = np.array([view.pose for view in scene.extract.whole])
     pose_sd = np.full((len(poses), 6), np.nan)
     numbers = scene.observed.numbers
     poses[numbers], pose_sd[numbers] = found.poses, found.pose_sd
@@ -97,7 +98,7 @@ def _collect_poses(scene: Scene, found: Found) -> tuple[np.ndarray, np.ndarray]:
 def _collect_stages(scene: Scene, found: Found) -> dict[str, Any]:
     """Return the arrays between the stages, read-only."""
     stages = {
-        "raw": tuple(scene.inside[number].world_points for number in scene.observed.numbers),
+        "raw": tuple(scene.extract.inside[number].world_points for number in scene.observed.numbers),
         "filtered": tuple(view.world_points for view in scene.observed.views),
         **found.stages,
     }

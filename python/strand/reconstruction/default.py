@@ -75,7 +75,7 @@ def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     found = _found(used, config, run)
     ropes = [whole if whole.image else own for whole, own in zip(used.whole, used.views, strict=True)]
     against = [
-        *find_mistakes(used.whole, ropes, used.views, used.bounds, used.radius),
+        *find_mistakes(used.extract, used.radius, ropes),
         *systematic.doubts(used, found, config),
         *find_bias_doubts(used, found),
     ]

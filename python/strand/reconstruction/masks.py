@@ -1,9 +1,10 @@
-"""Whether masks can be right: ropes stand out from their surroundings, and masks have few enough labels."""
+"""Which views show ropes, and whether masks can be right: ropes stand out from their surroundings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,13 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
+from strand.reconstruction.stages import Run
 from strand.ropes.doubt import Doubt, ModelWarning
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
+from strand.views.extract import Extract
 from strand.views.pose import moved
 from strand.views.view import View
 
@@ -32,6 +35,7 @@ _LOW = 0.7  # radii: pixels this low do not stand out
 _MIN_SHARE_LOW = 0.9  # of the pixels are low in a mask of the background alone
 _MAX_SCATTER = 0.5  # radii: heights that scatter more do not show that a mask is of the background
 _MIN_AREA = 3.0  # squares of its radius, pixels: a rope covers at least this
+_MIN_DEPTH_SHARE = 0.2  # of a mask's pixels: with less, depth is too thin to have neighbors
 _MISPLACED = 2.0  # doubt: a mask that is likely wrong makes the confidence about seven times lower
 
 
@@ -79,22 +83,63 @@ def find_misplaced_masks(
     return found
 
 
-def refuse_background(misplaced: Sequence[MisplacedMask], numbers: Sequence[int]) -> None:
-    """Refuse views if each of them, by its number, has a mask of the background alone.
+def refuse_empty(extract: Extract, run: Run) -> None:
+    """Crop views to the extraction range, if there is one; refuse views without a point.
 
     Raises
     ------
     strand.NotEnoughDataError
-        If that is so.
+        If no view has a point inside.
     """
-    if sum(mask.shows_background for mask in misplaced) == len(numbers):
+    with nullcontext() if extract.bounds is None else run.stage("extract"):
+        if not extract.empty:
+            return
+    if any(len(view.points) for view in extract.whole):
+        raise NotEnoughDataError("views: no view has a point in the extraction range")
+    reasons = [(k, _explain_empty_mask(view)) for k, view in enumerate(extract.whole)]
+    masks = ", ".join(f"view {k} has {reason}" for k, reason in reasons if reason is not None)
+    if masks:
         raise NotEnoughDataError(
-            f"views: {_join_masks(numbers)} of the background: nothing inside stands out from what is "
-            "around it"
+            f"views: no view has a point: {masks}; 0 in a mask is no rope, every other number is rope"
         )
+    raise NotEnoughDataError("views: no view has a point; are all depths 0 or not finite?")
 
 
-def explain_empty_mask(view: View) -> str | None:
+def select_views(extract: Extract, filtered: Sequence[View], radius: float, run: Run) -> list[int]:
+    """Return the numbers of the views that show ropes; warn of the others.
+
+    Parameters
+    ----------
+    extract : Extract
+    filtered : sequence of View
+        The views inside, without outliers.
+    radius : float
+        The thinnest rope's, metres.
+    run : Run
+
+    Raises
+    ------
+    strand.NotEnoughDataError
+        If no view shows ropes.
+    """
+    reasons: dict[int, str] = {}
+    for number, (view, own, left) in enumerate(zip(extract.whole, extract.inside, filtered, strict=True)):
+        reason = _explain_small_mask(view, radius) or _explain_empty_mask(view)
+        if reason is None and not len(left.points):
+            reason = _explain_no_points(view, own)
+        if reason is not None:
+            reasons[number] = reason
+    if len(reasons) == len(filtered):
+        if any(view.mask is not None for view in extract.whole):
+            said = "; ".join(f"view {number} has {reason}" for number, reason in reasons.items())
+            raise NotEnoughDataError(f"views: {said}; is the radius right, in metres?")
+        raise NotEnoughDataError("views: all points are outliers; is the radius right, in metres?")
+    for number, reason in reasons.items():
+        run.warn("unused view", f"view {number} has {reason} and was not used", view=number)
+    return [number for number in range(len(filtered)) if number not in reasons]
+
+
+def _explain_empty_mask(view: View) -> str | None:
     """Say why no point lies in a view's mask; None if one does, or there is no mask."""
     mask = view.mask
     if mask is None or len(view.points):
@@ -102,7 +147,7 @@ def explain_empty_mask(view: View) -> str | None:
     return "no depth inside its mask" if mask.any() else "an empty mask"
 
 
-def explain_small_mask(view: View, radius: float) -> str | None:
+def _explain_small_mask(view: View, radius: float) -> str | None:
     """Say why a mask with depth is too small for a rope of a radius, metres; None if it is not."""
     image, mask = view.image, view.mask
     if image is None or mask is None:
@@ -121,10 +166,15 @@ def explain_small_mask(view: View, radius: float) -> str | None:
     )
 
 
-def _join_masks(numbers: Sequence[int]) -> str:
-    if len(numbers) == 1:
-        return f"the mask of view {numbers[0]} is"
-    return f"the masks of views {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"
+def _explain_no_points(view: View, own: View) -> str:
+    """Say why no point of a view is left after the outlier filter."""
+    if not len(own.points):
+        return "no points in the extraction range"
+    if view.mask is not None:
+        share = len(view.points) / np.count_nonzero(view.mask)
+        if share < _MIN_DEPTH_SHARE:
+            return f"depth in only {share:.0%} of its mask, so thinly that all of its points are outliers"
+    return "only outliers in the extraction range"
 
 
 def warn_of_surplus_labels(views: Sequence[View], ropes: int | None) -> Iterator[ModelWarning]:
@@ -144,7 +194,7 @@ def _masked_image(view: View, bounds: Box | None) -> DepthImage | None:
     # within an extraction range, a mask of everything tells nothing
     if image is None or image.labels is None or (bounds is not None and image.mask.all()):
         return None
-    return image.masked(image.mask)
+    return replace(image, labels=image.mask)
 
 
 def _shows_rope(

@@ -33,10 +33,11 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
     """
     reach = config.radius * radius
     counts = _core.count_neighbors_each([view.points for view in views], reach)
-    return [
-        view.only(_enough(view, own, reach, radius, config, widen)) if len(own) else view
+    kept = [
+        _enough(view, own, reach, radius, config, widen) if len(own) else None
         for view, own in zip(views, counts, strict=True)
     ]
+    return [view if some is None else view.only(some) for view, some in zip(views, kept, strict=True)]
 
 
 def _enough(

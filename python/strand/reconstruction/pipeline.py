@@ -9,15 +9,17 @@ from strand.config import Config
 from strand.reconstruction.answering import build_model
 from strand.reconstruction.default import find_chains as find_by_default
 from strand.reconstruction.evidence.prior import Prior
+from strand.reconstruction.masks import refuse_empty
 from strand.reconstruction.mistakes.diagnosis import explaining_errors
-from strand.reconstruction.observing import Given, extract, observe
+from strand.reconstruction.observing import Hints, observe
 from strand.reconstruction.published.method import find_chains as find_published
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Model
 from strand.support.checks import check_bool, check_positive
 from strand.views.box import Bounds, extraction_range
-from strand.views.view import View, check_views
+from strand.views.extract import extract_views
+from strand.views.view import View
 
 _METHODS: dict[str, Callable[[Observed, Config, Run], Found]] = {
     "default": find_by_default,
@@ -108,27 +110,26 @@ def reconstruct(
     1
     """
     begun = time.monotonic()
-    keep_stages = check_bool("keep_stages", keep_stages)
-    given = _check(views, radius, bounds, ropes, config, length, previous)
+    hints = _check(radius, bounds, ropes, config, length, previous)
     run = _start(begun, progress, deadline)
-    inside = extract(given, run)
-    with explaining_errors(given.views, inside, given.bounds, given.radii):
-        scene = observe(given, inside, run)
-        found = _METHODS[given.config.method](scene.observed, given.config, run)
-    return build_model(given, scene, found, run, keep_stages)
+    keep_stages = check_bool("keep_stages", keep_stages)
+    extract = extract_views(views, hints.bounds)
+    with explaining_errors(extract, hints.radii):
+        refuse_empty(extract, run)
+        scene = observe(extract, hints, run)
+        found = _METHODS[hints.config.method](scene.observed, hints.config, run)
+    return build_model(scene, found, hints, run, keep_stages)
 
 
 def _check(
-    views: Sequence[View],
     radius: float | Sequence[float] | None,
     bounds: Bounds | None,
     ropes: int | None,
     config: Config | None,
     length: float | Sequence[float] | None,
     previous: Model | None,
-) -> Given:
-    """Check what the caller says of the views and the ropes."""
-    views = check_views(views)
+) -> Hints:
+    """Check what the caller knows of the ropes."""
     config = Config() if config is None else config
     if not isinstance(config, Config):
         raise TypeError(f"config: expected a Config, got {config!r}")
@@ -141,7 +142,7 @@ def _check(
         )
     box = None if bounds is None else extraction_range(bounds)
     prior = Prior.from_caller(ropes, length, box, config.known)
-    return Given(views, radii, box, prior, config, () if previous is None else previous.chains)
+    return Hints(radii, box, prior, config, () if previous is None else previous.chains)
 
 
 def _start(begun: float, progress: Callable[[str], None] | None, deadline: float | None) -> Run:

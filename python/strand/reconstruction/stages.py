@@ -18,7 +18,8 @@ from strand.support.checks import Array
 from strand.support.lazy import lazy_property
 from strand.views.box import Box
 from strand.views.depth_image import DepthImage
-from strand.views.rope_images import rope_images
+from strand.views.extract import Extract
+from strand.views.rope_images import make_rope_images
 from strand.views.sensor import Sensor
 from strand.views.view import View
 
@@ -120,10 +121,15 @@ class Observed:
         """Whether each view has a mask that tells something: not one of everything."""
         return [view.mask is not None and not view.mask.all() for view in self.whole]
 
+    @property
+    def extract(self) -> Extract:
+        """The views, whole and inside the extraction range."""
+        return Extract(tuple(self.whole), self.bounds, tuple(self.views))
+
     @lazy_property
     def images(self) -> list[DepthImage]:
         """Each view's image with a mask of its ropes."""
-        return rope_images(self.views, self.whole, self.bounds, _MARGIN * self.radius)
+        return make_rope_images(self.views, self.whole, self.bounds, _MARGIN * self.radius)
 
     @property
     def held(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,14 +57,10 @@ class DepthImage:
         depths = depths[depths > 0]
         return float(np.median(depths)) if len(depths) else float("nan")
 
-    def masked(self, mask: NDArray[np.bool_]) -> DepthImage:
-        """Return the image with other pixels as the ropes', (H, W)."""
-        return replace(self, labels=mask)
-
     def project(self, points: Array) -> Array:
         """Return the (N, 2) columns and rows of points (N, 3) of the world, pixels."""
         return self.camera.project((points - self.pose[:3, 3]) @ self.pose[:3, :3])
 
     def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the world that pixels show at depths z, metres."""
-        return moved(self.camera.unproject(rows, columns, z), self.pose)
+        return moved(self.camera.lift(rows, columns, z), self.pose)

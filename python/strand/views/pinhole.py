@@ -39,7 +39,7 @@ class Pinhole(NamedTuple):
         x, y, z = points.T
         return np.column_stack([fx * x / z + cx, fy * y / z + cy])
 
-    def unproject(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
+    def lift(self, rows: Pixels, columns: Pixels, z: Array) -> Array:
         """Return the points (..., 3) of the camera frame that pixels show at depths z, metres."""
         (fx, fy), (cx, cy) = self
         return np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ _MIN_OWN_PIXELS = 0.75  # share of the points that should have a pixel of their 
 _MAX_SIZE = 1500  # largest side of an image that is made of points, pixels
 
 
-def rope_images(
+def make_rope_images(
     views: Sequence[View], whole: Sequence[View], bounds: Box | None, margin: float = 0.0
 ) -> list[DepthImage]:
     """Return each view's depth image with a mask of its ropes.
@@ -47,22 +48,27 @@ def rope_images(
     ]
 
 
+def make_image(view: View) -> DepthImage:
+    """Return a view's depth image, or one made of its points."""
+    return _image_from_points(view) if view.image is None else view.image
+
+
 def _with_rope_pixels(image: DepthImage, view: View, bounds: Box | None, margin: float) -> DepthImage:
     if image.labels is None:
         mask = np.zeros(image.depth.shape, dtype=bool)
-        mask[pixels_of(view.points, image)] = True
-        return image.masked(mask)
+        mask[find_pixels(view.points, image)] = True
+        return replace(image, labels=mask)
     mask = image.mask
     if bounds is None:
-        return image.masked(mask)
+        return replace(image, labels=mask)
     rows, columns = np.nonzero(mask & (image.depth > 0))
     outside = ~bounds.holds(image.lift(rows, columns, image.depth[rows, columns]), margin)
     mask = mask.copy()
     mask[rows[outside], columns[outside]] = False
-    return image.masked(mask)
+    return replace(image, labels=mask)
 
 
-def pixels_of(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def find_pixels(points: Array, image: DepthImage) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows and the columns of an image's own points, camera frame."""
     height, width = image.depth.shape
     columns, rows = image.camera.project(points).T

@@ -337,39 +337,41 @@ def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
     return check_float_array("depth", image, ("H", "W"))
 
 
-def cropped(views: Sequence[View], bounds: Box) -> list[View]:
+def cropped(views: Sequence[View], bounds: Box) -> tuple[View, ...]:
     """Keep the points of views inside a checked extraction range, as `View.crop` does."""
-    # what of an image lies outside is not un-projected
+    motions = [bounds.from_camera(view.pose) for view in views]
+    # of a depth image, only the points inside are un-projected
     images = {
-        i: view.measured
-        for i, view in enumerate(views)
+        k: view.measured
+        for k, view in enumerate(views)
         if isinstance(view.measured, DepthImage) and view.colors is None
     }
     found = _core.crop_images(
         [image.rope_depth for image in images.values()],
         [image.camera for image in images.values()],
-        [bounds.from_camera(views[i].pose) for i in images],
+        [motions[k] for k in images],
         bounds.low,
         bounds.high,
     )
-    inside: dict[int, tuple[Array, Array | None]] = {
-        i: (points, None) for i, points in zip(images, found, strict=True)
-    }
-    for i, view in enumerate(views):
-        if i not in inside:
-            inside[i] = _core.crop(
-                view.points, bounds.from_camera(view.pose), bounds.low, bounds.high, view.colors
-            )
-    return [view._part(*inside[i]) for i, view in enumerate(views)]
+    points = dict(zip(images, found, strict=True))
+    return tuple(
+        view._part(points[k], None)
+        if k in points
+        else view._part(*_core.crop_points(view.points, motions[k], bounds.low, bounds.high, view.colors))
+        for k, view in enumerate(views)
+    )
 
 
-def masked(view: View, mask: NDArray[np.bool_]) -> View:
-    """Return a view of a depth image without a mask with this one, (H, W), as if it had come with it."""
-    image, colors = view.image, view.colors
-    assert image is not None
-    if colors is not None:
-        colors = colors[mask[image.depth > 0]]
-    return View._of(None, image.masked(mask), view.pose, view.dropped, colors)
+def masked(view: View, image: DepthImage) -> View:
+    """Return a view with only the points that the mask of its image, or of one made of its points, shows."""
+    if view.image is not None:
+        colors = None if view.colors is None else view.colors[image.mask[image.depth > 0]]
+        return View._of(None, image, view.pose, view.dropped, colors)
+    columns, rows = np.rint(image.project(view.world_points)).astype(np.int64).T
+    height, width = image.mask.shape
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    inside[inside] = image.mask[rows[inside], columns[inside]]
+    return view.only(inside)
 
 
 def placed(view: View, pose: Array) -> View:

@@ -127,7 +127,7 @@ pub(super) fn seen_behind<'py>(
 
 /// Keep the points in an extraction range; see `strand.View.crop`.
 #[pyfunction]
-#[pyo3(name = "crop", signature = (points, pose, low, high, colors = None))]
+#[pyo3(signature = (points, pose, low, high, colors = None))]
 pub(super) fn crop_points<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,

@@ -208,12 +208,12 @@ def test_several_ropes_come_longest_first(numbers):
         (
             {"radius": "4.2mm"},
             TypeError,
-            "radius: expected a number of metres, got '4.2mm'; the command line",
+            "radius: expected a number of metres, got '4.2mm'; only the command line",
         ),
         (
             {"radius": ["4.2mm"]},
             TypeError,
-            "radius: expected a number of metres, got '4.2mm'; the command line",
+            "radius: expected a number of metres, got '4.2mm'; only the command line",
         ),
         ({"ropes": 0}, ValueError, "ropes: expected at least 1"),
         ({"ropes": 2**64}, ValueError, "ropes: expected at most 10000"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -62,7 +64,7 @@ def test_a_mask_of_a_rope_behind_a_bar_leaves_it_as_long_as_it_is(frame):
     lengths = []
     for name in ("0091", "0156", "0190", "0285", "0500", "0590"):
         view = frame(name)
-        seen = masked(view, view.image.depth > 0)
+        seen = masked(view, dataclasses.replace(view.image, labels=view.image.depth > 0))
         (chain,) = strand.reconstruct([seen], radius=0.0038, ropes=1).chains
         for side in (view.points[:, 0].argmin(), view.points[:, 0].argmax()):
             gripper = view.points[side, :2]

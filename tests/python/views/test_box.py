@@ -85,7 +85,7 @@ def test_a_scene_file_may_turn_it(tmp_path):
     assert extraction_range(bounds) is bounds
     half = (tmp_path / "scene.toml").read_text().replace("origin = [0.1, 0, 0]", "")
     (tmp_path / "scene.toml").write_text(half)
-    with pytest.raises(strand.FileFormatError, match=r"extract: expected a pose"):
+    with pytest.raises(strand.FileFormatError, match=r"extract: expected either pose"):
         strand.load_scene(tmp_path)
 
 

@@ -18,7 +18,7 @@ def test_a_matrix_is_a_camera():
 def test_points_are_seen_where_pixels_show_them():
     rows, columns = np.indices((5, 7)) * 9
     z = np.random.default_rng(1).uniform(0.2, 2.0, rows.shape)
-    points = CAMERA.unproject(rows, columns, z)
+    points = CAMERA.lift(rows, columns, z)
     seen = CAMERA.project(points.reshape(-1, 3))
     assert seen == pytest.approx(np.column_stack([columns.ravel(), rows.ravel()]), abs=1e-9)
     assert CAMERA.rays(rows, columns) * z[..., None] == pytest.approx(points)

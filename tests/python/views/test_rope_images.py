@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
 SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
@@ -26,7 +26,7 @@ def pixels_of(image, view):
 
 def test_a_masked_image_is_as_it_was_given():
     views = SCENE.views
-    for image, view, mask in zip(rope_images(views, views, None), views, SCENE.mask, strict=True):
+    for image, view, mask in zip(make_rope_images(views, views, None), views, SCENE.mask, strict=True):
         assert np.array_equal(image.mask, mask)
         assert image.depth is view.image.depth
         u, v, z = pixels_of(image, view)
@@ -37,7 +37,7 @@ def test_a_masked_image_is_as_it_was_given():
 
 
 def test_pixels_are_where_their_points_of_the_world_are_seen():
-    image = rope_images(SCENE.views, SCENE.views, None)[0]
+    image = make_rope_images(SCENE.views, SCENE.views, None)[0]
     rows, columns = np.mgrid[:5, :7] * 30
     z = np.random.default_rng(1).uniform(0.2, 2.0, rows.shape)
     world = image.lift(rows, columns, z)
@@ -53,7 +53,7 @@ def test_depth_out_of_the_extraction_range_is_not_in_the_mask_and_pixels_without
     views = SCENE.views
     low, high = SCENE.bounds
     box = strand.Box(low, [SCENE.truth[0][:, 0].mean(), high[1], high[2]])
-    for image, view in zip(rope_images(cropped(views, box), views, box), views, strict=True):
+    for image, view in zip(make_rope_images(cropped(views, box), views, box), views, strict=True):
         seen = image.depth > 0
         assert np.array_equal(image.mask[~seen], view.mask[~seen])
         left = int(np.count_nonzero(image.mask & seen))
@@ -66,7 +66,7 @@ def test_depths_of_nearly_nothing_have_a_pixel_too():
     depth = SCENE.depth[0] * SCENE.depth_scale
     depth[::9, ::7] = 5e-324
     views = [strand.View.from_depth(depth, SCENE.intrinsics, SCENE.poses[0])]
-    (image,) = rope_images(views, views, None)
+    (image,) = make_rope_images(views, views, None)
     assert image.mask[depth > 0.1].all()
 
 
@@ -75,7 +75,7 @@ def test_an_image_without_a_mask_has_the_pixels_of_its_points():
     low, high = SCENE.bounds
     box = strand.Box([low[0], low[1], 0.003], high)
     views = cropped(whole, box)
-    for image, view, all_seen in zip(rope_images(views, whole, box), views, whole, strict=True):
+    for image, view, all_seen in zip(make_rope_images(views, whole, box), views, whole, strict=True):
         assert image.depth is all_seen.image.depth
         assert np.count_nonzero(image.mask) == len(view.points) > 100
         u, v, _ = pixels_of(image, view)
@@ -90,7 +90,7 @@ def test_points_alone_make_an_image_that_shows_them_to_a_pixel(from_world):
         else strand.View(view.points, view.pose)
         for view in SCENE.views
     ]
-    images = rope_images(views, views, None)
+    images = make_rope_images(views, views, None)
     for image, view in zip(images, views, strict=True):
         u, v, z = pixels_of(image, view)
         assert z.min() > 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -364,7 +365,7 @@ def test_a_view_that_is_masked_later_is_as_if_its_mask_had_come_with_it(coloured
     depth, colors, mask = masked_image()
     colors = colors if coloured else None
     whole = View.from_depth(depth, INTRINSICS, random_pose(3), colors)
-    later = masked(whole, mask)
+    later = masked(whole, dataclasses.replace(whole.image, labels=mask))
     view = View.from_depth(depth, INTRINSICS, random_pose(3), colors, mask=mask)
     assert 0 < len(view.points) < len(whole.points)
     for name in ("points", "pose", "dropped", "colors", "mask", "world_points"):

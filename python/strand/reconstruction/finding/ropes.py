@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from strand._core import NotEnoughDataError
 from strand.reconstruction.finding.standing import find_tabletop
 from strand.reconstruction.finding.strips import OtherObject, segment_ropes
 from strand.reconstruction.finding.widths import estimate_strip_radius, measure_strip_lengths
+from strand.reconstruction.images.above_table import segment_above_table
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
 from strand.support.checks import Array
 from strand.views.box import Bounds, Box, extraction_range
 from strand.views.depth_image import DepthImage
-from strand.views.rope_images import rope_images
-from strand.views.view import View, check_views, masked
+from strand.views.extract import Extract, extract_views
+from strand.views.view import View, masked
 
 _MIN_LENGTH = 14.0  # radii: some view shows a strip of a rope that is longer
 
@@ -102,59 +102,40 @@ def find_ropes(
     >>> found = strand.find_ropes(scene.views)
     >>> model = strand.reconstruct(found.views, found.radius)
     """
-    views = check_views(views)
-    box = None if bounds is None else extraction_range(bounds)
-    return segment_views(views, None if radius is None else Radii.from_caller(radius).values, box)
+    extract = extract_views(views, None if bounds is None else extraction_range(bounds))
+    return segment_views(extract, None if radius is None else Radii.from_caller(radius).values)
 
 
-def segment_views(views: tuple[View, ...], radii: Array | None, box: Box | None) -> FoundRopes:
-    """Segment ropes as `find_ropes` does, in checked views, by their (K,) radii, metres, and bounds."""
-    asked = [k for k, view in enumerate(views) if view.mask is None and len(view.points)]
-    images = rope_images([views[k] for k in asked], [views[k] for k in asked], None)
+def segment_views(extract: Extract, radii: Array | None) -> FoundRopes:
+    """Segment ropes of (K,) radii, metres, as `find_ropes` does."""
     tops = {
-        k: top for k, image in zip(asked, images, strict=True) if (top := find_tabletop(image)) is not None
+        k: top
+        for k, image in enumerate(extract.whole_images)
+        if image is not None and (top := find_tabletop(image, extract.bounds)) is not None
     }
-    found = list(views)
-    tables: list[Plane | None] = [None] * len(views)
+    found = list(extract.whole)
+    tables: list[Plane | None] = [None] * len(found)
     if not tops:
-        return FoundRopes(views, None, tuple(tables), ())
-    inside = {k: True if box is None else _select_inside(top.image, box) for k, top in tops.items()}
-    width = estimate_strip_radius([top.image.masked(top.image.mask & inside[k]) for k, top in tops.items()])
+        return FoundRopes(extract.whole, None, tuple(tables), ())
+    width = estimate_strip_radius(
+        [replace(top.image, labels=top.image.mask & top.inside) for top in tops.values()]
+    )
     thin, thick = (width, width) if radii is None else (float(radii.min()), float(radii.max()))
     others: list[OtherObject] = []
     shown = []
     for k, top in tops.items():
-        mask, things = segment_ropes(top, thin, thick, k)
-        others += [thing for thing in things if box is None or box.holds(thing.place)]
-        shown.append(top.image.masked(mask & inside[k]))
+        standing = segment_above_table(top.image, top.plane, None, thin)
+        mask, things = segment_ropes(top, replace(top.image, labels=standing), thick, k)
+        others += [thing for thing in things if extract.bounds is None or extract.bounds.holds(thing.place)]
+        shown.append(replace(top.image, labels=mask & top.inside))
         tables[k] = top.plane
-        found[k] = _mask_view(views[k], shown[-1])
+        found[k] = masked(found[k], shown[-1])
     own = estimate_strip_radius(shown)
     longest = max(float(measure_strip_lengths(image, own).max(initial=0.0)) for image in shown)
     if longest < _MIN_LENGTH * own or not any(len(found[k].points) for k in tops):
         low_things = any(_measure_area(image) > 2.0 * _MIN_LENGTH * thin**2 for image in shown)
-        raise NoRopeError(f"views: {_explain_none(others, longest, own, box)}", low_things)
+        raise NoRopeError(f"views: {_explain_none(others, longest, own, extract.bounds)}", low_things)
     return FoundRopes(tuple(found), width, tuple(tables), tuple(others))
-
-
-def _select_inside(image: DepthImage, box: Box) -> NDArray[np.bool_]:
-    """(H, W) Return which pixels show points in an extraction range."""
-    rows, columns = np.nonzero(image.depth > 0)
-    found = np.zeros_like(image.mask)
-    found[rows, columns] = box.holds(image.lift(rows, columns, image.depth[rows, columns]))
-    return found
-
-
-def _mask_view(view: View, image: DepthImage) -> View:
-    """Return a view with only the points that an image's mask shows."""
-    if view.image is not None:
-        return masked(view, image.mask)
-    columns, rows = np.rint(image.project(view.world_points)).astype(np.int64).T
-    height, width = image.mask.shape
-    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-    inside[inside] = image.mask[rows[inside], columns[inside]]
-    colors = None if view.colors is None else view.colors[inside]
-    return View(view.points[inside], view.pose, colors=colors)
 
 
 def _measure_area(image: DepthImage) -> float:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,9 @@ from strand.reconstruction.images.above_table import MIN_SEEN, smooth_where_seen
 from strand.reconstruction.images.table_plane import Plane, find_table
 from strand.support.checks import Array
 from strand.support.robust import robust_deviation
+from strand.views.box import Box
 from strand.views.depth_image import DepthImage
-from strand.views.rope_images import rope_images
-from strand.views.view import View
+from strand.views.extract import Extract
 
 _MAX_POINTS = 30_000  # points that the table is sought in
 _SMOOTHING = 0.8  # pixels: standard deviation of the Gaussian that smooths heights
@@ -40,14 +39,17 @@ class Tabletop:
         The table in the world frame.
     above : (H, W) ndarray
         How far each pixel is above the table, metres; 0 where there is no depth.
+    inside : (H, W) ndarray of bool
+        Which pixels show points in the extraction range.
     """
 
     image: DepthImage
     plane: Plane
     above: Array
+    inside: NDArray[np.bool_]
 
 
-def find_tabletop(image: DepthImage) -> Tabletop | None:
+def find_tabletop(image: DepthImage, bounds: Box | None) -> Tabletop | None:
     """Find the table in all depth of an image, and what stands above it; None if there is no table."""
     seen = image.depth > 0
     rows, columns = np.nonzero(seen)
@@ -60,34 +62,39 @@ def find_tabletop(image: DepthImage) -> Tabletop | None:
     plane = Plane(found.normal, found.offset + float(found.normal @ camera))
     v, u = np.mgrid[: image.depth.shape[0], : image.depth.shape[1]]
     above = np.where(seen, plane.measure_heights(image.lift(v, u, image.depth)), 0.0)
-    return Tabletop(image.masked(_segment_standing(above, seen, -found.offset)), plane, above)
+    inside = _select_inside(image, bounds)
+    standing = replace(image, labels=_segment_standing(above, seen, -found.offset))
+    return Tabletop(standing, plane, above, inside)
 
 
-def holds_table(views: Sequence[View], within: Sequence[View]) -> bool:
-    """Tell whether an extraction range holds a table.
+def holds_table(extract: Extract) -> bool:
+    """Tell whether the extraction range of views without masks holds a table.
 
     It does if most of the pixels that one view shows in it belong to a table.
-
-    Parameters
-    ----------
-    views : sequence of View
-        Without masks.
-    within : sequence of View
-        The same views, cropped to the extraction range.
     """
-    most = max(range(len(views)), key=lambda k: len(within[k].points))
-    view, own = views[most], within[most]
+    most = max(range(len(extract.inside)), key=lambda k: len(extract.inside[k].points))
+    view, own = extract.whole[most], extract.inside[most]
     size = _USUAL_PIXELS if view.image is None else view.image.depth.size
     # a quick look first
     if len(own.points) < _MIN_SHARE_IN_RANGE * size:
         return False
     if find_table(own.points[:: max(len(own.points) // _MAX_POINTS, 1)]) is None:
         return False
-    (image,) = rope_images([own], [view], None)
-    top = find_tabletop(image)
-    if top is None:
+    image = extract.images[most]
+    top = None if image is None else find_tabletop(image, None)
+    if image is None or top is None:
         return False
     return bool(2 * np.count_nonzero(image.mask & top.image.mask) < np.count_nonzero(image.mask))
+
+
+def _select_inside(image: DepthImage, bounds: Box | None) -> NDArray[np.bool_]:
+    """Return which pixels (H, W) show points in an extraction range; all without one."""
+    if bounds is None:
+        return np.ones(image.depth.shape, dtype=bool)
+    rows, columns = np.nonzero(image.depth > 0)
+    found = np.zeros(image.depth.shape, dtype=bool)
+    found[rows, columns] = bounds.holds(image.lift(rows, columns, image.depth[rows, columns]))
+    return found
 
 
 def _segment_standing(above: Array, seen: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 import strand._core as _core
 from strand.reconstruction.finding.standing import Tabletop
 from strand.reconstruction.finding.widths import measure_strip_lengths
-from strand.reconstruction.images.above_table import segment_above_table
 from strand.reconstruction.images.table_plane import Plane
 from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
@@ -48,7 +47,7 @@ class OtherObject:
 
 
 def segment_ropes(
-    top: Tabletop, thin: float, thick: float, view: int
+    top: Tabletop, image: DepthImage, radius: float, view: int
 ) -> tuple[NDArray[np.bool_], list[OtherObject]]:
     """Segment ropes from other things that stand on a table.
 
@@ -58,8 +57,10 @@ def segment_ropes(
     Parameters
     ----------
     top : Tabletop
-    thin, thick : float
-        The least and the greatest radius of the ropes, metres.
+    image : DepthImage
+        Its image with a mask of what stands at least as high as the thinnest rope.
+    radius : float
+        The thickest rope's, metres.
     view : int
         The view's number.
 
@@ -69,29 +70,28 @@ def segment_ropes(
         Pixels that may be ropes.
     others : list of OtherObject
     """
-    image = top.image.masked(segment_above_table(top.image, top.plane, None, thin))
-    wide = _open_mask(image, thick)
+    wide = _open_mask(image, radius)
     things, numbers = np.zeros_like(wide), _core.blob_numbers(wide)
     others = []
     for rows, columns in _split_blobs(numbers):
         highest = float(np.quantile(top.above[rows, columns], _TOP))
-        if highest > _MAX_PILE * thick:
+        if highest > _MAX_PILE * radius:
             things[rows, columns] = True
-            reason = f"wider than ropes of radius {1e3 * thick:.1f} mm, and {1e3 * highest:.0f} mm high"
+            reason = f"wider than ropes of radius {1e3 * radius:.1f} mm, and {1e3 * highest:.0f} mm high"
             others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
-    things |= wide & _select_around(image, things, top.plane, thick)
+    things |= wide & _select_around(image, things, top.plane, radius)
     near = _core.edge_distances(~things, 8) if things.any() else np.full(wide.shape, np.inf)
     mask = image.mask & (near > _EDGE)
-    lengths = measure_strip_lengths(image.masked(mask.copy())) / thick
+    lengths = measure_strip_lengths(replace(image, labels=mask.copy())) / radius
     for number, (rows, columns) in enumerate(_split_blobs(_core.blob_numbers(mask)), 1):
         length = float(lengths[number]) if number < len(lengths) else 0.0
-        height = float(np.median(top.above[rows, columns])) / thick
+        height = float(np.median(top.above[rows, columns])) / radius
         beside = bool((near[rows, columns] <= 2.0 * _EDGE).any())
         own = length < _MIN_LENGTH_BESIDE or (length < _MIN_LENGTH_HIGH and height > _HIGH)
         if length < _MIN_LENGTH or (beside and own):
             mask[rows, columns] = False
             if beside and length >= _MIN_LENGTH:
-                reason = f"a thin piece, {1e3 * length * thick:.0f} mm long, of a thing beside it"
+                reason = f"a thin piece, {1e3 * length * radius:.0f} mm long, of a thing beside it"
                 others.append(OtherObject(view, _find_middle(image, rows, columns), reason))
     return mask, others
 

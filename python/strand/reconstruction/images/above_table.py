@@ -78,7 +78,8 @@ def add_masks(observed: Observed) -> Observed:
     for number, (own, view) in enumerate(zip(observed.views, observed.whole, strict=True)):
         if view.image is None or given[number] or not _shows_table(own, table, radius):
             continue
-        cut = masked(view, segment_above_table(images[number], table, near, radius))
+        mask = segment_above_table(images[number], table, near, radius)
+        cut = masked(view, replace(view.image, labels=mask))
         (inside,) = cropped([cut], near)
         if len(inside.points):
             views[number], whole[number] = inside, cut
@@ -117,7 +118,7 @@ def mask_above_table(
     found = []
     for image in images:
         mask = segment_above_table(image, table, bounds, radius)
-        found.append(image.masked(mask) if mask.any() else image)
+        found.append(replace(image, labels=mask) if mask.any() else image)
     return found
 
 

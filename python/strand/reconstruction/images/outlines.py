@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,5 +97,5 @@ def outline_ropes(
     for outline in _core.short_outlines(evidence.astype(np.float32), weights, _STEPS):
         mask = np.zeros_like(image.mask)
         mask[part] = outline
-        found.append(image.masked(mask) if outline.any() else image)
+        found.append(replace(image, labels=mask) if outline.any() else image)
     return found

@@ -2,29 +2,80 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 import strand._core as _core
+from strand.reconstruction.mistakes.undo import MISTAKES
+from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.box import Box
-from strand.views.view import View, cropped
+from strand.views.extract import Extract
+from strand.views.view import View
 
 _SAMPLE = 200  # points of a view that are compared with another view
 _MIN_POINTS = 30  # points that a view must show
 _MAX_ROPE_POINTS = 40_000  # points of a view: with more, most of them are no ropes
 _OPPOSITE = -0.8  # cosine between viewing directions: below it, two views show opposite sides of a rope
+_FARTHEST = 10.0  # radii: larger distances count as this
+_MAX_DISTANCE = 0.8  # radii: views that agree show ropes this close to each other
+_MIN_GAIN = 2.0  # a mistake is named if undoing it brings views this many times closer
+_NAMED = 20.0  # doubt: a named mistake is certain, and stands first
+_NO_DOUBT = 2.0  # radii: views this close raise no doubt of their poses
+_DOUBT_PER_RADIUS = 0.4  # of the distance between views
+_MAX_DOUBT = 1.5  # of the distance between views
+_OUT_OF_SIGHT = 0.8  # doubt if no view shows the ropes of another
 _TINY = float(np.finfo(float).tiny)
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """Whether views show ropes in the same place.
+
+    Attributes
+    ----------
+    distance : float
+        As `distance_between_views` gives it, metres; NaN of one view.
+    agrees : bool
+        Whether it is as small as that of views that are right.
+    known : bool
+        Whether there are several views of ropes alone, and the distance shows whether they agree.
+    """
+
+    distance: float
+    agrees: bool
+    known: bool
+
+
+def compare_views(
+    views: Sequence[View], shown: Sequence[View], bounds: Box | None, radius: float
+) -> Agreement:
+    """Tell whether views agree.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Uncropped.
+    shown : sequence of View
+        The same views with the points of ropes alone.
+    bounds : Box or None
+        The extraction range, metres. Without it, views out of each other's sight may show more than ropes.
+    radius : float
+        The thinnest rope's, metres.
+    """
+    distance = math.nan
+    if len(views) > 1:
+        distance = distance_between_views(views, shown, _FARTHEST * radius)
+    unknown = len(views) < 2 or _shows_more_than_ropes(shown) or (bounds is None and math.isnan(distance))
+    return Agreement(distance, distance <= _MAX_DISTANCE * radius, not unknown)
+
+
 def distance_between_views(
-    views: Sequence[View],
-    bounds: Box | None,
-    farthest: float,
-    shown: Sequence[View] | None = None,
-    opposite: float | None = None,
+    views: Sequence[View], shown: Sequence[View], farthest: float, opposite: float | None = None
 ) -> float:
     """Return the mean distance between the ropes in each view and those in the view before it.
 
@@ -34,13 +85,11 @@ def distance_between_views(
     Parameters
     ----------
     views : sequence of View
-        Their points in bounds are ropes.
-    bounds : Box or None
-        The extraction range, metres.
+        Uncropped.
+    shown : sequence of View
+        The same views with the points of ropes alone.
     farthest : float
-        Larger distances count as this, metres. So does the distance to a view that shows nothing in bounds.
-    shown : sequence of View, optional
-        The same views with the points of ropes alone, if they are known.
+        Larger distances count as this, metres. So does the distance to a view that shows no ropes.
     opposite : float, optional
         Distance that views of opposite sides of a rope count as, metres, as they show no common points.
         Without it, these views are skipped; the result is 0 if there are no others.
@@ -51,10 +100,8 @@ def distance_between_views(
         Metres. Infinite if no view shows points in the field of view of another. NaN if fewer than two views
         show points, or if a view shows more than ropes.
     """
-    if shown is None:
-        shown = views if bounds is None else cropped(views, bounds)
-    if shows_more_than_ropes(shown) or sum(len(view.points) >= _MIN_POINTS for view in shown) < 2:
-        return float("nan")
+    if _shows_more_than_ropes(shown) or sum(len(view.points) >= _MIN_POINTS for view in shown) < 2:
+        return math.nan
     clouds = [view.world_points for view in shown]
     directions = [_viewing_direction(cloud, view) for cloud, view in zip(clouds, views, strict=True)]
     found, skipped = [], 0
@@ -70,10 +117,57 @@ def distance_between_views(
             found += _distance_in_view(clouds[i], clouds[i - 1], views[i - 1], farthest)
     if skipped and not found:
         return 0.0
-    return float(np.mean(found)) if found else float("inf")
+    return float(np.mean(found)) if found else math.inf
 
 
-def shows_more_than_ropes(shown: Sequence[View]) -> bool:
+def explain_distance(
+    views: Sequence[View], bounds: Box | None, radius: float, distance: float
+) -> list[Doubt]:
+    """Name the mistake without which views agree; without one, doubt the poses of views that are far apart.
+
+    If no view shows the ropes of another, they may show different ropes, but hardly ever do.
+
+    Parameters
+    ----------
+    views : sequence of View
+        Uncropped. Their points in bounds are ropes.
+    bounds : Box or None
+        The extraction range, metres.
+    radius : float
+        The thinnest rope's, metres.
+    distance : float
+        Between the views, metres.
+    """
+    without = [_distance_without(mistake.undo(views), bounds, radius) for mistake in MISTAKES]
+    least = min(range(len(MISTAKES)), key=without.__getitem__)
+    limit = " or more" if distance >= 0.99 * _FARTHEST * radius else ""
+    shown = f"views show the ropes {1e3 * distance:.1f} mm{limit} apart"
+    if not math.isfinite(distance):
+        shown = "no view has the ropes of another in sight"
+    if without[least] < _MAX_DISTANCE * radius and not without[least] > distance / _MIN_GAIN:
+        mistake = MISTAKES[least]
+        reason = f"{mistake.advice}; {shown}, {1e3 * without[least]:.1f} mm without that"
+        return [Doubt(mistake.kind, _NAMED, "where the ropes are", reason)]
+    amount = min(_DOUBT_PER_RADIUS * (distance / radius - _NO_DOUBT), _MAX_DOUBT)
+    if math.isinf(distance):
+        amount = _OUT_OF_SIGHT
+    if not amount > 0.0:
+        return []
+    asked = "are poses camera-to-world, in metres, of angles in radians, and each of its own image?"
+    return [Doubt("pose", amount, "where the ropes are", f"{shown}; {asked}")]
+
+
+def _distance_without(views: Sequence[View | None], bounds: Box | None, radius: float) -> float:
+    """Return the distance between views without a mistake, metres; infinite if they cannot show it."""
+    known = [view for view in views if view is not None]
+    if len(known) < len(views):
+        return math.inf
+    farthest, extract = _FARTHEST * radius, Extract(tuple(known), bounds)
+    distance = distance_between_views(extract.whole, extract.inside, farthest, opposite=farthest)
+    return math.inf if math.isnan(distance) else distance
+
+
+def _shows_more_than_ropes(shown: Sequence[View]) -> bool:
     """Tell whether a view has so many points that most of them are no ropes."""
     return max(len(view.points) for view in shown) > _MAX_ROPE_POINTS
 

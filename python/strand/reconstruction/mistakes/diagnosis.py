@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
+import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.finding.ropes import segment_views
 from strand.reconstruction.finding.standing import holds_table
-from strand.reconstruction.mistakes.agreement import distance_between_views, shows_more_than_ropes
-from strand.reconstruction.mistakes.emptiness import explain_emptiness
+from strand.reconstruction.mistakes.agreement import compare_views, explain_distance
 from strand.reconstruction.mistakes.field_of_view import (
     doubt_far_depths,
     doubt_points_all_around,
@@ -20,138 +19,65 @@ from strand.reconstruction.mistakes.field_of_view import (
     doubt_shared_viewpoint,
 )
 from strand.reconstruction.mistakes.flatness import doubt_bent_tables
-from strand.reconstruction.mistakes.undo import MISTAKES
+from strand.reconstruction.mistakes.undo import IN_MILLIMETERS, MISTAKES
 from strand.reconstruction.radius import Radii, find_thinnest, guess_radius
 from strand.ropes.doubt import Doubt
-from strand.views.box import Box
+from strand.support.checks import Array
+from strand.views.box import Box, metres
+from strand.views.extract import Extract
+from strand.views.pose import moved
 from strand.views.view import View
 
-_MAX_DISTANCE = 0.8  # radii: views that agree show ropes this close to each other
-_FARTHEST = 10.0  # radii: larger distances count as this
-_MIN_GAIN = 2.0  # a mistake is named if undoing it brings views this many times closer
-_NAMED = 20.0  # doubt: a named mistake is certain, and stands first
-_NO_DOUBT = 2.0  # radii: views this close raise no doubt of their poses
-_DOUBT_PER_RADIUS = 0.4  # of the distance between views
-_MAX_DOUBT = 1.5  # of the distance between views
-_OUT_OF_SIGHT = 0.8  # doubt if no view shows the ropes of another
+_SAMPLE = 20_000  # points of each view that are looked at
+_MIN_SHARE = 1e-3  # of these points lie in the range once the likely mistake is undone
+_BOUNDS_IN_MILLIMETERS = "bounds look like millimetres: give them in metres"
+_OTHER_MASKS = "points outside of the masks do lie there: are the masks those of these frames?"
 _THINNER = (0.42, 0.75)  # range of the apparent radius over the given one that is named; noise looks thinner
 _WIDER = (1.33, 2.4)  # range of the apparent radius over the given one that is named
 
 
-def find_mistakes(
-    whole: Sequence[View], views: Sequence[View], inside: Sequence[View], bounds: Box | None, radius: float
-) -> list[Doubt]:
+def find_mistakes(extract: Extract, radius: float, views: Sequence[View] | None = None) -> list[Doubt]:
     """Find the usual mistakes that views show by themselves.
 
     Parameters
     ----------
-    whole : sequence of View
-        Uncropped, without masks of ropes that strand found.
-    views : sequence of View
-        The same views. Their points in bounds are ropes.
-    inside : sequence of View
-        The same views, cropped to bounds.
-    bounds : Box or None
-        The extraction range, metres.
+    extract : Extract
+        The views as the caller gave them, without masks of ropes that strand found.
     radius : float
         The thinnest rope's, metres.
+    views : sequence of View, optional
+        The same views, uncropped, with points of ropes alone in bounds, if they are known.
 
     Returns
     -------
     list of Doubt
         The likeliest mistake first.
     """
-    far = doubt_far_depths(inside if any(len(view.points) for view in inside) else whole, radius)
+    whole = extract.whole
+    far = doubt_far_depths(whole if extract.empty else extract.inside, radius)
     around = doubt_points_all_around(whole) or doubt_shared_viewpoint(whole)
+    off_center = doubt_principal_point(whole)
     found = [doubt for doubt in (far, doubt_bent_tables(whole), around) if doubt is not None]
-    distance = math.nan
-    if len(views) > 1:
-        distance = distance_between_views(views, bounds, _FARTHEST * radius, inside)
-    agree = distance <= _MAX_DISTANCE * radius
-    # views of more than ropes do not show how far these are from each other, whatever is undone
-    unknown = shows_more_than_ropes(inside) or (bounds is None and math.isnan(distance))
-    if len(views) > 1 and not found and not unknown and not agree and not holds_table(whole, inside):
-        found += _explain_distance(views, bounds, radius, distance)
+    views = whole if views is None else views
+    agreement = compare_views(views, extract.inside, extract.bounds, radius)
+    if not found and agreement.known and not agreement.agrees:
+        disagreement = explain_distance(views, extract.bounds, radius, agreement.distance)
+        # tables are farther from each other than ropes
+        found += [] if disagreement and holds_table(extract) else disagreement
     # views that agree have the right intrinsics
-    off_center = None if agree else doubt_principal_point(whole)
-    return found if off_center is None else [*found, off_center]
-
-
-def _explain_distance(
-    views: Sequence[View], bounds: Box | None, radius: float, distance: float
-) -> list[Doubt]:
-    """Name the mistake without which views agree; without one, doubt the poses of views that are far apart.
-
-    If no view shows the ropes of another, they may show different ropes, but hardly ever do.
-    """
-    without = [_distance_without(mistake.undo(views), bounds, radius) for mistake in MISTAKES]
-    least = min(range(len(MISTAKES)), key=without.__getitem__)
-    shown = f"views show the ropes {_format_distance(distance, radius)} apart"
-    if not math.isfinite(distance):
-        shown = "no view has the ropes of another in sight"
-    if without[least] < _MAX_DISTANCE * radius and not without[least] > distance / _MIN_GAIN:
-        mistake = MISTAKES[least]
-        reason = f"{mistake.advice}; {shown}, {1e3 * without[least]:.1f} mm without that"
-        return [Doubt(mistake.kind, _NAMED, "where the ropes are", reason)]
-    amount = min(_DOUBT_PER_RADIUS * (distance / radius - _NO_DOUBT), _MAX_DOUBT)
-    if math.isinf(distance):
-        amount = _OUT_OF_SIGHT
-    if not amount > 0.0:
-        return []
-    asked = "are poses camera-to-world, in metres, of angles in radians, and each of its own image?"
-    return [Doubt("pose", amount, "where the ropes are", f"{shown}; {asked}")]
-
-
-def _distance_without(views: Sequence[View | None], bounds: Box | None, radius: float) -> float:
-    """Return the distance between views without a mistake, metres; infinite if they cannot show it."""
-    if any(view is None for view in views):
-        return math.inf
-    farthest = _FARTHEST * radius
-    known = [view for view in views if view is not None]
-    distance = distance_between_views(known, bounds, farthest, opposite=farthest)
-    return math.inf if math.isnan(distance) else distance
-
-
-def _format_distance(distance: float, radius: float) -> str:
-    return f"{1e3 * distance:.1f} mm" + (" or more" if distance >= 0.99 * _FARTHEST * radius else "")
-
-
-def refuse_empty_views(
-    views: Sequence[View], inside: Sequence[View], bounds: Box | None, radii: Radii | None
-) -> None:
-    """Raise an error that explains why no view has a point.
-
-    Parameters
-    ----------
-    views : sequence of View
-        Uncropped.
-    inside : sequence of View
-        The same views, cropped to bounds.
-    bounds : Box or None
-        The extraction range that they were cropped to, metres.
-    radii : Radii or None
-        As given by the caller.
-
-    Raises
-    ------
-    strand.NotEnoughDataError
-        If no view has a point.
-    """
-    if not any(len(view.points) for view in inside):
-        mistakes = find_mistakes(views, views, inside, bounds, find_thinnest(radii))
-        raise NotEnoughDataError(f"views: {explain_emptiness(views, bounds, mistakes)}")
+    return found if off_center is None or agreement.agrees else [*found, off_center]
 
 
 @contextmanager
-def explaining_errors(
-    views: Sequence[View], inside: Sequence[View], bounds: Box | None, radii: Radii | None
-) -> Iterator[None]:
-    """Add the likely mistake, or the radius that the ropes seem to have, to an error of too little data.
+def explaining_errors(extract: Extract, radii: Radii | None) -> Iterator[None]:
+    """Add the likely cause to an error of too little data: a mistake, or a wrong radius.
 
     Parameters
     ----------
-    views, inside, bounds, radii
-        As for `refuse_empty_views`.
+    extract : Extract
+        The caller's views.
+    radii : Radii or None
+        As the caller gave them.
 
     Raises
     ------
@@ -161,25 +87,25 @@ def explaining_errors(
     try:
         yield
     except NotEnoughDataError as error:
-        mistakes = find_mistakes(views, views, inside, bounds, find_thinnest(radii))
-        reason = mistakes[0].reason if mistakes else _explain_radius(views, inside, bounds, radii)
+        mistakes = find_mistakes(extract, find_thinnest(radii))
+        reason = mistakes[0].reason if mistakes else None
+        if extract.empty:
+            reason = _explain_emptiness(extract, reason) or reason
+        elif reason is None and radii is not None:
+            reason = _explain_radius(extract, radii)
         if reason is None:
             raise
         raise type(error)(f"{error}; {reason}") from error
 
 
-def _explain_radius(
-    views: Sequence[View], inside: Sequence[View], bounds: Box | None, radii: Radii | None
-) -> str | None:
+def _explain_radius(extract: Extract, radii: Radii) -> str | None:
     """Say which radius the ropes seem to have; None if it is near a given one, or unknown."""
-    if radii is None:
-        return None
-    has_masks = any(view.mask is not None for view in views)
-    if has_masks or (bounds is not None and not holds_table(views, inside)):
-        apparent = guess_radius([view for view in inside if len(view.points)] or views)
+    has_masks = any(view.mask is not None for view in extract.whole)
+    if has_masks or (extract.bounds is not None and not holds_table(extract)):
+        apparent = guess_radius([view for view in extract.inside if len(view.points)])
     else:
         try:
-            apparent = segment_views(tuple(views), None, bounds).radius
+            apparent = segment_views(extract, None).radius
         except NotEnoughDataError:
             apparent = None
     if apparent is None:
@@ -189,3 +115,67 @@ def _explain_radius(
         return None
     given = ", ".join(f"{1e3 * value:.1f}" for value in radii.values)
     return f"the ropes look {1e3 * apparent:.1f} mm in radius, {given} mm was given"
+
+
+def _explain_emptiness(extract: Extract, mistake: str | None) -> str | None:
+    """Say where the points and the extraction range are, and which mistake would explain that.
+
+    Parameters
+    ----------
+    extract : Extract
+        Views without a point inside.
+    mistake : str or None
+        The likely mistake that the views show by themselves.
+
+    Returns
+    -------
+    str or None
+        None if the views have no points outside either.
+    """
+    views, bounds = extract.whole, extract.bounds
+    clouds = [view.points[:: max(len(view.points) // _SAMPLE, 1)] for view in views]
+    if bounds is None or not any(map(len, clouds)):
+        return None
+    placed = np.concatenate([view.world_points for view in views])
+    return (
+        f"the points lie between {metres(placed.min(axis=0))} and {metres(placed.max(axis=0))} m, "
+        f"the range is {bounds}; {mistake or _find_likely_mistake(views, clouds, bounds)}"
+    )
+
+
+def _find_likely_mistake(views: Sequence[View], clouds: Sequence[Array], bounds: Box) -> str:
+    """Name the mistake without which most points lie in bounds."""
+    inside = {
+        mistake.advice: _count_inside(
+            [_sample_points(view) for view in mistake.undo(views) if view is not None], bounds
+        )
+        for mistake in (*MISTAKES, IN_MILLIMETERS)
+    }
+    inside[_BOUNDS_IN_MILLIMETERS] = _count_inside(
+        [1e3 * moved(c, v.pose) for c, v in zip(clouds, views, strict=True)], bounds
+    )
+    inside[_OTHER_MASKS] = _count_inside(
+        [_sample_outside_mask(c, v) for c, v in zip(clouds, views, strict=True)], bounds
+    )
+    likely = max(inside, key=inside.__getitem__)
+    if inside[likely] > _MIN_SHARE * sum(map(len, clouds)):
+        return likely
+    return "are bounds, poses and units those of one world frame, in metres?"
+
+
+def _count_inside(clouds: Sequence[Array], bounds: Box) -> int:
+    return int(np.count_nonzero(bounds.holds(np.concatenate([np.empty((0, 3)), *clouds]))))
+
+
+def _sample_points(view: View) -> Array:
+    """Return some of a view's points, world frame, metres."""
+    return moved(view.points[:: max(len(view.points) // _SAMPLE, 1)], view.pose)
+
+
+def _sample_outside_mask(cloud: Array, view: View) -> Array:
+    """Return as many points of a whole masked image as its cloud has, world frame, metres."""
+    image = view.image
+    if image is None or image.labels is None or not len(cloud):
+        return np.empty((0, 3))
+    points = _core.unproject(image.depth, *image.camera)
+    return moved(points[:: max(len(points) // len(cloud), 1)], view.pose)

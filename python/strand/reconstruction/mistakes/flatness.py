@@ -97,7 +97,7 @@ def _sample_points(view: View) -> Array:
         return view.points[:: max(len(view.points) // _SAMPLE, 1)]
     flat: NDArray[np.intp] = np.flatnonzero(image.depth)
     rows, columns = np.divmod(flat[:: max(len(flat) // _SAMPLE, 1)], image.depth.shape[1])
-    return image.camera.unproject(rows, columns, image.depth[rows, columns])
+    return image.camera.lift(rows, columns, image.depth[rows, columns])
 
 
 def _measure_scatter(slopes: Array, inverse: Array, depth: Array) -> float:

@@ -15,7 +15,7 @@ from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Observed
 from strand.synthetic import Camera, Noise, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
 
@@ -24,11 +24,11 @@ def test_what_stands_out_of_a_table_is_rope():
     still = scene("loop", seed=1, views=1, noise=Noise(depth=1e-5))
     views = made.views
     points = [view.crop(made.bounds) for view in views]
-    images = rope_images(points, views, strand.Box(*made.bounds))
+    images = make_rope_images(points, views, strand.Box(*made.bounds))
     table = find_table_beside_ropes(images[0], made.radius)
     assert table is not None
     (image,) = mask_above_table(images, table, strand.Box(*made.bounds), made.radius)
-    true = rope_images(
+    true = make_rope_images(
         [view.crop(still.bounds) for view in still.views], still.views, strand.Box(*still.bounds)
     )[0].mask
     both = np.count_nonzero(image.mask & true)

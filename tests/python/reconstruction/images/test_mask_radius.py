@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ import strand._core as _core
 from strand._core import NotEnoughDataError
 from strand.reconstruction.images.mask_radius import estimate_mask_radius
 from strand.synthetic import Camera, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 
 
 @pytest.mark.parametrize("camera", ["d435", "tof"])
@@ -19,7 +21,7 @@ def test_exact_masks_show_the_radius(camera, radius):
     made = scene(
         "loop", seed=3, radius=radius, views=1, camera=Camera(camera, size=(640, 480)), mask=Segmentation()
     )
-    (image,) = rope_images(made.views, made.views, None)
+    (image,) = make_rope_images(made.views, made.views, None)
     (found,), (sd,) = estimate_mask_radius(image)
     assert found == pytest.approx(radius, rel=0.15)
     assert abs(found - radius) < 2.0 * sd
@@ -27,9 +29,9 @@ def test_exact_masks_show_the_radius(camera, radius):
 
 def test_a_mask_without_rope_shows_no_radius():
     made = scene("arc", views=1, camera=Camera("zed"), mask=Segmentation())
-    (image,) = rope_images(made.views, made.views, None)
+    (image,) = make_rope_images(made.views, made.views, None)
     with pytest.raises(NotEnoughDataError, match="no rope"):
-        estimate_mask_radius(image.masked(np.zeros_like(image.mask)))
+        estimate_mask_radius(dataclasses.replace(image, labels=np.zeros_like(image.mask)))
 
 
 @pytest.mark.parametrize("columns", [200, 500, 640])

@@ -10,7 +10,7 @@ import pytest
 import strand
 from strand.reconstruction.images.noisy_depth import _measure_overlap
 from strand.synthetic import Camera, Noise, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 
 RADIUS = 0.004
 
@@ -126,7 +126,7 @@ def test_overlap_is_the_length_of_rope_within_other_strands():
 
 def test_a_rope_on_rough_ground_is_not_mistaken_for_a_noisy_one(measure):
     made = scene("figure8", radius=RADIUS, noise=Noise(depth=0.05 * RADIUS), views=1, seed=9)
-    (true,) = rope_images(
+    (true,) = make_rope_images(
         [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
     )
     ground = np.random.default_rng(9).normal(0.0, 0.006 / made.depth_scale, true.mask.shape)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from strand.reconstruction.images.along_ropes import average_along_ropes
 from strand.reconstruction.images.outlines import average_pixels, outline_ropes
 from strand.reconstruction.images.table_plane import find_table_beside_ropes
 from strand.synthetic import Camera, Noise, scene
-from strand.views.rope_images import pixels_of, rope_images
+from strand.views.rope_images import find_pixels, make_rope_images
 
 RADIUS = 0.004
 
@@ -21,7 +23,7 @@ def noisy(name, relative, **options):
 
 
 def image_of(made):
-    (image,) = rope_images(
+    (image,) = make_rope_images(
         [view.crop(made.bounds) for view in made.views], made.views, strand.Box(*made.bounds)
     )
     return image
@@ -43,7 +45,7 @@ def test_outlines_are_nearer_to_the_truth_than_smoothed_heights():
 
 def test_averaged_pixels_see_the_same_places():
     made = noisy("arc", 0.0, views=1, seed=6, camera=Camera(size=(1280, 720)))
-    (image,) = rope_images(made.views, made.views, None)
+    (image,) = make_rope_images(made.views, made.views, None)
     coarse, side = average_pixels(image, RADIUS)
     assert side > 2
     nodes = made.truth[0]
@@ -58,10 +60,10 @@ def test_averaged_pixels_see_the_same_places():
 def test_means_along_a_rope_leave_little_of_the_noise():
     made, clear = (noisy("figure8", relative, views=1, seed=9) for relative in (0.8, 0.0))
     true = image_of(clear)
-    image = image_of(made).masked(true.mask)
+    image = dataclasses.replace(image_of(made), labels=true.mask)
     table = find_table_beside_ropes(image, RADIUS)
     points = average_along_ropes(image, table, strand.Box(*made.bounds), RADIUS)
-    rows, columns = pixels_of(points, made.views[0].image)
+    rows, columns = find_pixels(points, made.views[0].image)
     assert np.count_nonzero(true.mask) == len(points)
     errors = points[:, 2] - true.depth[rows, columns]
     single = image.depth[rows, columns] - true.depth[rows, columns]

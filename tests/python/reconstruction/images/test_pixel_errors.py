@@ -10,7 +10,7 @@ from limits import Truth, calibration
 from strand.reconstruction.images.pixel_errors import Errors, _average_over_discs, convert_sensor
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Layout, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 
 SIZE = (320, 240)
 
@@ -65,7 +65,7 @@ def test_errors_of_the_widest_ropes_and_correlations_take_no_longer():
 
 @pytest.mark.parametrize("correlation", [0.0, 1.0, 2.5])
 def test_errors_of_discs_are_those_of_smoothed_noise(made, correlation):
-    (image,) = rope_images(made.views, made.views, None)
+    (image,) = make_rope_images(made.views, made.views, None)
     images = prepare_images([image], made.radius)
     pixels = float(images.radii[0])
     sd = 0.2 * made.radius

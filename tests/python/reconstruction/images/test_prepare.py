@@ -8,7 +8,7 @@ import pytest
 import strand
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 
 SCENE = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
 
@@ -39,7 +39,7 @@ def test_wrong_images_are_refused(change, named):
 
 
 def test_views_and_polylines_that_are_none_are_refused():
-    image = prepare_images(rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
+    image = prepare_images(make_rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
     line = np.array([[100.0, 100.0], [150.0, 120.0]])
     with pytest.raises(ValueError, match="no view 3"):
         image.reading_cost(3, [line])
@@ -65,7 +65,7 @@ def test_views_and_polylines_that_are_none_are_refused():
     ],
 )
 def test_fits_of_mad_numbers_are_refused(change, named):
-    images = prepare_images(rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
+    images = prepare_images(make_rope_images(SCENE.views, SCENE.views, None), SCENE.radius)
     line = np.array([[100.0, 100.0], [150.0, 120.0]])
     given = [[(0, [line])], None, 1, (0.01, 0.01), (None, 3.0, 0.3, 0.0), 2, False]
     for place, value in change.items():

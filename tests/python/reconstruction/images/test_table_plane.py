@@ -10,7 +10,7 @@ import pytest
 
 from strand.reconstruction.images.table_plane import Plane, find_largest_plane, find_table_beside_ropes
 from strand.synthetic import Camera, Segmentation, scene
-from strand.views.rope_images import rope_images
+from strand.views.rope_images import make_rope_images
 
 
 def tilted(seed, count=6000, things=2000, noise=0.001):
@@ -61,7 +61,7 @@ def test_points_that_fix_no_plane_have_none():
 
 def test_the_table_is_found_where_it_is_and_nowhere_else():
     made = scene("loop", seed=2, views=3, camera=Camera("zed"), mask=Segmentation())
-    images = rope_images(made.views, made.views, None)
+    images = make_rope_images(made.views, made.views, None)
     normal, offset = find_table_beside_ropes(images[1], made.radius)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert normal[2] > np.cos(0.03)

@@ -17,6 +17,7 @@ from strand.reconstruction.mistakes.field_of_view import (
 from strand.reconstruction.mistakes.flatness import doubt_bent_tables, measure_table
 from strand.reconstruction.mistakes.undo import MISTAKES, measure_ray_lengths
 from strand.reconstruction.radius import Radii
+from strand.views.extract import Extract, extract_views
 
 SCENE = strand.synthetic.scene("paper", seed=2, views=3, noise=strand.synthetic.Noise(depth=0.5e-3))
 BOUNDS = strand.Box(*SCENE.bounds)
@@ -59,11 +60,12 @@ MADE = {
 
 
 def crop(views):
-    return [view.crop(BOUNDS) for view in views]
+    return tuple(view.crop(BOUNDS) for view in views)
 
 
 def name_mistakes(views, ropes, bounds):
-    return find_mistakes(views, ropes, ropes if bounds is None else crop(ropes), bounds, R)
+    inside = tuple(ropes) if bounds is None else crop(ropes)
+    return find_mistakes(Extract(tuple(views), bounds, inside), R, ropes)
 
 
 def test_views_that_are_right_are_not_suspected():
@@ -80,11 +82,11 @@ def test_a_mistake_is_named_first_of_all(name):
 
 
 def test_a_mistake_undone_gives_views_that_agree_and_what_was_given_back():
-    before = distance_between_views(images(), BOUNDS, 10.0 * R)
+    before = distance_between_views(images(), crop(images()), 10.0 * R)
     assert before < 0.6 * R
     by_words = {mistake.advice.split(":")[0]: mistake for mistake in MISTAKES}
     views = by_words["poses look like world-to-camera ones"].undo(images(poses=np.linalg.inv(POSES)))
-    assert distance_between_views(views, BOUNDS, 10.0 * R) == pytest.approx(before, rel=1e-6)
+    assert distance_between_views(views, crop(views), 10.0 * R) == pytest.approx(before, rel=1e-6)
     np.testing.assert_allclose([view.pose for view in views], POSES, atol=1e-12)
     (back,) = by_words["depth looks transposed, rows for columns"].undo(images(DEPTH.transpose(0, 2, 1))[:1])
     np.testing.assert_array_equal(back.image.depth, DEPTH[0])
@@ -118,12 +120,12 @@ def test_views_of_different_places_do_not_disagree_but_are_doubted():
     pose[:3, 3] += [5.0, 0.0, 0.0]
     views = [images()[1], strand.View.from_depth(far.depth[0] * far.depth_scale, far.intrinsics, pose)]
     ropes = strand.find_ropes(views, R).views
-    assert np.isinf(distance_between_views(ropes, None, 10.0 * R))
+    assert np.isinf(distance_between_views(ropes, ropes, 10.0 * R))
     # that is unusual
     (doubt,) = name_mistakes(views, ropes, None)
     assert doubt.reason.startswith("no view has the ropes of another in sight; are poses camera-to-world")
     assert 0.5 < doubt.amount < 1.0
-    assert np.isnan(distance_between_views(ropes[:1], None, 10.0 * R))
+    assert np.isnan(distance_between_views(ropes[:1], ropes[:1], 10.0 * R))
     assert name_mistakes(views[:1], ropes[:1], None) == []
 
 
@@ -200,8 +202,8 @@ def test_views_of_different_places_from_opposite_sides_do_not_show_one_rope():
     middle, up = points.mean(axis=0), np.array([0.0, 0.0, 0.5])
     one = strand.View.from_world(points, middle + up)
     same, elsewhere = (strand.View.from_world(points + d, middle + d - up) for d in (0.0, [3.0, 0.0, 0.0]))
-    assert distance_between_views([one, same], None, 10.0 * R) == 0.0
-    assert not distance_between_views([one, elsewhere], None, 10.0 * R) < R
+    assert distance_between_views([one, same], [one, same], 10.0 * R) == 0.0
+    assert not distance_between_views([one, elsewhere], [one, elsewhere], 10.0 * R) < R
 
 
 @pytest.mark.parametrize("height", [0.05, 0.1])
@@ -221,7 +223,7 @@ def test_an_empty_table_in_bounds_is_no_mistake(height):
 def test_an_error_says_the_radius_that_ropes_look_like():
     with (
         pytest.raises(strand.NoRopeError) as caught,
-        explaining_errors(images(), crop(images()), BOUNDS, Radii.from_caller(2.0 * R)),
+        explaining_errors(extract_views(images(), BOUNDS), Radii.from_caller(2.0 * R)),
     ):
         raise strand.NoRopeError("views: nothing")
     said = str(caught.value)
@@ -231,7 +233,7 @@ def test_an_error_says_the_radius_that_ropes_look_like():
     assert looks == pytest.approx(1e3 * R, rel=0.1)
     with (
         pytest.raises(strand.NotEnoughDataError) as caught,
-        explaining_errors(images(), crop(images()), BOUNDS, Radii.from_caller(R)),
+        explaining_errors(extract_views(images(), BOUNDS), Radii.from_caller(R)),
     ):
         raise strand.NotEnoughDataError("views: nothing")
     assert str(caught.value) == "views: nothing"
@@ -240,5 +242,5 @@ def test_an_error_says_the_radius_that_ropes_look_like():
 def test_an_error_names_the_mistake():
     views = MADE["depth looks mirrored, left to right"]
     named = pytest.raises(strand.NotEnoughDataError, match="nothing; depth looks mirrored")
-    with named, explaining_errors(views, crop(views), BOUNDS, None):
+    with named, explaining_errors(extract_views(views, BOUNDS), None):
         raise strand.NotEnoughDataError("views: nothing")
