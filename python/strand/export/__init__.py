@@ -1,4 +1,4 @@
-"""Ropes for other programs: planners and simulators of rods. Files are written by `strand.Model`."""
+"""Ropes as plain data for planners and simulators. `strand.Model` writes files."""
 
 from strand.export.curobo import curobo
 from strand.export.dismech import dismech

@@ -1,4 +1,4 @@
-"""Ropes as capsules that follow their tubes within a stated error."""
+"""Ropes as capsules within a given error."""
 
 from __future__ import annotations
 
@@ -12,26 +12,24 @@ from numpy.typing import NDArray
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
-# of the error: how far a smooth curve may be from the places on it that stand for it
-_SAMPLING = 0.05
-# errors below this share of the radius would take thousands of capsules
-_LEAST = 1e-3
+_SAMPLING = 0.05  # of the error: a smooth curve may be that far from the places that stand for it
+_MIN_ERROR = 1e-3  # radii; below, thousands of capsules would be needed
 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules along ropes, in order; what lies within `radius` of the line from `start` to `stop`.
+    """Capsules along ropes, in order: all within `radius` of the segments from `start` to `stop`.
 
     Attributes
     ----------
     start, stop : (K, 3) ndarray
-        Ends of the axes, world frame, metres. They are places of the centrelines.
+        Ends of the axes, on the centrelines, world frame, metres.
     radius : (K,) ndarray
-        Metres: the rope's.
+        Radius of the rope, metres.
     chain : (K,) ndarray of int
-        The number of the rope in `Model.chains`.
+        Number of the rope in `Model.chains`.
     s : (K, 2) ndarray
-        Arc lengths of `start` and `stop` on that rope, metres.
+        Arc lengths of `start` and `stop` on the rope, metres.
     """
 
     start: Array
@@ -52,14 +50,14 @@ class Capsules:
 
     @property
     def lengths(self) -> Array:
-        """(K,) Lengths of the axes, metres: without the round ends."""
+        """(K,) Lengths of the axes, without the round ends, metres."""
         return np.asarray(np.linalg.norm(self.stop - self.start, axis=1))
 
     @property
     def poses(self) -> Array:
-        """(K, 4, 4) Frames in the world frame: origin in the middle of the axis, z along it."""
+        """(K, 4, 4) Capsule-to-world poses: origin in the middle of the axis, z along it."""
         along = (self.stop - self.start) / self.lengths[:, None]
-        # any direction across will do; this one is never along the axis
+        # any direction across will do; this world axis is never along the capsule
         least = np.eye(3)[np.abs(along).argmin(axis=1)]
         across = np.cross(along, least)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -70,21 +68,14 @@ class Capsules:
 
 
 def make_capsules(chains: Sequence[Line], error: float) -> Capsules:
-    """Return capsules along chains, see `strand.Model.capsules`.
-
-    Parameters
-    ----------
-    chains : sequence of Line
-    error : float
-        How far the axes may be from the centrelines, metres.
-    """
-    smallest = max((chain.radius for chain in chains), default=0.0) * _LEAST
+    """Return capsules along chains, see `strand.Model.capsules`."""
+    smallest = max((chain.radius for chain in chains), default=0.0) * _MIN_ERROR
     if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least a thousandth of the radius, {smallest:g} m, got {error}")
     starts, stops, radii, numbers, arcs = [np.empty((0, 3))], [np.empty((0, 3))], [], [], [np.empty((0, 2))]
     for number, chain in enumerate(chains):
-        s, places = _places(chain, error)
-        kept = _corners(places, (1.0 - 2.0 * _SAMPLING) * error)
+        s, places = _sample(chain, error)
+        kept = _choose_corners(places, (1.0 - 2.0 * _SAMPLING) * error)
         starts.append(places[kept[:-1]])
         stops.append(places[kept[1:]])
         radii += [chain.radius] * (len(kept) - 1)
@@ -99,13 +90,13 @@ def make_capsules(chains: Sequence[Line], error: float) -> Capsules:
     )
 
 
-def _places(chain: Line, error: float) -> tuple[Array, Array]:
-    """Return arc lengths and places; lines between them stand for the centreline."""
+def _sample(chain: Line, error: float) -> tuple[Array, Array]:
+    """Return arc lengths and places; the segments between them stand for the centreline."""
     if chain.curve is None:
         if not chain.closed:
             return chain.arc_length, chain.points
         return np.append(chain.arc_length, chain.length), np.vstack([chain.points, chain.points[:1]])
-    # a circle is curvature * step^2 / 8 away from its chord; between nodes curvature may be twice theirs
+    # a circle leaves its chord by curvature * step^2 / 8; between nodes curvature may be twice as large
     bend = 2.0 * float(np.linalg.norm(chain.curve.at(chain.arc_length)[2], axis=1).max())
     step = chain.length / (len(chain.points) - 1)
     if bend > 0:
@@ -114,22 +105,22 @@ def _places(chain: Line, error: float) -> tuple[Array, Array]:
     return s, chain.at(s)
 
 
-def _corners(places: Array, error: float) -> NDArray[np.int64]:
-    """Numbers of places between which straight lines follow all others within the error, greedily."""
+def _choose_corners(places: Array, error: float) -> NDArray[np.int64]:
+    """Return the numbers of places whose segments follow all others within the error, chosen greedily."""
     kept, last = [0], len(places) - 1
     while kept[-1] < last:
         here = kept[-1]
         reach, beyond, stride = here + 1, last + 1, 2
         while here + stride <= last:
-            if not _straight(places[here : here + stride + 1], error):
+            if not _is_straight(places[here : here + stride + 1], error):
                 beyond = here + stride
                 break
             reach = here + stride
             stride *= 2
-        # the way to `reach` is straight, that to `beyond` is not, or there is none
+        # the stretch to `reach` is straight; that to `beyond` is not, or does not exist
         while beyond - reach > 1:
             middle = (reach + beyond) // 2
-            if _straight(places[here : middle + 1], error):
+            if _is_straight(places[here : middle + 1], error):
                 reach = middle
             else:
                 beyond = middle
@@ -137,11 +128,11 @@ def _corners(places: Array, error: float) -> NDArray[np.int64]:
     return np.array(kept)
 
 
-def _straight(places: Array, error: float) -> bool:
-    """Whether the line from the first place to the last one is within the error of all between them."""
+def _is_straight(places: Array, error: float) -> bool:
+    """Return whether all places are within the error of the segment from the first to the last."""
     line = places[-1] - places[0]
     square = float(line @ line)
-    if square == 0:  # round a ring
+    if square == 0:  # once around a ring
         return False
     aside = places - places[0]
     aside = aside - np.clip(aside @ line / square, 0.0, 1.0)[:, None] * line

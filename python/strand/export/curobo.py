@@ -8,24 +8,23 @@ from strand.export.spheres import Spheres
 
 
 def curobo(spheres: Spheres) -> dict[str, dict[str, Any]]:
-    """World of cuRobo out of spheres: what `WorldConfig.from_dict` takes.
+    """Return a world of cuRobo made of spheres, for `WorldConfig.from_dict`.
 
     Parameters
     ----------
     spheres : Spheres
-        Of `Model.spheres`. Spheres have no direction that frames could mistake; a held rope's
-        `collision_spheres` are spheres too.
+        From `Model.spheres`.
 
     Returns
     -------
     dict
-        `{"sphere": {"rope_0_0": {"pose": [x, y, z, 1, 0, 0, 0], "radius": r}, ...}}`, metres, world frame;
-        quaternions begin with w. Names have the number of the rope and of the sphere.
+        `{"sphere": {"rope_0_0": {"pose": [x, y, z, 1, 0, 0, 0], "radius": r}, ...}}`, world frame, metres;
+        quaternions start with w. Names hold the numbers of the rope and of the sphere.
 
     Raises
     ------
     TypeError
-        If `spheres` is something else.
+        If `spheres` is of another type.
     """
     if not isinstance(spheres, Spheres):
         raise TypeError(f"spheres: expected Spheres, got {type(spheres).__name__}")

@@ -10,26 +10,26 @@ from strand.support.checks import check_instances
 
 
 def dismech(chains: Sequence[Line], spacing: float | None = None) -> str:
-    """Geometry file of DisMech, of its versions for Python and MATLAB: nodes and the edges between them.
+    """Return the text of a geometry file of DisMech, for Python or MATLAB: nodes and edges.
 
     Parameters
     ----------
     chains : sequence of Line
-        Such as `Model.chains`.
+        For example `Model.chains`.
     spacing : float, optional
-        How long edges are, metres; three radii of each rope if not given.
+        Length of edges, metres; three radii of each rope by default.
 
     Returns
     -------
     str
-        A section `*Nodes` with a line "x,y,z" for each node, world frame, metres, and a section
-        `*Edges` with a line "i,j" for each edge; numbers count from 1, through all ropes. DisMech takes
-        the radius as a parameter (`GeomParams.rod_r0`): it is not in the file.
+        A section `*Nodes` with a line "x,y,z" for each node, world frame, metres, and a section `*Edges` with
+        a line "i,j" for each edge. Nodes count from 1, through all ropes. The radius is not in the file:
+        DisMech takes it as `GeomParams.rod_r0`.
 
     Raises
     ------
     TypeError
-        If `chains` are no chains, or `spacing` is not a number.
+        If `chains` holds another type, or `spacing` is not a number.
     ValueError
         If `spacing` is not positive, or so small that a rope has more than 100,000 edges.
     """

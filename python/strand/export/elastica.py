@@ -11,31 +11,29 @@ from strand.geometry.line import Line
 
 
 def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
-    """Geometry of a PyElastica rod: arguments of `CosseratRod.straight_rod`, or of `ring_rod` for a ring.
+    """Return the geometry of a PyElastica rod: arguments of `CosseratRod.straight_rod`, or of `ring_rod`.
 
-    The material is the caller's: `CosseratRod.straight_rod(**elastica(chain), density=1000.0,
-    youngs_modulus=1e6)`. Such a rod lies where the rope was seen and would be straight at rest. For one that
-    rests as it lies call `rod.compute_internal_forces_and_torques(0.0)`, then set
-    `rod.rest_kappa[:] = rod.kappa`.
+    Add the material: `CosseratRod.straight_rod(**elastica(chain), density=1000.0, youngs_modulus=1e6)`. The
+    rod lies where the rope was measured, and would be straight at rest. For one that rests as it lies, call
+    `rod.compute_internal_forces_and_torques(0.0)`, then set `rod.rest_kappa[:] = rod.kappa`.
 
     Parameters
     ----------
     chain : Line
     spacing : float, optional
-        How long elements are, metres; three radii if not given.
+        Length of elements, metres; three radii by default.
 
     Returns
     -------
     dict
-        `n_elements`; `position`, (3, N + 1), of a ring (3, N), metres; `directors`, (3, 3, N): normal,
-        binormal and tangent of each element as rows, turned about the tangents as little as can be;
-        `base_length` and `base_radius`, metres; `direction` and `normal` of the first element; `start`, of
-        a ring `ring_center_position`.
+        `n_elements`; `position`, (3, N + 1), or (3, N) of a ring, metres; `directors`, (3, 3, N), without
+        twist: normal, binormal and tangent of each element as rows; `base_length` and `base_radius`, metres;
+        `direction` and `normal` of the first element; `start`, or `ring_center_position` of a ring.
 
     Raises
     ------
     TypeError
-        If `chain` is no Line, or `spacing` is not a number.
+        If `chain` is of another type, or `spacing` is not a number.
     ValueError
         If `spacing` is not positive, or so small that there are more than 100,000 elements.
     """
@@ -46,7 +44,7 @@ def elastica(chain: Line, spacing: float | None = None) -> dict[str, Any]:
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     tangents = steps / lengths
-    # the rings of a tube turn as little as can be: the first vertex of each shows where across is
+    # rings of a tube are twist-free: the first vertex of each gives a direction across
     rings = Line(places, 1.0, chain.closed).tube(3)[0][: 3 * len(places)].reshape(-1, 3, 3)
     across = rings[: len(steps), 0] - places[: len(steps)]
     normals = across - (across * tangents).sum(axis=1, keepdims=True) * tangents

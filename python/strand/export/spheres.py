@@ -1,4 +1,4 @@
-"""Ropes as spheres that follow their tubes within a stated error."""
+"""Ropes as spheres within a given error."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from strand.export.capsules import make_capsules
 from strand.geometry.line import Line
 from strand.support.checks import Array, check_positive, freeze_array
 
-# of the error: how far the line of the centres may be from the centreline; spheres need the rest most
-_AXIS = 0.25
-# errors below this share of the radius would take thousands of spheres
-_LEAST = 1e-2
+_AXIS = 0.25  # of the error: for the distance of the centres' path from the centreline
+_MIN_ERROR = 1e-2  # radii; below, thousands of spheres would be needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +26,9 @@ class Spheres:
     center : (K, 3) ndarray
         World frame, metres.
     radius : (K,) ndarray
-        Metres: the rope's.
+        Radius of the rope, metres.
     chain : (K,) ndarray of int
-        The number of the rope in `Model.chains`.
+        Number of the rope in `Model.chains`.
     """
 
     center: Array
@@ -49,26 +47,19 @@ class Spheres:
 
 
 def make_spheres(chains: Sequence[Line], error: float) -> Spheres:
-    """Return spheres along chains, see `strand.Model.spheres`.
-
-    Parameters
-    ----------
-    chains : sequence of Line
-    error : float
-        How deep the surface may be between two spheres, metres, and how far aside.
-    """
-    smallest = max((chain.radius for chain in chains), default=0.0) * _LEAST
+    """Return spheres along chains, see `strand.Model.spheres`."""
+    smallest = max((chain.radius for chain in chains), default=0.0) * _MIN_ERROR
     if check_positive("error", error) < smallest:
         raise ValueError(f"error: expected at least 0.01 radii, {smallest:g} m, got {error}")
     axes = make_capsules(chains, _AXIS * error)
     centers, radii, numbers = [np.empty((0, 3))], [], []
     for i, (start, stop) in enumerate(zip(axes.start, axes.stop, strict=True)):
         radius = float(axes.radius[i])
-        # halfway between centres a step apart the spheres meet at sqrt(radius^2 - step^2 / 4)
+        # halfway between two centres the spheres meet sqrt(radius^2 - step^2 / 4) from the axis
         waist = radius - min((1.0 - _AXIS) * error, radius)
         step = 2.0 * math.sqrt(radius**2 - waist**2)
         share = np.linspace(0.0, 1.0, math.ceil(float(axes.lengths[i]) / step) + 1)
-        # the next capsule begins where this one ends; a ring where it began
+        # the next capsule starts where this one ends; that of a ring ends where it started
         ends_here = i + 1 == len(axes) or axes.chain[i + 1] != axes.chain[i]
         kept = share if ends_here and not chains[axes.chain[i]].closed else share[:-1]
         centers.append(start + kept[:, None] * (stop - start))

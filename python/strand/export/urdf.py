@@ -1,4 +1,4 @@
-"""Ropes as a URDF: rigid, where they were seen."""
+"""Ropes as rigid obstacles in a URDF."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from strand.export.capsules import Capsules, make_capsules
-from strand.export.xml import document, numbers
+from strand.export.xml import format_document, format_numbers
 from strand.geometry.line import Line
 
 
@@ -22,29 +22,31 @@ def make_urdf(chains: Sequence[Line], error: float) -> bytes:
         name = f"rope_{number}"
         link = ElementTree.SubElement(robot, "link", name=name)
         for kind in ("visual", "collision"):
-            for i, (origin, shape) in enumerate(_shapes(capsules, number)):
+            for i, (origin, shape) in enumerate(_make_shapes(capsules, number)):
                 part = ElementTree.SubElement(link, kind, name=f"{name}_{kind}_{i}")
                 ElementTree.SubElement(part, "origin", origin)
                 ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), *shape)
         joint = ElementTree.SubElement(robot, "joint", name=f"{name}_joint", type="fixed")
         ElementTree.SubElement(joint, "parent", link="world")
         ElementTree.SubElement(joint, "child", link=name)
-    return document(robot)
+    return format_document(robot)
 
 
-def _shapes(capsules: Capsules, number: int) -> Iterator[tuple[dict[str, str], tuple[str, dict[str, str]]]]:
-    """Yield a rope's cylinders, and spheres at their ends: many readers of URDF know no capsule."""
+def _make_shapes(
+    capsules: Capsules, number: int
+) -> Iterator[tuple[dict[str, str], tuple[str, dict[str, str]]]]:
+    """Yield a rope's cylinders, and the spheres at their ends, as many readers know no capsules."""
     lengths = capsules.lengths
     mine = np.flatnonzero(capsules.chain == number)
     for i in mine:
         x, y, z = (capsules.stop[i] - capsules.start[i]).tolist()
-        # z is turned by the pitch, then by the yaw
+        # the pitch turns z, then the yaw
         turn = np.array([0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)])
         middle = 0.5 * (capsules.start[i] + capsules.stop[i])
-        size = {"radius": numbers(capsules.radius[i]), "length": numbers(lengths[i])}
-        yield {"xyz": numbers(middle), "rpy": numbers(turn)}, ("cylinder", size)
+        size = {"radius": format_numbers(capsules.radius[i]), "length": format_numbers(lengths[i])}
+        yield {"xyz": format_numbers(middle), "rpy": format_numbers(turn)}, ("cylinder", size)
     for place in np.vstack([capsules.start[mine[:1]], capsules.stop[mine]]):
         yield (
-            {"xyz": numbers(place), "rpy": "0 0 0"},
-            ("sphere", {"radius": numbers(capsules.radius[mine[0]])}),
+            {"xyz": format_numbers(place), "rpy": "0 0 0"},
+            ("sphere", {"radius": format_numbers(capsules.radius[mine[0]])}),
         )

@@ -1,4 +1,4 @@
-"""Files of elements with attributes, as MJCF and URDF are."""
+"""XML text, for MJCF and URDF."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def document(root: ElementTree.Element) -> bytes:
-    """Return an indented file."""
+def format_document(root: ElementTree.Element) -> bytes:
+    """Return an element as an indented file."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode").encode() + b"\n"
 
 
-def numbers(values: ArrayLike) -> str:
-    """Return numbers with blanks between them, to 12 digits."""
+def format_numbers(values: ArrayLike) -> str:
+    """Return numbers to 12 digits, separated by spaces."""
     return " ".join(f"{value:.12g}" for value in np.ravel(values).tolist())
