@@ -8,69 +8,28 @@ import pickle
 import numpy as np
 import open3d as o3d
 import pytest
-from scipy.spatial.transform import Rotation
 
 import strand
-from shared.ropes import draw_circle
+from shared.ropes import draw_circle, make_smooth_chain
+from shared.tubes import (
+    NO_POSES,
+    SEEDS,
+    draw_near_nodes,
+    draw_random_model,
+    draw_random_motion,
+    draw_rope_along_x,
+    measure_by_brute_force,
+    place_along,
+)
 from strand import Chain, Model
 from strand.geometry.curve import Curve
-
-SEEDS = range(12)
-NO_POSES = np.empty((0, 4, 4))
-
-
-def random_chain(rng, nodes=None):
-    """A chain that wanders, of any radius, open or closed."""
-    count = int(rng.integers(2, 40)) if nodes is None else nodes
-    steps = 0.01 * rng.normal(size=3) + 0.006 * rng.normal(size=(count, 3))
-    points = 0.03 * rng.normal(size=3) + np.cumsum(steps, axis=0)
-    return Chain(points, rng.uniform(0.001, 0.012), count > 2 and bool(rng.integers(2)))
-
-
-def random_model(seed):
-    rng = np.random.default_rng(seed)
-    return Model(tuple(random_chain(rng) for _ in range(int(rng.integers(1, 5)))), NO_POSES), rng
-
-
-def segments(chain):
-    path = np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
-    return path[:-1], np.diff(path, axis=0)
-
-
-def distances_by_brute_force(chains, points):
-    """(C, N) Distance of each point from each chain's surface."""
-    answers = []
-    for chain in chains:
-        start, step = segments(chain)
-        share = ((points[:, None] - start) * step).sum(axis=2) / (step * step).sum(axis=1)
-        feet = start + np.clip(share, 0.0, 1.0)[..., None] * step
-        answers.append(np.linalg.norm(points[:, None] - feet, axis=2).min(axis=1) - chain.radius)
-    return np.array(answers)
-
-
-def along(starts, ends, times):
-    """(T, N, 3) Places on the ways from starts to ends."""
-    return starts + np.asarray(times)[..., None] * (ends - starts)
-
-
-def near_nodes(model, rng, count, spread):
-    """(count, 3) Places around nodes of all chains."""
-    nodes = np.concatenate([chain.points for chain in model.chains])
-    return nodes[rng.integers(0, len(nodes), count)] + spread * rng.normal(size=(count, 3))
-
-
-def random_motion(rng):
-    angle = strand.rotation_xyz(*rng.uniform(-np.pi, np.pi, 3))
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = angle, rng.normal(size=3)
-    return pose
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_signed_distances_and_nearest_places_are_those_of_brute_force(seed):
-    model, rng = random_model(seed)
+    model, rng = draw_random_model(seed)
     points = np.concatenate([0.1 * rng.normal(size=(400, 3)), *(chain.points for chain in model.chains)])
-    expected = distances_by_brute_force(model.chains, points)
+    expected = measure_by_brute_force(model.chains, points)
     got = model.signed_distance(points)
     np.testing.assert_allclose(got, expected.min(axis=0), atol=1e-15)
     assert (got < 0).any()
@@ -90,9 +49,9 @@ def test_signed_distances_and_nearest_places_are_those_of_brute_force(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rays_stop_where_brute_force_says_that_surfaces_are(seed):
-    model, rng = random_model(seed)
+    model, rng = draw_random_model(seed)
     origins = 0.08 * rng.normal(size=(300, 3))
-    directions = near_nodes(model, rng, 300, 0.01) - origins
+    directions = draw_near_nodes(model, rng, 300, 0.01) - origins
     directions[:20] = np.eye(3)[rng.integers(0, 3, 20)] * 7
     hits = model.ray_hits(origins, directions)
     units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -100,14 +59,14 @@ def test_rays_stop_where_brute_force_says_that_surfaces_are(seed):
     assert 10 < met.sum() < 300
     farthest = np.where(met, hits.distance, 1.0)
     ends = origins + farthest[:, None] * units
-    on_the_way = along(origins, ends, np.linspace(0.0, 1.0, 100, endpoint=False)[:, None])
-    apart = np.array([distances_by_brute_force(model.chains, places).min(axis=0) for places in on_the_way])
+    on_the_way = place_along(origins, ends, np.linspace(0.0, 1.0, 100, endpoint=False)[:, None])
+    apart = np.array([measure_by_brute_force(model.chains, places).min(axis=0) for places in on_the_way])
     inside = apart[0] <= 0
     np.testing.assert_array_equal(hits.distance[inside], 0.0)
     assert (hits.distance[~inside] > 0).all()
     assert (apart[:, ~inside] > -1e-12).all()
     outside = met & ~inside
-    each = distances_by_brute_force(model.chains, ends[outside])
+    each = measure_by_brute_force(model.chains, ends[outside])
     of_chain = each[hits.chain[outside], np.arange(outside.sum())]
     np.testing.assert_allclose(of_chain, 0.0, atol=1e-12)
     feet = np.array(
@@ -120,118 +79,6 @@ def test_rays_stop_where_brute_force_says_that_surfaces_are(seed):
     assert (hits.chain[~met] == -1).all()
     assert np.isnan(hits.s[~met]).all()
     assert np.isnan(hits.normal[~met]).all()
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_spheres_that_move_touch_and_pass_as_brute_force_says(seed):
-    model, rng = random_model(seed)
-    starts, ends = 0.08 * rng.normal(size=(200, 3)), near_nodes(model, rng, 200, 0.03)
-    ends[:10] = starts[:10]
-    radius = rng.uniform(0, 0.02, 200)
-    got = model.swept_spheres(starts, ends, radius)
-    count = 200
-    places = along(starts, ends, np.linspace(0.0, 1.0, count + 1)[:, None])
-    apart = np.array([distances_by_brute_force(model.chains, at).min(axis=0) for at in places]) - radius
-    # between two places the distance falls by half a step at most
-    step = np.linalg.norm(ends - starts, axis=1) / count
-    assert (got.clearance <= apart.min(axis=0) + 1e-13).all()
-    assert (got.clearance >= apart.min(axis=0) - 0.5 * step - 1e-13).all()
-    touched = np.isfinite(got.time)
-    np.testing.assert_array_equal(touched, got.clearance <= 0)
-    assert 5 < touched.sum() < 200
-    first = along(starts, ends, np.where(touched, got.time, 0.0))
-    there = distances_by_brute_force(model.chains, first)[got.chain, np.arange(200)] - radius
-    later = touched & (got.time > 0)
-    np.testing.assert_allclose(there[later], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(got.time[apart[0] <= 0], 0.0)
-    before = np.arange(count + 1)[:, None] / count < got.time
-    assert (apart[before] > -1e-12).all()
-    alike = model.swept_spheres(starts, ends, 0.01)
-    np.testing.assert_array_equal(alike.time, model.swept_spheres(starts, ends, np.full(200, 0.01)).time)
-
-
-def turned(start, end, times):
-    """(T, 4, 4) The poses of a box that moves and turns."""
-    between = Rotation.from_matrix(end[:3, :3] @ start[:3, :3].T).as_rotvec()
-    poses = np.tile(np.eye(4), (len(times), 1, 1))
-    poses[:, :3, :3] = Rotation.from_rotvec(times[:, None] * between).as_matrix() @ start[:3, :3]
-    poses[:, :3, 3] = along(start[:3, 3], end[:3, 3], times)
-    return poses
-
-
-def boxes_apart(model, poses, half, spacing):
-    """(T,) The distance of a box at some poses from the surfaces, by places of the axes."""
-    least = np.full(len(poses), np.inf)
-    for chain in model.chains:
-        places = chain.at(np.linspace(0.0, chain.length, int(chain.length / spacing) + 2))
-        inside = (places - poses[:, None, :3, 3]) @ poses[:, :3, :3]
-        beyond = np.linalg.norm(np.maximum(np.abs(inside) - half, 0.0), axis=2)
-        least = np.minimum(least, beyond.min(axis=1) - chain.radius)
-    return least
-
-
-@pytest.mark.parametrize("turns", [False, True])
-@pytest.mark.parametrize("seed", range(5))
-def test_boxes_that_move_and_turn_touch_and_pass_as_brute_force_says(seed, turns):
-    model, rng = random_model(seed)
-    boxes, spacing, count = 10, 4e-4, 80
-    starts, ends = (np.array([random_motion(rng) for _ in range(boxes)]) for _ in range(2))
-    starts[:, :3, 3] *= 0.08
-    ends[:, :3, 3] = near_nodes(model, rng, boxes, 0.06)
-    if not turns:
-        ends[:, :3, :3] = starts[:, :3, :3]
-    half = rng.uniform(0.0, 0.02, (boxes, 3))
-    got = model.swept_boxes(starts, ends, half)
-    times = np.linspace(0.0, 1.0, count + 1)
-    for i in range(boxes):
-        apart = boxes_apart(model, turned(starts[i], ends[i], times), half[i], spacing)
-        turn = np.pi * np.linalg.norm(half[i]) if turns else 0.0
-        step = (np.linalg.norm(ends[i, :3, 3] - starts[i, :3, 3]) + turn) / count
-        slack = 1e-6 + 1e-5 * turn
-        assert got.clearance[i] <= apart.min() + 1e-12
-        assert got.clearance[i] >= apart.min() - 0.5 * step - 0.5 * spacing - slack
-        if np.isinf(got.time[i]):
-            assert got.clearance[i] > 0
-            continue
-        assert got.clearance[i] <= slack
-        there = boxes_apart(model, turned(starts[i], ends[i], got.time[i : i + 1]), half[i], spacing)[0]
-        assert there <= slack + 0.5 * spacing
-        assert got.time[i] == 0 or there >= 0
-        assert (apart[times < got.time[i]] > 0).all()
-    assert np.isfinite(got.time).any()
-
-
-def rope_along_x(radius=0.005):
-    return Model((Chain(np.linspace([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], 41), radius),), NO_POSES)
-
-
-def test_a_box_that_falls_on_a_rope_touches_when_its_face_does():
-    start, end = np.eye(4)[None].copy(), np.eye(4)[None].copy()
-    start[0, 2, 3] = 0.1
-    got = rope_along_x().swept_boxes(start, end, (0.03, 0.02, 0.01))
-    assert got.time[0] == pytest.approx(0.85, abs=2e-5)
-    assert got.time[0] <= 0.85
-    assert got.clearance[0] == -0.005
-    # beside it, it passes by 2 mm
-    start[0, 1, 3] = end[0, 1, 3] = 0.027
-    got = rope_along_x().swept_boxes(start, end, (0.03, 0.02, 0.01))
-    assert np.isinf(got.time[0])
-    assert got.clearance[0] == pytest.approx(0.002, abs=1e-6)
-    assert got.clearance[0] <= 0.002 + 1e-15
-
-
-def test_a_bar_that_turns_touches_a_post_at_the_angle_that_geometry_says():
-    post = Model((Chain(np.array([[0.06, 0.08, -0.1], [0.06, 0.08, 0.1]]), 0.01),), NO_POSES)
-    start, end = np.eye(4)[None].copy(), np.eye(4)[None].copy()
-    end[0, :3, :3] = strand.rotation_xyz(0.0, 0.0, np.pi / 2)
-    got = post.swept_boxes(start, end, (0.15, 0.0, 0.0))
-    expected = (np.arctan2(0.08, 0.06) - np.arcsin(0.01 / 0.1)) / (np.pi / 2)
-    assert got.time[0] == pytest.approx(expected, abs=1e-4)
-    assert got.time[0] <= expected
-    assert got.s[0] == pytest.approx(0.1, abs=0.1)
-    short = post.swept_boxes(start, end, (0.08, 0.0, 0.0))
-    assert np.isinf(short.time[0])
-    assert short.clearance[0] == pytest.approx(0.01, abs=3e-6)
 
 
 @pytest.mark.parametrize("shape", ["ring", "rope"])
@@ -278,8 +125,8 @@ def test_answers_are_those_of_open3d_on_the_mesh_of_the_tube(shape):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_answers_move_with_the_ropes(seed):
-    model, rng = random_model(seed)
-    pose = random_motion(rng)
+    model, rng = draw_random_model(seed)
+    pose = draw_random_motion(rng)
 
     def moved(points):
         return points @ pose[:3, :3].T + pose[:3, 3]
@@ -299,14 +146,14 @@ def test_answers_move_with_the_ropes(seed):
     spheres = model.swept_spheres(starts, ends, 0.004)
     spheres_moved = other.swept_spheres(moved(starts), moved(ends), 0.004)
     np.testing.assert_allclose(spheres_moved.clearance, spheres.clearance, **close)
-    boxes, to = (np.array([random_motion(rng) for _ in range(20)]) for _ in range(2))
+    boxes, to = (np.array([draw_random_motion(rng) for _ in range(20)]) for _ in range(2))
     half = (0.01, 0.02, 0.005)
     got, got_moved = model.swept_boxes(boxes, to, half), other.swept_boxes(pose @ boxes, pose @ to, half)
     np.testing.assert_allclose(got_moved.clearance, got.clearance, rtol=0, atol=5e-6)
 
 
 def test_distant_origins_lose_nothing():
-    model = rope_along_x()
+    model = draw_rope_along_x()
     origins, units = np.array([[0.03, 0.001, 1e6]]), np.array([[0.0, 0.0, -1.0]])
     hit = model.ray_hits(origins, units)
     assert hit.distance[0] == pytest.approx(1e6 - np.sqrt(0.005**2 - 0.001**2), abs=2e-10)
@@ -331,9 +178,20 @@ def test_arc_lengths_are_those_of_the_smooth_curve(closed):
     rng = np.random.default_rng(0)
     places = rng.uniform(0, chain.length, 200)
     near = Model((chain,), NO_POSES).nearest(chain.at(places))
-    # an eighth of the curvature times the squared spacing
-    assert near.distance.max() < 1.05 / 8 / 0.05 * 0.004**2
-    np.testing.assert_allclose(near.s, places, atol=2e-5)
+    assert near.distance.max() < 1e-9
+    np.testing.assert_allclose(near.s, places, atol=1e-9)
+
+
+def test_a_chain_and_its_model_answer_alike_for_any_number_of_points():
+    chain = make_smooth_chain()
+    points = chain.points[::7] + 0.01 * np.random.default_rng(4).normal(size=(len(chain.points[::7]), 3))
+    near = chain.nearest(points)
+    np.testing.assert_array_equal(near.point, chain.at(near.s))
+    np.testing.assert_array_equal(near.distance, np.linalg.norm(points - near.point, axis=1))
+    alone = [chain.nearest(point[None]) for point in points]
+    for name, values in vars(Model((chain,), NO_POSES).nearest(points)).items():
+        np.testing.assert_array_equal(getattr(near, name), values)
+        np.testing.assert_array_equal(np.concatenate([getattr(one, name) for one in alone]), values)
 
 
 def test_of_ropes_of_two_radii_the_nearer_surface_counts():
@@ -347,10 +205,10 @@ def test_of_ropes_of_two_radii_the_nearer_surface_counts():
     assert model.signed_distance([[0.0, 0.02, 0.0]])[0] == pytest.approx(0.01)
 
 
-def every_answer(model, count=1000):
+def ask_everything(model, count=1000):
     rng = np.random.default_rng(1)
     starts, ends = 0.08 * rng.normal(size=(2, count, 3))
-    poses = np.array([random_motion(rng) for _ in range(2 * (count // 5))])
+    poses = np.array([draw_random_motion(rng) for _ in range(2 * (count // 5))])
     poses[:, :3, 3] *= 0.08
     answers = [
         model.nearest(starts),
@@ -362,17 +220,17 @@ def every_answer(model, count=1000):
 
 
 def test_answers_are_the_same_bits_for_any_number_of_threads(threads):
-    model, _ = random_model(2)
+    model, _ = draw_random_model(2)
     threads(1)
-    expected = every_answer(model)
+    expected = ask_everything(model)
     for count in (2, 5):
         threads(count)
-        for got, want in zip(every_answer(model), expected, strict=True):
+        for got, want in zip(ask_everything(model), expected, strict=True):
             np.testing.assert_array_equal(got, want)
 
 
 def test_one_by_one_queries_have_the_same_answers():
-    model, rng = random_model(3)
+    model, rng = draw_random_model(3)
     starts, ends = 0.08 * rng.normal(size=(2, 300, 3))
     together = model.swept_spheres(starts, ends, 0.003)
     alone = [model.swept_spheres(starts[i : i + 1], ends[i : i + 1], 0.003) for i in range(300)]
@@ -381,7 +239,7 @@ def test_one_by_one_queries_have_the_same_answers():
 
 
 def test_no_queries_have_no_answers():
-    model, _ = random_model(0)
+    model, _ = draw_random_model(0)
     none = np.empty((0, 3))
     assert model.signed_distance(none).shape == (0,)
     assert model.chains[0].signed_distance(none).shape == (0,)
@@ -444,20 +302,20 @@ BAD = np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]])
 )
 def test_wrong_arguments_are_named(query, arguments, message):
     with pytest.raises(ValueError, match=message):
-        getattr(rope_along_x(), query)(*arguments)
+        getattr(draw_rope_along_x(), query)(*arguments)
 
 
 def test_whole_numbers_have_no_unit():
     with pytest.raises(TypeError, match="points: expected floating point numbers"):
-        rope_along_x().signed_distance(np.zeros((1, 3), dtype=int))
+        draw_rope_along_x().signed_distance(np.zeros((1, 3), dtype=int))
     # a direction needs none
-    hit = rope_along_x().ray_hits([[0.0, 0.0, 1.0]], [[0, 0, -2]])
+    hit = draw_rope_along_x().ray_hits([[0.0, 0.0, 1.0]], [[0, 0, -2]])
     assert hit.distance[0] == pytest.approx(0.995)
     np.testing.assert_allclose(hit.normal[0], [0.0, 0.0, 1.0])
 
 
 def test_models_that_were_asked_are_copied_pickled_and_saved(tmp_path):
-    model, rng = random_model(1)
+    model, rng = draw_random_model(1)
     points = 0.1 * rng.normal(size=(20, 3))
     expected = model.signed_distance(points)
     for other in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):

@@ -1,4 +1,4 @@
-"""Chains: one rope's centreline."""
+"""Lines: lengths, places, tangents and bends along nodes."""
 
 from __future__ import annotations
 
