@@ -1,19 +1,20 @@
-"""Many small recordings through both engines of `strand.batch`, against a loop of `reconstruct`.
+"""Compare both engines of `strand.batch` with a loop of `reconstruct`, over many small recordings.
 
 python benches/batch.py [--recordings N] [--workers N ...] [--repeat N] [--folder DIR]
 
-The recordings are simulated scenes of two views of 160 x 120 pixels, drawn from seeds, made once into a
-temporary folder. A loop on one thread reads and reconstructs each; then makes its rows too, with the
-crossings; then writes them as shards as well. Then come the local engine and Ray, started here, with each
-number of workers. A rate is that of the whole call, and that between the first unit and the last one, which
-leaves out how long processes and Ray take to start. The overheads are what a unit takes of a worker's time
-beyond reconstructing in the loop, and beyond shards in the loop, which is the same without an engine. The
-driver's share is its processor time for each unit. Memory is that of the driver and of all processes below it
-(proportional shares, which count what is shared once), at a tenth of the units and at the end.
+The recordings are simulated scenes of two views of 160 x 120 pixels, made once in a temporary folder. One
+thread works on each recording in three ways: it reconstructs; it also makes rows, with crossings; it also
+writes shards. Then come the local engine and Ray, each with each number of workers. The table has:
 
-The tables of all runs are compared bit for bit, but for the column `seconds`. Then come the parts of a unit
-that a batch adds, alone: finding it, making its rows, writing its shard with and without the flush to the
-disk; listing shards, and looking one up. The exit code is 1 if tables differ.
+- the rate of the whole call, and the rate from the first to the last unit, without the start,
+- the overheads: a worker's time for a unit, over reconstructing and over shards in the loop,
+- the driver's processor time for a unit,
+- the memory of the driver and all processes below it, at a tenth of the units and at the end. Memory that
+  processes share counts once.
+
+The bench compares the tables of all runs bit for bit, but for the column `seconds`, and exits with 1 if they
+differ. At last it times the parts that a batch adds to a unit: finding it, making its rows, writing its shard
+with and without a flush to the disk, listing shards, and looking one up.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import pyarrow as pa
 
 import strand
 from lib.results import make_parser, run_bench
+from lib.tables import print_head, print_row
 from strand._core import cores
 from strand.batch import Settings, Unit, find_units, load_table, make_rows, run
 from strand.batch.running import Counts
@@ -41,10 +43,13 @@ from strand.synthetic import SHAPES, Camera, Noise, scene
 
 SMALL = (160, 120)  # pixels
 SETTINGS = Settings(ropes=1)
+CALLS = 200  # of a part that is timed
+LOOKUPS = 10_000  # of a shard
+SHARDS = 100_000  # in the folder that is listed
 
 
-def made(folder: Path, count: int) -> Path:
-    """Make recordings that are not there yet."""
+def make_recordings(folder: Path, count: int) -> Path:
+    """Make the recordings that do not exist yet."""
     for seed in range(count):
         path = folder / f"{seed // 100:03}" / f"{seed:06}.npz"
         if not path.exists():
@@ -54,16 +59,16 @@ def made(folder: Path, count: int) -> Path:
     return folder
 
 
-def answer(unit: Unit) -> None:
-    """What a loop without batches does."""
+def reconstruct_unit(unit: Unit) -> None:
+    """Read and reconstruct a recording, as a loop without batches does."""
     recorded = strand.load_scene(unit.path)
     strand.reconstruct(recorded.views, recorded.radius, recorded.bounds, ropes=1)
 
 
-def loop(units: Sequence[Unit], works: Sequence[Callable[[Unit], object]]) -> list[float]:
-    """Seconds that each work takes for a unit, in a plain loop on one thread.
+def time_loop(units: Sequence[Unit], works: Sequence[Callable[[Unit], object]]) -> list[float]:
+    """Return the seconds that each work takes for a unit, in a plain loop on one thread.
 
-    They take turns at each unit, and at being the first, so that all meet the machine as it is at that time.
+    The works take turns at each unit and at being first, so that other work of the machine slows all.
     """
     strand.set_num_threads(1)
     spent = [0.0] * len(works)
@@ -79,8 +84,8 @@ def loop(units: Sequence[Unit], works: Sequence[Callable[[Unit], object]]) -> li
     return [one / len(units) for one in spent]
 
 
-def memory(root: int) -> float:
-    """Memory of a process and all below it, MB: what several share is shared out among them."""
+def measure_memory(root: int) -> float:
+    """Return the memory of a process and all below it, MB. Shared memory is divided among its users."""
     below: dict[int, list[int]] = {}
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -100,15 +105,15 @@ def memory(root: int) -> float:
     return total / 1e3
 
 
-def digest(table: pa.Table) -> str:
-    """Of all columns but the one in which runs differ."""
+def digest_table(table: pa.Table) -> str:
+    """Return a digest of all columns but the one in which runs differ."""
     content = pa.BufferOutputStream()
     with pa.ipc.new_stream(content, table.drop_columns([VARYING_COLUMN]).schema) as stream:
         stream.write_table(table.drop_columns([VARYING_COLUMN]).combine_chunks())
     return hashlib.sha256(content.getvalue()).hexdigest()[:16]
 
 
-def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequence[float]) -> str:
+def run_engine(name: str, workers: int, recordings: Path, count: int, loops: Sequence[float]) -> str:
     """Run a batch, print its row, and return its table's digest."""
     ends: list[float] = []
     sizes: list[float] = []
@@ -116,38 +121,37 @@ def engine(name: str, workers: int, recordings: Path, count: int, loops: Sequenc
     def progress(done: Counts) -> None:
         ends.append(time.perf_counter())
         if done.made in (max(count // 10, 1), count):
-            sizes.append(memory(os.getpid()))
-            # what looking took is no part of the batch
+            sizes.append(measure_memory(os.getpid()))
+            # the measurement is no part of the batch
             ends[-1] = time.perf_counter()
 
     with tempfile.TemporaryDirectory(dir=recordings.parent) as out:
         begun, spent = time.perf_counter(), time.process_time()
         run(recordings, out, SETTINGS, engine=name, workers=workers, root=recordings, progress=progress)
         whole, spent = time.perf_counter() - begun, time.process_time() - spent
-        # with several workers the first ends are close: units after the first of each count
+        # from the first unit of the last worker on, as all workers start together
         steady = (ends[-1] - ends[workers - 1]) / (count - workers)
         over = [steady * workers / alone - 1.0 for alone in loops]
-        found = digest(load_table(out))
-        # what the table took is no part of the next batch
+        found = digest_table(load_table(out))
+        # the next batch does not pay for this table's memory
         pa.default_memory_pool().release_unused()
-    print(
-        f"| {name}, {workers} | {count / whole:.1f} | {1 / steady:.1f} | {over[0]:+.1%} | {over[-1]:+.1%} "
-        f"| {spent / count * 1e3:.2f} | {sizes[0]:.0f} to {sizes[-1]:.0f} | {found} |",
-        flush=True,
+    print_row(
+        *(f"{name}, {workers}", f"{count / whole:.1f}", f"{1 / steady:.1f}", f"{over[0]:+.1%}"),
+        *(f"{over[-1]:+.1%}", f"{spent / count * 1e3:.2f}", f"{sizes[0]:.0f} to {sizes[-1]:.0f}", found),
     )
     return found
 
 
-def timed(work: Callable[[int], object], count: int) -> float:
-    """Milliseconds for each of some calls."""
+def time_calls(work: Callable[[int], object], count: int) -> float:
+    """Return the milliseconds that a call takes, on average."""
     begun = time.perf_counter()
     for k in range(count):
         work(k)
     return (time.perf_counter() - begun) / count * 1e3
 
 
-def parts(recordings: Path) -> None:
-    """Print what a batch adds to a unit, part by part."""
+def print_parts(recordings: Path) -> None:
+    """Print the time of each part that a batch adds to a unit."""
     with tempfile.TemporaryDirectory(dir=recordings.parent) as folder:
         out = Path(folder)
         begun = time.perf_counter()
@@ -158,23 +162,23 @@ def parts(recordings: Path) -> None:
         row = Row("one", 0, None, 0.0, 0, model.chains[0], model.confidence)
         batch = make_record_batch([row], "0", "0")
         data = encode_parquet(batch, units[0])
-        print(f"crossings: {timed(lambda _: model.crossings(), 200):.3f} ms")
-        print(f"digest of settings: {timed(lambda _: SETTINGS.digest, 200):.3f} ms")
-        print(f"rows: {timed(lambda _: make_record_batch([row], '0', '0'), 200):.3f} ms")
-        print(f"parquet: {timed(lambda _: encode_parquet(batch, units[0]), 200):.3f} ms, {len(data)} bytes")
-        print(f"written, flushed: {timed(lambda k: write_bytes(out / f'{k}', data), 200):.3f} ms")
-        print(f"written, not flushed: {timed(lambda k: (out / f'{k}').write_bytes(data), 200):.3f} ms")
+        print(f"crossings: {time_calls(lambda _: model.crossings(), CALLS):.3f} ms")
+        print(f"digest of settings: {time_calls(lambda _: SETTINGS.digest, CALLS):.3f} ms")
+        print(f"rows: {time_calls(lambda _: make_record_batch([row], '0', '0'), CALLS):.3f} ms")
+        spent = time_calls(lambda _: encode_parquet(batch, units[0]), CALLS)
+        print(f"parquet: {spent:.3f} ms, {len(data)} bytes")
+        print(f"written, flushed: {time_calls(lambda k: write_bytes(out / f'{k}', data), CALLS):.3f} ms")
+        print(f"written, not flushed: {time_calls(lambda k: (out / f'{k}').write_bytes(data), CALLS):.3f} ms")
         (out / "shards").mkdir()
-        count = 100_000
-        for k in range(count):
+        for k in range(SHARDS):
             name = hashlib.sha256(b"%d" % k).hexdigest()
             (out / "shards" / name[:2]).mkdir(exist_ok=True)
             (out / "shards" / name[:2] / f"{name[:16]}-{name[16:32]}-0-end.parquet").touch()
         begun = time.perf_counter()
         shards = Shards(out / "shards")
         spent = time.perf_counter() - begun
-        print(f"listing {count} shards: {spent:.2f} s, {sys.getsizeof(shards.names[0]) + 8} bytes each")
-        looked = timed(lambda k: shards.find(units[k % len(units)], SETTINGS.digest), 10_000)
+        print(f"listing {SHARDS} shards: {spent:.2f} s, {sys.getsizeof(shards.names[0]) + 8} bytes each")
+        looked = time_calls(lambda k: shards.find(units[k % len(units)], SETTINGS.digest), LOOKUPS)
         print(f"looking one up: {looked:.3f} ms")
 
 
@@ -182,33 +186,38 @@ def main() -> int:
     parser = make_parser(__doc__)
     parser.add_argument("--recordings", type=int, default=2000, metavar="N", help="(default: 2000)")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], metavar="N", help="(default: 1 2)")
-    parser.add_argument("--repeat", type=int, default=1, metavar="N", help="of the loop and engines")
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep recordings there (default: nowhere)")
+    parser.add_argument(
+        "--repeat", type=int, default=1, metavar="N", help="runs of the loop and the engines (default: 1)"
+    )
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep the recordings there")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) if arguments.folder is None else arguments.folder
         begun = time.perf_counter()
-        recordings = made(folder / f"{arguments.recordings}", arguments.recordings)
+        recordings = make_recordings(folder / f"{arguments.recordings}", arguments.recordings)
         print(f"{arguments.recordings} recordings, {time.perf_counter() - begun:.0f} s, {cores()} cores\n")
         found = set()
         units = list(find_units([recordings], SETTINGS, recordings))
         for _ in range(arguments.repeat):
             with tempfile.TemporaryDirectory(dir=folder) as out:
-                loops = loop(units, (answer, lambda unit: make_rows(unit, SETTINGS), Work(SETTINGS, out)))
+                loops = time_loop(
+                    units, (reconstruct_unit, lambda unit: make_rows(unit, SETTINGS), Work(SETTINGS, out))
+                )
             for name, spent in zip(("reconstruct", "rows", "shards"), loops, strict=True):
                 print(
                     f"loop, {name}: {spent * 1e3:.2f} ms a recording, {1 / spent:.1f} a second, "
                     f"{spent / loops[0] - 1.0:+.1%}"
                 )
-            heads = (
-                "a second | without the start | over reconstruct | over shards | driver / ms | memory / MB"
+            print()
+            print_head(
+                *("engine, workers", "a second", "without the start", "over reconstruct", "over shards"),
+                *("driver / ms", "memory / MB", "table"),
             )
-            print(f"\n| engine, workers | {heads} | table |\n|---|---|---|---|---|---|---|---|")
             for name in ("local", "ray"):
                 for workers in arguments.workers:
-                    found.add(engine(name, workers, recordings, len(units), loops))
+                    found.add(run_engine(name, workers, recordings, len(units), loops))
             print()
-        parts(recordings)
+        print_parts(recordings)
     print(f"tables that differ: {len(found) - 1}")
     return int(len(found) > 1)
 

@@ -1,10 +1,11 @@
-"""Reconstruct a rope among other things on a table, with nothing told, and say how often it is found.
+"""Reconstruct a rope among other things on a table from the views alone, and count how often it is found.
 
 python benches/cluttered.py [--scenes N] [--first SEED] [--without N] [--points] [--pictures DIR]
 
-The scenes are those of `strand.synthetic.cluttered_scene`, one view and three in turn; then some without a
-rope, which must be refused. Neither radius nor bounds, masks or number of ropes are given. The rope must be
-the first of the chains, right by the usual measure; its own confidence counts. Others must be below 0.5.
+The scenes are those of `strand.synthetic.cluttered_scene`, with one view and three by turns. Then come scenes
+without a rope, which strand must refuse. The caller gives no radius, bounds, masks or number of ropes. The
+rope must be the first of the chains and right by the usual measure. Its own confidence counts, and the
+confidence of other chains must be below 0.5.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.synthetic import SyntheticScene, cluttered_scene
 
-SURE = 0.5
+SURE = 0.5  # confidence from which on a chain counts as found
 
 
 @dataclass(frozen=True)
 class Found:
-    """What became of a scene: is the first chain the rope, how sure is it, and how sure are the others."""
+    """A scene's answer: is the first chain the rope, and the confidence of this chain and of the others."""
 
     views: int
     right: bool
@@ -39,7 +40,8 @@ class Found:
     seconds: float
 
 
-def found_in(synthetic: SyntheticScene, views: list[strand.View], pictures: Path | None) -> Found:
+def judge_scene(synthetic: SyntheticScene, views: list[strand.View], pictures: Path | None) -> Found:
+    """Reconstruct a scene, and draw it into a folder if the answer is wrong."""
     start = time.perf_counter()
     try:
         model = strand.reconstruct(views)
@@ -50,13 +52,13 @@ def found_in(synthetic: SyntheticScene, views: list[strand.View], pictures: Path
     first, *others = model.chains
     right = bool(synthetic.truth) and measure_chains([first.points], synthetic.truth, synthetic.radius).right
     if pictures is not None and not right:
-        draw(synthetic, model, pictures / f"{synthetic.name}.png")
+        draw_chains(synthetic, model, pictures / f"{synthetic.name}.png")
     surest = max((chain.confidence for chain in (others if right else model.chains)), default=0.0)
     error = first.radius / synthetic.radius - 1.0
     return Found(len(views), right, first.confidence, surest, error, seconds)
 
 
-def draw(synthetic: SyntheticScene, model: strand.Model, path: Path) -> None:
+def draw_chains(synthetic: SyntheticScene, model: strand.Model, path: Path) -> None:
     """Draw the chains over the first depth image."""
     figure, axes = plt.subplots(figsize=(9, 7), layout="constrained")
     axes.imshow(synthetic.depth[0], cmap="gray")
@@ -86,7 +88,7 @@ def main() -> int:
             views = list(synthetic.views)
             if arguments.points:
                 views = [strand.View(view.points, view.pose) for view in views]
-            result = found_in(synthetic, views, arguments.pictures)
+            result = judge_scene(synthetic, views, arguments.pictures)
             print(f"{synthetic.name}: {result}", file=sys.stderr, flush=True)
             results.append(("a rope" if rope else "no rope", result))
     print_head(

@@ -1,4 +1,4 @@
-"""Run the published method on the simulated copy of the paper's string: counts and errors by seed.
+"""Run the published method on simulated copies of the paper's string, and print counts and errors by seed.
 
 python benches/demo.py [--seeds N]
 """
@@ -9,6 +9,10 @@ import strand
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
 from strand.report.tables import count_chains, measure_accuracy
+
+STAGES = (7, 1)  # segments and whole strings, as the paper reports
+MAX_LENGTH_ERROR = 0.02  # of the length
+MAX_RMS = 1e-3  # metres
 
 
 def main() -> int:
@@ -26,7 +30,7 @@ def main() -> int:
         error = measure_accuracy(model.chains[0], scene.truth[0])
         errors = f"{error.length_error * 100:+.2f}", f"{error.rms * 1e3:.2f}"
         print_row(seed, *counts, *errors)
-        good += counts[1:] == (7, 1) and abs(error.length_error) < 0.02 and error.rms < 1e-3
+        good += counts[1:] == STAGES and abs(error.length_error) < MAX_LENGTH_ERROR and error.rms < MAX_RMS
     print(f"\nseven segments, one string, length within 2 %, RMS under 1 mm: {good} of {arguments.seeds}")
     return 0
 

@@ -1,14 +1,14 @@
-"""Whether covariances tell the truth, where pixels' errors are independent and where neighbours share them.
+"""Check whether covariances match the errors, for independent noise and for noise that neighbours share.
 
 python benches/deviations.py [--seeds N]
 
-Each row has the shapes of `SHAPES` with so many seeds from 50 on. Depths have normal errors: independent
-ones, or these smoothed with a Gaussian and scaled to the same standard deviation. The normalised error of a
-chain is the root of the mean of e' C^-1 e / 2 over its nodes, e their errors across the rope and C their
-covariance there; it is near 1 where covariances tell the truth. Only scenes whose topology is right count.
+Each row has the shapes of `SHAPES`, with N seeds from 50 on. Depths have normal errors: independent ones, or
+errors smoothed with a Gaussian and scaled to the same standard deviation. The normalised error of a chain is
+the root of the mean of e' C^-1 e / 2 over its nodes. Here e is a node's error across the rope, and C the
+covariance there. It is near 1 where covariances match. Only scenes with the right topology count.
 
-Below are the same shapes through each of `strand.synthetic.CAMERAS` with masks up to a pixel too wide or too
-narrow, the radius and the number of ropes told: these answers are read from images.
+The second table has the same shapes through each of `strand.synthetic.CAMERAS`, with masks up to a pixel too
+wide or too narrow. The radius and the number of ropes are given. These answers come from images.
 """
 
 from __future__ import annotations
@@ -26,19 +26,21 @@ import strand
 from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
-from limits import Truth, calibration
-from sensors import seen_by
+from limits import Truth, compute_calibration
+from sensors import draw_scene
 from strand import synthetic
 from strand.synthetic import SyntheticScene
 
 SHAPES = ("s", "arc", "overhand", "paper")
+# noise, metres, and its correlation, pixels
 CASES = ((0.3e-3, 0.0), (0.7e-3, 0.0), (1.5e-3, 0.0), (0.7e-3, 1.0), (0.7e-3, 1.5), (0.7e-3, 2.5))
-VIEWS, CAMERA_VIEWS = (1, 3, 7), (1, 3)
-FIRST_SEED = 50
+VIEWS = (1, 3, 7)  # of plain noise
+CAMERA_VIEWS = (1, 3)  # of imitated cameras
+FIRST_SEED = 50  # of each shape
 
 
 def smooth_noise(shape: tuple[int, int], correlation: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(H, W) Normal errors of standard deviation 1, smoothed with a Gaussian of `correlation` pixels."""
+    """Return (H, W) normal errors of standard deviation 1, smoothed over `correlation` pixels."""
     margin = math.ceil(4.0 * correlation)
     height, width = shape
     smooth = gaussian_filter(rng.normal(size=(height + 2 * margin, width + 2 * margin)), correlation)
@@ -48,8 +50,8 @@ def smooth_noise(shape: tuple[int, int], correlation: float, rng: np.random.Gene
     return np.asarray(smooth[margin : margin + height, margin : margin + width] / scale)
 
 
-def scene(shape: str, seed: int, noise: float, correlation: float, views: int) -> SyntheticScene:
-    """A shape whose depths have errors that reach over `correlation` pixels."""
+def make_scene(shape: str, seed: int, noise: float, correlation: float, views: int) -> SyntheticScene:
+    """Return a shape whose depths have errors that are correlated over `correlation` pixels."""
     if correlation == 0.0:
         return synthetic.scene(shape, seed=seed, noise=synthetic.Noise(depth=noise), views=views)
     exact = synthetic.scene(shape, seed=seed, noise=synthetic.Noise(depth=0.0), views=views)
@@ -62,8 +64,8 @@ def scene(shape: str, seed: int, noise: float, correlation: float, views: int) -
     return dataclasses.replace(exact, depth=np.stack(units), noise=noise)
 
 
-def told(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]:
-    """The last cells of a row: of normalised errors, of errors, and how many count."""
+def format_cells(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]:
+    """Return the last cells of a row: normalised errors, errors, and how many scenes count."""
     found, count = [], 0
     for drawn in scenes:
         count += 1
@@ -73,7 +75,7 @@ def told(scenes: Iterable[SyntheticScene], ropes: int | None) -> tuple[str, ...]
             continue
         error = measure_chains([chain.points for chain in model.chains], drawn.truth, drawn.radius)
         if error.right:
-            sd, square = calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
+            sd, square = compute_calibration(model.chains, Truth.of(drawn.truth, drawn.radius))
             found.append((math.sqrt(square), error.rms * 1e3, sd * 1e3))
     low, middle, high = np.percentile([each[0] for each in found], [10, 50, 90])
     rms, sd = np.median(found, axis=0)[1:]
@@ -95,12 +97,14 @@ def main() -> int:
     print_head("noise mm", "correlation px", *titles)
     for noise, correlation in CASES:
         for views in VIEWS:
-            cells = told((scene(shape, seed, noise, correlation, views) for shape, seed in chosen), None)
+            cells = format_cells(
+                (make_scene(shape, seed, noise, correlation, views) for shape, seed in chosen), None
+            )
             print_row(f"{noise * 1e3:.1f}", f"{correlation:g}", views, *cells)
     print()
     print_head("camera", *titles)
     for camera, views in product(synthetic.CAMERAS, CAMERA_VIEWS):
-        cells = told((seen_by(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
+        cells = format_cells((draw_scene(shape, shape, camera, views, seed) for shape, seed in chosen), 1)
         print_row(camera, views, *cells)
     return 0
 

@@ -1,25 +1,23 @@
-"""Reconstruct fresh random scenes and say how often the answer is right, and how often it is sure and wrong.
+"""Reconstruct random scenes, and count the answers that are right, and those that are sure and wrong.
 
 python benches/fresh.py [--scenes N] [--first SEED] [--noise KIND] [--relative LOW HIGH] [--out DIR]
 
-Scene k is drawn from the seed k: 0 to 8 crossings, 1 to 3 ropes (or one of the shapes with crossings, knots
-among them), a radius of 2 to 10 mm. Noise is of these kinds:
+Scene k has the seed k: 0 to 8 crossings, 1 to 3 ropes or one of the shapes with crossings, knots among them,
+and a radius of 2 to 10 mm. The kinds of noise are:
 
-- plain: normal and independent, 0.05 to 1 radii; 1 to 7 views, a camera of 320 x 240 to 1280 x 720 pixels
-  (the finest with one or two views);
-- small: as plain, but 0.3 to 1.5 mm whatever the radius;
-- correlated: one or three masked views of 640 x 480 pixels through an imitated camera, whose errors are 0.5
-  to 2 times as far correlated as its own and 0.05 to 1 radii on a surface, to which those at edges add; ropes
-  of at most 3 to 8 pixels' radius.
+- plain: normal and independent, 0.05 to 1 radii; 1 to 7 views of 320 x 240 to 1280 x 720 pixels,
+- small: as plain, but 0.3 to 1.5 mm for any radius,
+- correlated: one or three masked views of 640 x 480 pixels through an imitated camera. The errors reach 0.5
+  to 2 times as far as the camera's own, and have 0.05 to 1 radii on a surface. Ropes have a radius of at most
+  3 to 8 pixels.
 
-The radius is given, the number of ropes is not. `--out` gets one line of JSON for each scene; scenes that
-have their line there are not done again. It also gets fresh.png, of the scenes that were asked for, and
-curves.png, of all that have their line there.
+The radius is given, the number of ropes is not. `--out` gets a line of JSON for each scene, and the bench
+skips scenes that have their line. It also gets fresh.png of the scenes of this run, and curves.png of all
+scenes in the file.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections.abc import Sequence
@@ -31,106 +29,34 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lib.judging import SURE, judge_scene
+from lib.random_scenes import KINDS, RELATIVE, draw_scene
 from lib.results import make_parser, run_bench
 from lib.tables import print_head, print_row
-from strand.synthetic import (
-    CAMERAS,
-    Camera,
-    DepthCamera,
-    Layout,
-    Noise,
-    Segmentation,
-    SyntheticScene,
-    random_ropes,
-    scene,
-)
-from strand.synthetic.camera import FOCAL_LENGTH
 
-SHAPES = ("loop", "figure8", "overhand", "paper", "coil")
-SIZES = ((320, 240), (640, 480), (1280, 720))
-KINDS = ("plain", "correlated")
-RELATIVE = (0.05, 1.0)  # radii, the noise
-FINE = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.01)
-CORRELATIONS = (0.1, 1.0, 2.0, 4.0, 8.0, 16.0)
-# kind, what the curve goes over, its steps, and how it is called
+NOISES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.01)  # radii: steps of curves
+CORRELATIONS = (0.1, 1.0, 2.0, 4.0, 8.0, 16.0)  # pixels: steps of curves
+# kind of noise, the quantity of the curve, its steps and its name
 CURVES = (
-    ("plain", "relative", FINE, "plain noise / r"),
-    ("correlated", "relative", FINE, "noise of imitated cameras / r"),
+    ("plain", "relative", NOISES, "plain noise / r"),
+    ("correlated", "relative", NOISES, "noise of imitated cameras / r"),
     ("correlated", "correlation", CORRELATIONS, "its correlation length, px"),
 )
-FEWEST = 5  # scenes of a place of a curve
+MIN_SCENES = 5  # of a place of a curve
 
 
-def draw(
-    seed: int, noise: str = "both", relative: tuple[float, float] = RELATIVE
-) -> tuple[SyntheticScene, dict[str, Any]]:
-    """Return the scene of a seed with noise of a kind and a range in radii, and what was drawn for it."""
-    rng = np.random.default_rng(seed)
-    radius = float(np.exp(rng.uniform(math.log(2e-3), math.log(10e-3))))
-    if noise == "small":
-        kind, error = "plain", float(rng.uniform(0.3e-3, 1.5e-3))
-    else:
-        kind, error = KINDS[int(rng.integers(2))], float(rng.uniform(*relative)) * radius
-        kind = kind if noise == "both" else noise
-    drawn = {"radius": radius, "noise": error, "seed": seed}
-    drawn |= {"kind": kind, "relative": error / radius, "correlation": 0.0}
-    common: dict[str, Any] = {"radius": radius, "noise": Noise(depth=error), "seed": seed}
-    if kind == "plain":
-        views = int(rng.choice([1, 2, 3, 5, 7]))
-        size = SIZES[int(rng.choice(3, p=[0.7, 0.22, 0.08]))]
-        if size == SIZES[-1]:
-            views = min(views, 2)
-        common["camera"] = Camera(size=size)
-    else:
-        name, stretch = (
-            str(rng.choice(list(CAMERAS))),
-            float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
-        )
-        device = _stretched(CAMERAS[name], stretch)
-        views, size = int(rng.choice([1, 3])), SIZES[1]
-        common["camera"] = Camera(device, size=size)
-        common["mask"] = Segmentation(grow=int(rng.integers(-1, 2)))
-        common["layout"] = Layout(distance=FOCAL_LENGTH * size[0] * radius / float(rng.uniform(3.0, 8.0)))
-        drawn |= {"camera": name, "correlation": device.correlation_length}
-    common["views"] = views
-    drawn |= {"views": views, "size": size}
-    ropes, crossings = int(rng.choice([1, 2, 3], p=[0.5, 0.3, 0.2])), int(rng.integers(0, 9))
-    drawn |= {"ropes": ropes, "crossings": crossings}
-    if rng.random() < 0.2:
-        name = str(rng.choice(SHAPES))
-        drawn |= {"ropes": 1, "shape": name}
-        drawn["crossings"] = {"loop": 1, "figure8": 2, "overhand": 3, "paper": 3, "coil": 0}[name]
-        return scene(name, **common), drawn
-    while True:
-        try:
-            chains = random_ropes(crossings, ropes, radius, seed)
-        except ValueError:
-            # many crossings are hard to draw with few ropes
-            ropes, crossings = min(ropes + 1, 3), crossings - (ropes == 3)
-            drawn |= {"ropes": ropes, "crossings": crossings}
-            continue
-        return scene(chains=chains, **common), drawn
-
-
-def _stretched(camera: DepthCamera, stretch: float) -> DepthCamera:
-    """Return the camera with errors that are so many times as far correlated, and as wide a window."""
-    grain = tuple((stretch * smoothness, share) for smoothness, share in camera.grain)
-    return dataclasses.replace(camera, grain=grain, window=stretch * camera.window)
-
-
-def judge(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any]:
-    """Reconstruct one scene and compare with the truth."""
-    synthetic, record = draw(seed, noise, relative)
+def judge_seed(seed: int, noise: str, relative: tuple[float, float]) -> dict[str, Any]:
+    """Reconstruct the scene of a seed, and compare the answer with the truth."""
+    synthetic, record = draw_scene(seed, noise, relative)
     found, _ = judge_scene(synthetic, tell_radius=True, tell_ropes=False)
     record |= {"right": found.right, "confidence": found.confidence, "found": found.found}
     record |= {"error": found.error} if found.error else {"rms": found.rms, "frechet": found.frechet}
     return {**record, "seconds": found.seconds, "asked": [noise, *relative]}
 
 
-def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float, float, float]]:
-    """Rows of what, which, how many, share right, share sure of those right, share sure and wrong."""
-    relative_edges = (0.0, 0.1, 0.2, 0.4, 1.01)
-    noise_edges = (0.0, 0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3, 3e-3, 6e-3, 11e-3)
+def compute_rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float, float, float]]:
+    """Return rows: quantity, value, number of scenes, shares that are right, sure, and sure and wrong."""
+    relative_edges = (0.0, 0.1, 0.2, 0.4, 1.01)  # radii
+    noise_edges = (0.0, 0.3e-3, 0.7e-3, 1.1e-3, 1.5e-3, 3e-3, 6e-3, 11e-3)  # metres
     confidence_edges = (0.0, 0.1, 0.5, 0.8, SURE, 1.01)
 
     def each(key: str, group: Sequence[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
@@ -154,11 +80,11 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
     for kind in KINDS:
         of_kind = [r for r in records if r["kind"] == kind]
         groups += [(f"{kind}, views", *group) for group in each("views", of_kind)]
-        groups += [(f"{kind}, noise / r", *group) for group in between("relative", FINE, of_kind)]
+        groups += [(f"{kind}, noise / r", *group) for group in between("relative", NOISES, of_kind)]
         for views in (1, 3):
             seen = [r for r in of_kind if r["views"] == views]
             title = f"{kind}, noise / r, {views} view{'s' * (views > 1)}"
-            groups += [(title, *group) for group in between("relative", FINE, seen)]
+            groups += [(title, *group) for group in between("relative", NOISES, seen)]
     correlated = [r for r in records if r["kind"] == "correlated"]
     for title, views in (
         ("correlation px", (1, 3)),
@@ -186,7 +112,8 @@ def rates(records: Sequence[dict[str, Any]]) -> list[tuple[str, str, int, float,
     return rows
 
 
-def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) -> None:
+def plot_rates(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) -> None:
+    """Draw the shares over crossings, views, noise and correlation."""
     kinds = ["crossings", "views", "plain, noise / r", "correlated, noise / r", "correlation px"]
     figure = Figure(figsize=(14, 3), layout="constrained")
     axes = figure.subplots(1, len(kinds), sharey=True)
@@ -204,18 +131,18 @@ def plot(rows: Sequence[tuple[str, str, int, float, float, float]], path: Path) 
     figure.savefig(path, dpi=110)
 
 
-def curves(records: Sequence[dict[str, Any]], path: Path) -> None:
-    """Plot how many are right over noise and correlation, for one view and three."""
+def plot_curves(records: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw the share of right answers over noise and correlation, for one view and three."""
     figure = Figure(figsize=(10, 2.8), layout="constrained")
     axes = figure.subplots(1, len(CURVES), sharey=True)
     for axis, (kind, key, edges, label) in zip(axes, CURVES, strict=True):
         for views, colour in ((1, "#4c78a8"), (3, "#f58518")):
             seen = [r for r in records if r["kind"] == kind and r["views"] == views]
             groups = [[r for r in seen if low <= r[key] < high] for low, high in pairwise(edges)]
-            shown = [group for group in groups if len(group) >= FEWEST]
+            shown = [group for group in groups if len(group) >= MIN_SCENES]
             at = [float(np.mean([r[key] for r in group])) for group in shown]
             right = [float(np.mean([r["right"] for r in group])) for group in shown]
-            # a standard deviation of a share, of one scene more of each kind
+            # standard deviation of a share, with one more scene of each outcome
             sd = [
                 math.sqrt((n * p + 1) * (n * (1 - p) + 1) / (n + 2) ** 2 / (n + 3))
                 for n, p in zip(map(len, shown), right, strict=True)
@@ -257,7 +184,7 @@ def main() -> int:
         "--noise",
         choices=("both", "small", *KINDS),
         default="both",
-        help="of which kind (default: plain or correlated)",
+        help="its kind (default: plain or correlated)",
     )
     parser.add_argument(
         "--relative",
@@ -282,19 +209,19 @@ def main() -> int:
         if seed in done:
             records.append(done[seed])
             continue
-        records.append(judge(seed, arguments.noise, relative))
+        records.append(judge_seed(seed, arguments.noise, relative))
         if lines is not None:
             lines.parent.mkdir(parents=True, exist_ok=True)
             with lines.open("a") as file:
                 file.write(json.dumps(records[-1]) + "\n")
     print_head("", "", "scenes", "right %", f"confidence ≥ {SURE} %", "sure and wrong %")
-    rows = rates(records)
+    rows = compute_rates(records)
     for what, which, count, *shares in rows:
         print_row(what, which, count, *(f"{100 * share:.1f}" for share in shares))
     if lines is not None:
-        plot(rows, lines.with_name("fresh.png"))
+        plot_rates(rows, lines.with_name("fresh.png"))
         every = [json.loads(line) for line in lines.read_text().splitlines()]
-        curves(every, lines.with_name("curves.png"))
+        plot_curves(every, lines.with_name("curves.png"))
     return 0
 
 

@@ -1,10 +1,10 @@
-"""Reconstruct a real branched wire harness and draw its chains: an answer for what is no rope.
+"""Reconstruct a real branched wire harness and draw its chains: the answer for an object that is no rope.
 
 python benches/harness.py [FILE] [--out DIR]
 
-FILE holds one point a line, metres; without it the points are those of tests/data/harness. Where the camera
-was is not known, so it is taken to be far above. The picture shows the points from above and from the side,
-each chain in a colour of its own, and where a chain is said to end on another's side.
+FILE holds one point a line, metres; the default is the harness of tests/data. Nobody knows where the camera
+was, so the bench puts it far above. The picture shows the points from above and from the side, each chain in
+its own colour, and the places where a chain may end on another's side.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from strand.ropes.doubt import DOUBTS
 
 POINTS = DATA / "harness" / "wireHarness.txt"
 RADIUS = 0.006  # metres
-HEIGHT = 40.0  # metres above the middle
+HEIGHT = 40.0  # metres: the camera above the points
 
 
-def draw(points: np.ndarray, model: strand.Model, path: Path) -> None:
+def draw_chains(points: np.ndarray, model: strand.Model, path: Path) -> None:
+    """Draw points and chains from above and from the side."""
     figure = Figure(figsize=(8, 7.5), layout="constrained")
     axes = figure.subplots(1, 2, width_ratios=[4, 1])
     for axis, (across, up) in zip(axes, ((0, 1), (2, 1)), strict=True):
@@ -63,7 +64,7 @@ def main() -> int:
     print()
     print(*model.warnings, sep="\n")
     if arguments.out:
-        draw(points, model, arguments.out / "harness.png")
+        draw_chains(points, model, arguments.out / "harness.png")
     return 0
 
 

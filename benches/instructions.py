@@ -1,9 +1,10 @@
-"""Count each kernel's instructions, which a noisy machine does not change, and compare with those on record.
+"""Count each kernel's instructions, which do not depend on other work of the machine.
 
 python benches/instructions.py [--update]
 
-Needs valgrind. The counts are of one thread and of the instructions that valgrind knows, up to AVX2. The exit
-code is 1 if a kernel needs over 3 % more than `benches/instructions.json` says; `--update` writes that file.
+The bench needs valgrind. It counts on one thread, with the instructions that valgrind knows, up to AVX2. The
+exit code is 1 if a kernel needs over 3 % more than `benches/instructions.json` says. `--update` writes that
+file.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from pathlib import Path
 from lib.results import make_parser, run_bench
 
 KERNELS = ["filter", "nearest", "within", "icp", "centerline", "chains", "tubes", "fit", "crop"]
-POINTS = 20_000
-TOLERANCE = 0.03
+POINTS = 20_000  # of the cloud
+TOLERANCE = 0.03  # share of instructions
 RECORD = Path(__file__).with_suffix(".json")
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def built() -> Path:
-    """The program that runs one kernel."""
+def build_program() -> Path:
+    """Build the program that runs one kernel, and return its path."""
     command = ["cargo", "build", "--locked", "--quiet", "--release", "--example", "once"]
     output = subprocess.run(
         [*command, "--message-format=json"], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True
@@ -35,7 +36,8 @@ def built() -> Path:
     return next(Path(m["executable"]) for m in messages if m.get("target", {}).get("name") == "once")
 
 
-def instructions(program: Path, kernel: str, times: int) -> int:
+def count_instructions(program: Path, kernel: str, times: int) -> int:
+    """Return the instructions of a number of calls, with those that make the cloud."""
     with tempfile.TemporaryDirectory() as folder:
         command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/out", str(program)]
         run = subprocess.run(
@@ -54,11 +56,12 @@ def main() -> int:
     if shutil.which("valgrind") is None:
         print("instructions.py: valgrind is missing: install the system package valgrind", file=sys.stderr)
         return 1
-    program = built()
-    # what the cloud takes is not the kernel's
-    counts = {
-        kernel: instructions(program, kernel, 1) - instructions(program, kernel, 0) for kernel in KERNELS
-    }
+    program = build_program()
+    # without those that make the cloud
+    counts = {}
+    for kernel in KERNELS:
+        cloud, both = (count_instructions(program, kernel, times) for times in (0, 1))
+        counts[kernel] = both - cloud
     if arguments.update:
         RECORD.write_text(json.dumps({"points": POINTS, "instructions": counts}, indent=2) + "\n")
         return 0

@@ -3,12 +3,12 @@
 python benches/layouts.py [--kernels TEXT ...] [--layouts TEXT ...] [--most N] [--limit SECONDS] [--memory GB]
 
 Each kernel runs on 10^4, 10^5 and 10^6 points of each layout on one thread, in a process of its own with
-limited memory and time. Times are the processor's, so they do not depend on what else runs. The first
-table has their exponents, log(t2 / t1) / log(n2 / n1), between the fewest and the most points: 1 is
-linear, 2 quadratic. Times below a millisecond count as one. The second has the seconds for the most
-points, the third what memory grew by for each of them, bytes. Lengths are chosen as a user would: a
-radius is twice the distance between neighbouring points where they lie loosely, so the layouts differ in
-how they pile up beside that. It ends with 1 if an exponent is above 1.2 or a run did not end.
+limited memory and time. Times are the processor's, so they do not depend on what else runs. The first table
+has their exponents, log(t2 / t1) / log(n2 / n1), between the fewest and the most points: 1 is linear, 2
+quadratic. Times below a millisecond count as one. The second has the seconds for the most points, the third
+what memory grew by for each of them, bytes. Lengths are chosen as a user would: a radius is twice the
+distance between neighbouring points where they lie loosely, so the layouts differ in how they pile up beside
+that. It ends with 1 if an exponent is above 1.2 or a run did not end.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ RUNS = 5
 ENDED_LATE = "no answer"
 
 
-def volume(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_volume(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     return rng.random((count, 3)), count ** (-1 / 3)
 
 
-def rope(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_rope(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     """A wavy tube 10 mm wide, seen from above: so long that its points are about a millimetre apart."""
     radius, spacing = 5e-3, 1e-3
     length = count * spacing**2 / (math.pi * radius)
@@ -55,105 +55,105 @@ def rope(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     return points, spacing
 
 
-def one_place(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_one_place(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     return np.tile([0.3, -0.2, 0.7], (count, 1)), 0.01
 
 
-def half_one_place(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    points, spacing = volume(rng, count)
+def fill_half_one_place(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+    points, spacing = fill_volume(rng, count)
     points[::2] = points[0]
     return points, spacing
 
 
-def outlier(extents: float) -> Layout:
+def fill_with_outlier(extents: float) -> Layout:
     def layout(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-        points, spacing = volume(rng, count)
+        points, spacing = fill_volume(rng, count)
         points[count // 2] = extents
         return points, spacing
 
     return layout
 
 
-def two_clusters(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    points, spacing = volume(rng, count)
+def fill_two_clusters(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+    points, spacing = fill_volume(rng, count)
     points[::2] += 1e6
     return points, spacing
 
 
-def no_return(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    points, spacing = rope(rng, count)
+def fill_with_no_returns(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+    points, spacing = fill_rope(rng, count)
     points += [0.1, 0.1, 1.0]
     points[rng.random(count) < 0.3] = 0.0
     return points, spacing
 
 
-def line(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_line(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     return rng.random((count, 1)) * [0.6, -0.3, 0.8], 5.0 / count
 
 
-def plane(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_plane(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     return rng.random((count, 2)) @ [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0]], 1.5 * count**-0.5
 
 
-def dense_cluster(rng: np.random.Generator, count: int) -> tuple[Array, float]:
-    points, spacing = volume(rng, count)
+def fill_dense_cluster(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+    points, spacing = fill_volume(rng, count)
     points[::2] = 0.5 + 1e-3 * (points[::2] - 0.5)
     return points, spacing
 
 
-def power_law(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_power_law(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     """As dense as one over the squared distance from the middle: as a scanner sees what is around."""
     way = rng.normal(size=(count, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     return way * rng.random((count, 1)), count ** (-1 / 3)
 
 
-def lattice(rng: np.random.Generator, count: int) -> tuple[Array, float]:
+def fill_lattice(rng: np.random.Generator, count: int) -> tuple[Array, float]:
     """Whole numbers, eight points on each, and distances that are just a radius."""
     side = max(2, round((count / 8) ** (1 / 3)))
     return rng.integers(0, side, (count, 3)).astype(float), 1.0
 
 
 LAYOUTS: dict[str, Layout] = {
-    "uniform volume": volume,
-    "rope": rope,
-    "all in one place": one_place,
-    "half in one place": half_one_place,
-    "outlier at 1e3 extents": outlier(1e3),
-    "outlier at 1e6 extents": outlier(1e6),
-    "two clusters far apart": two_clusters,
-    "30 % at (0, 0, 0)": no_return,
-    "line": line,
-    "plane": plane,
-    "dense cluster in sparse cloud": dense_cluster,
-    "power law": power_law,
-    "lattice, 8 on each": lattice,
+    "uniform volume": fill_volume,
+    "rope": fill_rope,
+    "all in one place": fill_one_place,
+    "half in one place": fill_half_one_place,
+    "outlier at 1e3 extents": fill_with_outlier(1e3),
+    "outlier at 1e6 extents": fill_with_outlier(1e6),
+    "two clusters far apart": fill_two_clusters,
+    "30 % at (0, 0, 0)": fill_with_no_returns,
+    "line": fill_line,
+    "plane": fill_plane,
+    "dense cluster in sparse cloud": fill_dense_cluster,
+    "power law": fill_power_law,
+    "lattice, 8 on each": fill_lattice,
 }
 
 
-def unit_normals(points: Array) -> Array:
+def make_normals(points: Array) -> Array:
     away = points - points.mean(axis=0)
     length = np.linalg.norm(away, axis=1, keepdims=True)
     return np.divide(away, length, out=np.tile([0.0, 0.0, 1.0], (len(points), 1)), where=length > 0.0)
 
 
-def camera(points: Array) -> Array:
+def place_camera(points: Array) -> Array:
     """A place above the middle of the points."""
     return np.asarray(np.median(points, axis=0) + np.array([0.0, 0.0, 2.0]))
 
 
-def moved(points: Array, spacing: float) -> Array:
+def displace(points: Array, spacing: float) -> Array:
     return points + 0.3 * spacing
 
 
-def tubes(points: Array, spacing: float) -> strand.TubeFit:
+def fit_curve(points: Array, spacing: float) -> strand.TubeFit:
     """Fit a curve through every twenty-thousandth of the points."""
     nodes = points[:: max(1, len(points) // 20_000)]
     order = np.lexsort(nodes.T)
     curve = nodes[order][:200] + spacing * np.arange(min(200, len(nodes)))[:, None] * [0.0, 0.0, 1e-3]
     return strand.fit_tubes(
         [points],
-        [camera(points)],
+        [place_camera(points)],
         [curve],
         [np.eye(4)],
         5.0 * spacing,
@@ -164,24 +164,24 @@ def tubes(points: Array, spacing: float) -> strand.TubeFit:
     )
 
 
-def depth_image(points: Array) -> Array:
+def make_depth_image(points: Array) -> Array:
     side = math.isqrt(len(points))
     return np.resize(np.abs(points[:, 2]) + 0.1, (side, side))
 
 
-def unprojected(points: Array) -> Array:
+def unproject(points: Array) -> Array:
     intrinsics = [[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]
-    return strand.View.from_depth(depth_image(points), intrinsics).points
+    return strand.View.from_depth(make_depth_image(points), intrinsics).points
 
 
-def cropped(points: Array) -> Array:
+def crop_points(points: Array) -> Array:
     low, high = np.quantile(points, [0.1, 0.9], axis=0)
     return strand.View(points).crop((low - 1.0, high + 1.0)).points
 
 
-def radius_of(points: Array) -> Array:
+def estimate_radius(points: Array) -> Array:
     try:
-        return strand.estimate_radius([strand.View.from_world(points, camera(points))])
+        return strand.estimate_radius([strand.View.from_world(points, place_camera(points))])
     except strand.StrandError:
         # an answer as well: no stretch of rope
         return np.zeros(0)
@@ -190,23 +190,25 @@ def radius_of(points: Array) -> Array:
 KERNELS: dict[str, Callable[[Array, float], object]] = {
     "radius_outlier_mask": lambda p, h: strand.radius_outlier_mask(p, 2.0 * h, 10),
     "count_neighbors": lambda p, h: strand.count_neighbors(p, 2.0 * h),
-    "estimate_normals, k": lambda p, h: strand.estimate_normals(p, k=20, viewpoint=camera(p)),
-    "estimate_normals, radius": lambda p, h: strand.estimate_normals(p, radius=2.0 * h, viewpoint=camera(p)),
-    "icp, points": lambda p, h: strand.icp(moved(p, h), p, 2.0 * h, max_iterations=5),
-    "icp, planes": lambda p, h: strand.icp(
-        moved(p, h), p, 2.0 * h, target_normals=unit_normals(p), max_iterations=5
+    "estimate_normals, k": lambda p, h: strand.estimate_normals(p, k=20, viewpoint=place_camera(p)),
+    "estimate_normals, radius": lambda p, h: strand.estimate_normals(
+        p, radius=2.0 * h, viewpoint=place_camera(p)
     ),
-    "centerline": lambda p, h: strand.centerline(p, unit_normals(p), h, 5),
+    "icp, points": lambda p, h: strand.icp(displace(p, h), p, 2.0 * h, max_iterations=5),
+    "icp, planes": lambda p, h: strand.icp(
+        displace(p, h), p, 2.0 * h, target_normals=make_normals(p), max_iterations=5
+    ),
+    "centerline": lambda p, h: strand.centerline(p, make_normals(p), h, 5),
     "trace_chains": lambda p, h: strand.trace_chains(p, 2.0 * h, 5.0 * h),
-    "trace_tubes": lambda p, h: strand.trace_tubes(p, camera(p), 5.0 * h),
-    "fit_tubes": tubes,
-    "estimate_radius": lambda p, h: radius_of(p),
-    "View.crop": lambda p, h: cropped(p),
-    "View.from_depth": lambda p, h: unprojected(p),
+    "trace_tubes": lambda p, h: strand.trace_tubes(p, place_camera(p), 5.0 * h),
+    "fit_tubes": fit_curve,
+    "estimate_radius": lambda p, h: estimate_radius(p),
+    "View.crop": lambda p, h: crop_points(p),
+    "View.from_depth": lambda p, h: unproject(p),
 }
 
 
-def measure(kernel: str, layout: str, counts: list[int], seconds: float, memory: float) -> None:
+def measure_here(kernel: str, layout: str, counts: list[int], seconds: float, memory: float) -> None:
     """Print seconds and growth of the peak of memory, bytes, for each number of points."""
     if memory > 0.0:
         limit = int(memory * 2**30)
@@ -227,7 +229,9 @@ def measure(kernel: str, layout: str, counts: list[int], seconds: float, memory:
         print(min(times), grown, flush=True)
 
 
-def measured(kernel: str, layout: str, counts: list[int], limit: float, memory: float) -> list[list[float]]:
+def measure_apart(
+    kernel: str, layout: str, counts: list[int], limit: float, memory: float
+) -> list[list[float]]:
     """Measure in another process: what it had printed when it ended or its time was over."""
     options = ["--most", str(counts[-1]), "--limit", str(limit), "--memory", str(memory)]
     done = subprocess.run(
@@ -241,14 +245,14 @@ def measured(kernel: str, layout: str, counts: list[int], limit: float, memory: 
     return [[float(number) for number in printed.split()] for printed in done.stdout.splitlines()]
 
 
-def exponent(counts: list[int], times: list[float]) -> float:
+def fit_exponent(counts: list[int], times: list[float]) -> float:
     if len(times) < len(counts):
         return math.inf
     times = [max(seconds, LEAST_TIME) for seconds in times]
     return math.log(times[-1] / times[0]) / math.log(counts[-1] / counts[0])
 
 
-def chosen(names: dict[str, object], texts: list[str] | None) -> list[str]:
+def choose_names(names: dict[str, object], texts: list[str] | None) -> list[str]:
     return [name for name in names if texts is None or any(text in name for text in texts)]
 
 
@@ -263,22 +267,22 @@ def main() -> int:
     arguments = parser.parse_args()
     counts = [10**power for power in range(4, 7) if 10**power <= arguments.most]
     if arguments.measure:
-        measure(*arguments.measure, counts, arguments.limit, arguments.memory)
+        measure_here(*arguments.measure, counts, arguments.limit, arguments.memory)
         return 0
-    kernels, layouts = chosen(KERNELS, arguments.kernels), chosen(LAYOUTS, arguments.layouts)
+    kernels, layouts = choose_names(KERNELS, arguments.kernels), choose_names(LAYOUTS, arguments.layouts)
     found: dict[tuple[str, str], list[list[float]]] = {}
     worst = []
     for kernel in kernels:
         for layout in layouts:
-            numbers = measured(kernel, layout, counts, arguments.limit, arguments.memory)
+            numbers = measure_apart(kernel, layout, counts, arguments.limit, arguments.memory)
             found[kernel, layout] = numbers
             times = " ".join(f"{seconds:.4f}" for seconds, _ in numbers)
-            slope = exponent(counts, [seconds for seconds, _ in numbers])
+            slope = fit_exponent(counts, [seconds for seconds, _ in numbers])
             worst.append((slope, kernel, layout))
             print(f"{kernel}, {layout}: {times} s, exponent {slope:.2f}", file=sys.stderr, flush=True)
     tables: dict[str, Callable[[list[list[float]]], str]] = {
         f"exponents of time from {counts[0]:.0e} to {counts[-1]:.0e} points": lambda numbers: (
-            f"{exponent(counts, [seconds for seconds, _ in numbers]):.2f}"
+            f"{fit_exponent(counts, [seconds for seconds, _ in numbers]):.2f}"
         ),
         f"seconds, {counts[-1]:.0e} points": lambda numbers: f"{numbers[-1][0]:.3g}",
         "growth of memory, bytes a point": lambda numbers: f"{numbers[-1][1] / counts[-1]:.0f}",

@@ -83,7 +83,7 @@ class Truth:
         return cls(
             np.concatenate(points),
             tangent,
-            across(tangent),
+            make_frames(tangent),
             np.repeat(np.arange(len(points)), [len(places) for places in points]),
             np.concatenate(along),
             lengths,
@@ -111,7 +111,7 @@ class Pixels:
     place: NDArray[np.int64]
 
 
-def across(tangents: Array) -> Array:
+def make_frames(tangents: Array) -> Array:
     """(M, 2, 3) Two unit vectors at right angles to each tangent and to each other."""
     least = np.eye(3)[np.abs(tangents).argmin(axis=1)]
     first = np.cross(tangents, least)
@@ -119,7 +119,7 @@ def across(tangents: Array) -> Array:
     return np.stack([first, np.cross(tangents, first)], axis=1)
 
 
-def seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
+def find_seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
     """Cast the rays of all pixels that took part, from the true poses, to the true ropes."""
     camera, (low, high) = scene.intrinsics, scene.bounds
     tree = cKDTree(truth.points)
@@ -146,7 +146,7 @@ def seen_pixels(scene: SyntheticScene, truth: Truth) -> Pixels:
     return Pixels(surface, normal, precision, view.astype(np.int64), place.astype(np.int64))
 
 
-def bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: strand.Config) -> Array:
+def compute_bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: strand.Config) -> Array:
     """(M,) Least standard deviation across the rope of unbiased estimates of the places of the truth.
 
     The unknowns are two for each control point, across the rope, and six for each view but the middle one.
@@ -193,7 +193,7 @@ def bound(pixels: Pixels, truth: Truth, views: int, radius: float, config: stran
     return np.asarray(np.sqrt(np.einsum("meu,uw,mew->m", place, covariance, place, optimize=True)))
 
 
-def calibration(chains: tuple[strand.Chain, ...], truth: Truth) -> tuple[float, float]:
+def compute_calibration(chains: tuple[strand.Chain, ...], truth: Truth) -> tuple[float, float]:
     """Root mean square of the reported standard deviation, metres, and normalised squared error."""
     tree = cKDTree(truth.points)
     variances, squares = [], []
@@ -212,11 +212,11 @@ def calibration(chains: tuple[strand.Chain, ...], truth: Truth) -> tuple[float, 
     return float(np.sqrt(np.concatenate(variances).mean())), float(np.concatenate(squares).mean())
 
 
-def root_mean_square(values: Array) -> float:
+def compute_rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def rounded(values: Sequence[float]) -> list[str]:
+def format_values(values: Sequence[float]) -> list[str]:
     """The last columns of a row."""
     return [f"{value:.{digits}f}" for value, digits in zip(values, DIGITS, strict=True)]
 
@@ -241,15 +241,15 @@ def main() -> int:
             print_row(name, noise, "wrong topology", *[""] * len(errors))
             continue
         truth = Truth.of(scene.truth, scene.radius)
-        pixels = seen_pixels(scene, truth)
-        least = root_mean_square(bound(pixels, truth, len(scene.views), scene.radius, config))
-        sd, normalised = calibration(model.chains, truth)
+        pixels = find_seen_pixels(scene, truth)
+        least = compute_rms(compute_bound(pixels, truth, len(scene.views), scene.radius, config))
+        sd, normalised = compute_calibration(model.chains, truth)
         values = (least * 1e3, found.rms * 1e3, found.rms / least, sd * 1e3, normalised)
         by_noise[scene.noise].append(values)
-        print_row(name, noise, len(pixels.view), *rounded(values))
+        print_row(name, noise, len(pixels.view), *format_values(values))
     for level, rows in sorted(by_noise.items()):
         medians = [statistics.median(column) for column in zip(*rows, strict=True)]
-        print_row(f"median of {len(rows)}", f"{level * 1e3:.1f}", "", *rounded(medians))
+        print_row(f"median of {len(rows)}", f"{level * 1e3:.1f}", "", *format_values(medians))
     return 0 if by_noise else 1
 
 

@@ -2,11 +2,11 @@
 
 python benches/masked.py [--runs N] [--only TEXT]
 
-The scenes are shapes and random ropes in turn through each of `strand.synthetic.CAMERAS`: in one view of
-640 x 480 pixels, in one of 1280 x 720, and in three of 640 x 480. The radius and the number of ropes are
-told. The time of a scene is the median of its runs, from the images and masks to the model; the table has
-the median, the least and the most of the scenes, and each stage's median. "views" is the making of the
-views, "rest" what belongs to no stage.
+The scenes are shapes and random ropes in turn through each of `strand.synthetic.CAMERAS`: in one view of 640
+x 480 pixels, in one of 1280 x 720, and in three of 640 x 480. The radius and the number of ropes are told.
+The time of a scene is the median of its runs, from the images and masks to the model; the table has the
+median, the least and the most of the scenes, and each stage's median. "views" is the making of the views,
+"rest" what belongs to no stage.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ RANDOM = (1, 3, 5)  # crossings of the random ropes
 RADIUS, PIXELS = 4.5e-3, 4.5  # of the ropes: metres, and pixels of an image 640 wide
 
 
-def drawn(views: int, size: tuple[int, int], only: str = "") -> Iterator[SyntheticScene]:
+def draw_scenes(views: int, size: tuple[int, int], only: str = "") -> Iterator[SyntheticScene]:
     """Yield the seeded scenes."""
     for seed, what in enumerate((*SHAPES, *RANDOM)):
         name = what if isinstance(what, str) else f"random{what}"
@@ -50,7 +50,7 @@ def drawn(views: int, size: tuple[int, int], only: str = "") -> Iterator[Synthet
             )
 
 
-def timed(synthetic: SyntheticScene) -> dict[str, float]:
+def time_stages(synthetic: SyntheticScene) -> dict[str, float]:
     """Seconds of each stage of one run."""
     depths, masks = synthetic.depth * synthetic.depth_scale, synthetic.mask
     assert masks is not None
@@ -75,8 +75,8 @@ def main() -> int:
     for name, views, size in FIGURES:
         totals: list[float] = []
         scenes: list[dict[str, float]] = []
-        for synthetic in drawn(views, size, arguments.only):
-            runs = [timed(synthetic) for _ in range(arguments.runs)]
+        for synthetic in draw_scenes(views, size, arguments.only):
+            runs = [time_stages(synthetic) for _ in range(arguments.runs)]
             totals.append(1e3 * statistics.median(sum(run.values()) for run in runs))
             scenes.append({k: 1e3 * statistics.median(run.get(k, 0.0) for run in runs) for k in runs[0]})
         if not totals:

@@ -26,13 +26,13 @@ STATUS = Path("/proc/self/status")
 PEAK = Path("/proc/self/clear_refs"), "5"  # forgets the most that was resident
 
 
-def megabytes(what: str) -> float:
+def read_megabytes(what: str) -> float:
     """A line of what the system says of this process."""
     lines = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
     return float(lines[what].split()[0]) / 1e3
 
 
-def measured(call: Callable[[int], object], calls: int) -> list[str]:
+def measure_calls(call: Callable[[int], object], calls: int) -> list[str]:
     """Call after a first time; what a call took of the processor, faults of a call, and memory."""
     call(0)
     PEAK[0].write_text(PEAK[1])
@@ -43,7 +43,7 @@ def measured(call: Callable[[int], object], calls: int) -> list[str]:
     user, system = after.ru_utime - before.ru_utime, after.ru_stime - before.ru_stime
     faults = after.ru_minflt - before.ru_minflt
     each = [f"{1e3 * user / calls:.1f}", f"{1e3 * system / calls:.1f}", f"{faults / calls:.0f}"]
-    return [*each, f"{megabytes('VmRSS'):.0f}", f"{megabytes('VmHWM'):.0f}"]
+    return [*each, f"{read_megabytes('VmRSS'):.0f}", f"{read_megabytes('VmHWM'):.0f}"]
 
 
 def main() -> int:
@@ -71,7 +71,7 @@ def main() -> int:
     }
     print_head("work", "calls", "user, ms", "system, ms", "page faults", "resident, MB", "most, MB")
     for name, (call, times) in work.items():
-        print_row(name, times, *measured(call, times))
+        print_row(name, times, *measure_calls(call, times))
     return 0
 
 

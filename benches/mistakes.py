@@ -62,30 +62,30 @@ class Given:
         ]
 
 
-def scaled_translation(given: Given) -> Given:
+def scale_translations(given: Given) -> Given:
     poses = given.poses.copy()
     poses[:, :3, 3] *= 1e3
     return replace(given, poses=poses)
 
 
-def in_degrees(given: Given) -> Given:
+def turn_by_degrees(given: Given) -> Given:
     """Turns made of angles in degrees that are taken for radians."""
     poses = given.poses.copy()
     for pose in poses:
         angle = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
         if angle > 0.0:
             axis = np.array([pose[2, 1] - pose[1, 2], pose[0, 2] - pose[2, 0], pose[1, 0] - pose[0, 1]])
-            pose[:3, :3] = turned(axis / np.linalg.norm(axis), np.degrees(angle))
+            pose[:3, :3] = make_rotation(axis / np.linalg.norm(axis), np.degrees(angle))
     return replace(given, poses=poses)
 
 
-def turned(axis: Array, angle: float) -> Array:
+def make_rotation(axis: Array, angle: float) -> Array:
     """(3, 3) Rotation about a unit axis, radians."""
     skew = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * (skew @ skew))
 
 
-def along_rays(given: Given) -> Given:
+def measure_along_rays(given: Given) -> Given:
     height, width = given.depth.shape[1:]
     v, u = np.mgrid[:height, :width]
     K = given.intrinsics
@@ -93,33 +93,33 @@ def along_rays(given: Given) -> Given:
     return replace(given, depth=given.depth * ray)
 
 
-def resized(scale: float) -> Callable[[Given], Given]:
+def resize(scale: float) -> Callable[[Given], Given]:
     """Intrinsics of an image that is so many times as large."""
     return lambda given: replace(given, intrinsics=given.intrinsics * [[scale], [scale], [1.0]])
 
 
-def hand_eye(given: Given) -> Given:
+def add_hand_eye_error(given: Given) -> Given:
     """The camera sits a centimetre and a degree from where the arm's calibration says."""
     error = strand.pose_from_angles(np.radians(1.0), 0.0, 0.0, [0.006, 0.008, 0.0])
     return replace(given, poses=given.poses @ error)
 
 
-def one_moved(given: Given) -> Given:
+def move_last_camera(given: Given) -> Given:
     """The last view's camera stood a centimetre beside where it is said to have stood."""
     poses = given.poses.copy()
     poses[-1, :3, 3] += [0.006, 0.008, 0.0]
     return replace(given, poses=poses)
 
 
-def world_points(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+def give_world_points(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
     return strand.View(strand.View.from_depth(depth, intrinsics, pose).world_points, pose)
 
 
-def world_points_alone(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+def give_world_points_alone(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
     return strand.View(strand.View.from_depth(depth, intrinsics, pose).world_points)
 
 
-def from_within(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
+def give_inner_viewpoint(depth: Array, intrinsics: Array, pose: Array) -> strand.View:
     points = strand.View.from_depth(depth, intrinsics, pose).world_points
     return strand.View.from_world(points, points.mean(axis=0))
 
@@ -128,22 +128,22 @@ MISTAKES: dict[str, Callable[[Given], Given]] = {
     "nothing": lambda g: g,
     "poses from world to camera": lambda g: replace(g, poses=np.linalg.inv(g.poses)),
     "poses of the next view": lambda g: replace(g, poses=np.roll(g.poses, 1, axis=0)),
-    "angles of the poses in degrees": in_degrees,
-    "poses in millimetres": scaled_translation,
+    "angles of the poses in degrees": turn_by_degrees,
+    "poses in millimetres": scale_translations,
     "depth in millimetres": lambda g: replace(g, depth=1e3 * g.depth),
-    "depth along the rays": along_rays,
+    "depth along the rays": measure_along_rays,
     "depth mirrored": lambda g: replace(g, depth=g.depth[:, :, ::-1]),
     "depth upside down": lambda g: replace(g, depth=g.depth[:, ::-1]),
     "depth transposed": lambda g: replace(g, depth=g.depth.transpose(0, 2, 1)),
-    "intrinsics of twice the size": resized(2.0),
-    "intrinsics of half the size": resized(0.5),
-    "world points in View(points, pose)": lambda g: replace(g, made=world_points),
-    "world points in View(points)": lambda g: replace(g, made=world_points_alone),
-    "the camera inside the cloud": lambda g: replace(g, made=from_within),
+    "intrinsics of twice the size": resize(2.0),
+    "intrinsics of half the size": resize(0.5),
+    "world points in View(points, pose)": lambda g: replace(g, made=give_world_points),
+    "world points in View(points)": lambda g: replace(g, made=give_world_points_alone),
+    "the camera inside the cloud": lambda g: replace(g, made=give_inner_viewpoint),
     "the diameter as the radius": lambda g: replace(g, radius=2.0 * g.radius),
     "the radius halved": lambda g: replace(g, radius=0.5 * g.radius),
-    "hand-eye error of 10 mm": hand_eye,
-    "one camera 10 mm aside": one_moved,
+    "hand-eye error of 10 mm": add_hand_eye_error,
+    "one camera 10 mm aside": move_last_camera,
 }
 
 # what no data can show: nothing that one view sees contradicts it
@@ -154,7 +154,7 @@ SILENT = {
 }
 
 
-def victims(first: int, count: int) -> Iterator[tuple[str, SyntheticScene, bool]]:
+def list_scenes(first: int, count: int) -> Iterator[tuple[str, SyntheticScene, bool]]:
     names = [name for name in SHAPES if name != "coil"]
     for k in range(first, first + count):
         yield "seven", scene(names[k % len(names)], seed=k, views=7), True
@@ -171,7 +171,7 @@ class Answer:
     said: str
 
 
-def answered(given: Given, synthetic: SyntheticScene) -> Answer | str:
+def reconstruct(given: Given, synthetic: SyntheticScene) -> Answer | str:
     """Return the answer, or the error."""
     try:
         model = strand.reconstruct(given.views(), given.radius, given.bounds)
@@ -193,7 +193,7 @@ def main() -> int:
     parser.add_argument("--only", metavar="TEXT", default="", help="mistakes with TEXT in their name")
     parser.add_argument("--all", action="store_true", help="say what each answer says, too")
     arguments = parser.parse_args()
-    scenes = list(victims(arguments.first, arguments.scenes))
+    scenes = list(list_scenes(arguments.first, arguments.scenes))
     print_head("mistake", "views", "answers", "wrong", "greatest confidence when wrong", "what is said")
     worst = 0.0
     for mistake, make in MISTAKES.items():
@@ -208,7 +208,7 @@ def main() -> int:
                 depth = synthetic.depth * synthetic.depth_scale
                 bounds = synthetic.bounds if bounded else None
                 given = make(Given(depth, synthetic.intrinsics, synthetic.poses, synthetic.radius, bounds))
-                found = answered(given, synthetic)
+                found = reconstruct(given, synthetic)
                 if arguments.all:
                     print(f"{mistake}, {kind}, {synthetic.name}: {found}", file=sys.stderr, flush=True)
                 if isinstance(found, Answer):

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 import strand
-from fresh import KINDS, RELATIVE, draw
+from fresh import KINDS, RELATIVE, draw_scene
 from lib import collection
 from lib.measure import measure_chains
 from lib.results import make_parser, run_bench
@@ -62,13 +62,13 @@ class Found:
     right: bool
 
 
-def true_crossings(truth: Sequence[Array], radius: float) -> tuple[strand.Model, tuple[Crossing, ...]]:
+def find_true_crossings(truth: Sequence[Array], radius: float) -> tuple[strand.Model, tuple[Crossing, ...]]:
     """Return the true ropes as a model, and their crossings seen from above."""
     ropes = strand.Model(tuple(strand.Chain(nodes, radius) for nodes in truth), np.eye(4)[None])
     return ropes, ropes.crossings()
 
 
-def beside_truth(
+def compare_crossings(
     chains: Sequence[strand.Chain],
     crossings: Sequence[Crossing],
     truth: Sequence[Array],
@@ -89,17 +89,17 @@ def beside_truth(
     radius : float
         The ropes' radius, metres.
     """
-    ropes, true = true_crossings(truth, radius)
+    ropes, true = find_true_crossings(truth, radius)
     away = np.full((len(crossings), len(true)), FAR)
     right = np.zeros(away.shape, dtype=bool)
     for i, crossing in enumerate(crossings):
-        upper, lower = (_beside(chains, at, radius) for at in (crossing.over, crossing.under))
+        upper, lower = (_places_beside(chains, at, radius) for at in (crossing.over, crossing.under))
         for k, other in enumerate(true):
             if np.linalg.norm((other.place - crossing.place)[:2]) > NEAR * radius:
                 continue
-            over, under = (_beside(ropes.chains, at, radius, 4) for at in (other.over, other.under))
-            same = max(_distance(upper, over), _distance(lower, under))
-            turned = max(_distance(upper, under), _distance(lower, over))
+            over, under = (_places_beside(ropes.chains, at, radius, 4) for at in (other.over, other.under))
+            same = max(_mean_distance(upper, over), _mean_distance(lower, under))
+            turned = max(_mean_distance(upper, under), _mean_distance(lower, over))
             if min(same, turned) <= SAME * radius:
                 away[i, k], right[i, k] = min(same, turned) / radius, same < turned
     found = [Found(crossing.probability, None, False) for crossing in crossings]
@@ -110,19 +110,21 @@ def beside_truth(
     return found
 
 
-def _beside(chains: Sequence[strand.Chain], at: tuple[int, float], radius: float, finer: int = 1) -> Array:
+def _places_beside(
+    chains: Sequence[strand.Chain], at: tuple[int, float], radius: float, finer: int = 1
+) -> Array:
     """(N, 2) Places of a strand in the plan around a crossing; those of the truth reach farther."""
     chain, s = chains[at[0]], at[1]
     places = BESIDE if finer == 1 else np.linspace(1.5 * BESIDE[0], 1.5 * BESIDE[-1], 25 * finer)
     return np.asarray(chain.at(s + radius * places)[:, :2])
 
 
-def _distance(places: Array, line: Array) -> float:
+def _mean_distance(places: Array, line: Array) -> float:
     """Mean distance of places from those of a line."""
     return float(np.linalg.norm(places[:, None] - line, axis=2).min(axis=1).mean())
 
 
-def judge(synthetic: SyntheticScene) -> dict[str, Any]:
+def judge_scene(synthetic: SyntheticScene) -> dict[str, Any]:
     """Reconstruct a scene, and compare its crossings with the true ones.
 
     Returns
@@ -139,18 +141,18 @@ def judge(synthetic: SyntheticScene) -> dict[str, Any]:
         pass
     else:
         chains = model.chains
-        found = beside_truth(chains, model.crossings(), synthetic.truth, synthetic.radius)
+        found = compare_crossings(chains, model.crossings(), synthetic.truth, synthetic.radius)
     measure = measure_chains([chain.points for chain in chains], synthetic.truth, synthetic.radius)
     return {
         "scene": synthetic.name,
         "noise": synthetic.noise / synthetic.radius,
         "right": measure.right,
-        "true": len(true_crossings(synthetic.truth, synthetic.radius)[1]),
+        "true": len(find_true_crossings(synthetic.truth, synthetic.radius)[1]),
         "crossings": [asdict(one) for one in found],
     }
 
 
-def by_probability(records: Iterable[dict[str, Any]]) -> list[tuple[float, float, int, float, float]]:
+def group_by_probability(records: Iterable[dict[str, Any]]) -> list[tuple[float, float, int, float, float]]:
     """Rows of probabilities from, to, how many crossings, their mean probability, and the share right."""
     every = [(one["probability"], one["right"]) for record in records for one in record["crossings"]]
     said, right = (np.array(column, dtype=float) for column in zip(*every, strict=True))
@@ -164,7 +166,7 @@ def by_probability(records: Iterable[dict[str, Any]]) -> list[tuple[float, float
     return rows
 
 
-def by_noise(records: Sequence[dict[str, Any]]) -> list[tuple[str, int, int, int, int, int]]:
+def group_by_noise(records: Sequence[dict[str, Any]]) -> list[tuple[str, int, int, int, int, int]]:
     """Rows of noise, scenes, those of right topology, their true crossings, of these right, other way round.
 
     The others were not found.
@@ -184,7 +186,7 @@ def by_noise(records: Sequence[dict[str, Any]]) -> list[tuple[str, int, int, int
     return rows
 
 
-def plot(rows: Sequence[tuple[float, float, int, float, float]], path: Path) -> None:
+def plot_probabilities(rows: Sequence[tuple[float, float, int, float, float]], path: Path) -> None:
     """Draw the share right over the probability that was said, both as the odds against it."""
     figure = Figure(figsize=(4.2, 3.6), layout="constrained")
     axis = figure.subplots()
@@ -209,7 +211,7 @@ def plot(rows: Sequence[tuple[float, float, int, float, float]], path: Path) -> 
     figure.savefig(path, dpi=110)
 
 
-def fresh(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+def judge_fresh(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Judge fresh scenes, but for those that have their line already."""
     asked = [arguments.noise, *arguments.relative]
     lines = arguments.out / "order.jsonl" if arguments.out else None
@@ -220,8 +222,8 @@ def fresh(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     records = []
     for seed in range(arguments.first, arguments.first + arguments.scenes):
         if seed not in done:
-            synthetic, drawn = draw(seed, arguments.noise, tuple(arguments.relative))
-            done[seed] = {"seed": seed, "asked": asked, **judge(synthetic), "noise": drawn["relative"]}
+            synthetic, drawn = draw_scene(seed, arguments.noise, tuple(arguments.relative))
+            done[seed] = {"seed": seed, "asked": asked, **judge_scene(synthetic), "noise": drawn["relative"]}
             if lines is not None:
                 lines.parent.mkdir(parents=True, exist_ok=True)
                 with lines.open("a") as file:
@@ -251,7 +253,7 @@ def main() -> int:
         records = []
         print_head("scene", "topology", "true crossings", "found", "order right", "least probability")
         for synthetic in collection.choose_scenes(arguments):
-            records.append(judge(synthetic))
+            records.append(judge_scene(synthetic))
             found = records[-1]["crossings"]
             print_row(
                 records[-1]["scene"],
@@ -263,17 +265,17 @@ def main() -> int:
             )
         print()
     else:
-        records = fresh(arguments)
+        records = judge_fresh(arguments)
     print_head("noise / r", "scenes", "topology right", "their crossings", "order right", "other way round")
-    for counts in by_noise(records):
+    for counts in group_by_noise(records):
         print_row(*counts)
     print()
-    rows = by_probability(records)
+    rows = group_by_probability(records)
     print_head("probability", "crossings", "said %", "right %")
     for low, high, count, said, right in rows:
         print_row(f"{low:g}-{high:g}", count, f"{100 * said:.2f}", f"{100 * right:.2f}")
     if arguments.out:
-        plot(rows, arguments.out / "order.png")
+        plot_probabilities(rows, arguments.out / "order.png")
     return 0
 
 

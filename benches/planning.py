@@ -48,7 +48,7 @@ class Run:
     seconds: float
 
 
-def nearest_points(world: World) -> strand.Model:
+def see_nearest_points(world: World) -> strand.Model:
     """Look, and join each point to the nearest one that is left."""
     points = np.concatenate([view.points @ view.pose[:3, :3].T + view.pose[:3, 3] for view in look(world)])
     # nothing of the table, whose depths have noise
@@ -75,7 +75,7 @@ def nearest_points(world: World) -> strand.Model:
     return strand.Model((strand.Chain(np.array(path), RADIUS),), world.poses)
 
 
-def attempt(
+def try_task(
     task: str, see: Callable[[World], strand.Model], views: int, seed: int, film: bool
 ) -> tuple[Run, World]:
     """Do a task, and look at the truth."""
@@ -96,7 +96,7 @@ def attempt(
     return Run(task, RIGHT[task](world, before), len(seconds), statistics.median(seconds or [0.0])), world
 
 
-def _picked(world: World, before: np.ndarray) -> bool:
+def _is_picked(world: World, before: np.ndarray) -> bool:
     after = rope(world).points
     held = int(world.data.eq_active[:HOLDS].sum())
     s = rope(world).arc_length
@@ -106,16 +106,16 @@ def _picked(world: World, before: np.ndarray) -> bool:
     return held == 1 and any(lifted) and bool(moved[rest].max() < DRAGGED)
 
 
-def _straight(world: World, _: np.ndarray) -> bool:
+def _is_straight(world: World, _: np.ndarray) -> bool:
     chain = rope(world)
     return not chain.crossings() and chain.shape_error(planner.straight(chain)).worst < STRAIGHT
 
 
-def _apart(world: World, _: np.ndarray) -> bool:
+def _is_untied(world: World, _: np.ndarray) -> bool:
     return not rope(world).crossings()
 
 
-RIGHT = {"pick": _picked, "straighten": _straight, "untie": _apart}
+RIGHT = {"pick": _is_picked, "straighten": _is_straight, "untie": _is_untied}
 
 
 def main() -> None:
@@ -129,14 +129,14 @@ def main() -> None:
     options = parser.parse_args()
     print_head("task", "chain", "done", "looks (median)", "seconds a look")
     for task in options.tasks:
-        for name, see in (("strand", planner.see), ("nearest points", nearest_points)):
+        for name, see in (("strand", planner.see), ("nearest points", see_nearest_points)):
             runs = []
             for seed in range(options.first, options.first + options.seeds):
                 film = options.film is not None and seed == options.first
-                run, world = attempt(task, see, options.views, seed, film)
+                run, world = try_task(task, see, options.views, seed, film)
                 runs.append(run)
                 if film:
-                    _draw(world, options.film / f"{task}_{name.replace(' ', '_')}.png")
+                    _draw_film(world, options.film / f"{task}_{name.replace(' ', '_')}.png")
             done = sum(run.done for run in runs)
             failed = [seed for seed, run in enumerate(runs, options.first) if not run.done]
             looks, seconds = (
@@ -148,7 +148,7 @@ def main() -> None:
                 print(f"{task} by {name} failed with the seeds {failed}", file=sys.stderr, flush=True)
 
 
-def _draw(world: World, path: Path) -> None:
+def _draw_film(world: World, path: Path) -> None:
     """Save three or six photos of a run in rows, the first and the last among them."""
     picked = np.linspace(0, len(world.film) - 1, 6 if len(world.film) > 5 else 3).round().astype(int)
     photos = [world.film[number][60:-100, 90:-90] for number in picked]

@@ -2,11 +2,11 @@
 
 python benches/queries.py [--points 1 1000 100000] [--repeats 7] [--sides 16]
 
-The rope is one of `strand.synthetic.random_ropes`. strand asks its capsules; the others ask a mesh of
-them with `sides` vertices around. Each query is asked of all by turns (A B C A B C ...), so that whatever
-else the machine does falls on all; a time is the median of the turns. Structures for the search are built
-before. Answers are compared as well: the greatest difference is printed, away from the rope's ends, which are
-flat in the mesh.
+The rope is one of `strand.synthetic.random_ropes`. strand asks its capsules; the others ask a mesh of them
+with `sides` vertices around. Each query is asked of all by turns (A B C A B C ...), so that whatever else the
+machine does falls on all; a time is the median of the turns. Structures for the search are built before.
+Answers are compared as well: the greatest difference is printed, away from the rope's ends, which are flat in
+the mesh.
 
 Open3D comes with the test packages. trimesh (with rtree) and coal are asked if they are installed, in at most
 200 queries a turn, as they take long.
@@ -55,11 +55,11 @@ class Asked:
 Ask = Callable[[Asked], Array]
 
 
-def rope() -> strand.Chain:
+def make_rope() -> strand.Chain:
     return strand.Chain(strand.synthetic.random_ropes(1, 1, seed=3)[0], RADIUS)
 
 
-def asked(chain: strand.Chain, count: int, seed: int = 0) -> Asked:
+def make_queries(chain: strand.Chain, count: int, seed: int = 0) -> Asked:
     """Queries in and around the rope's box, of numbers that single precision holds."""
     rng = np.random.default_rng(seed)
     low, high = chain.points.min(axis=0) - 0.03, chain.points.max(axis=0) + 0.03
@@ -68,7 +68,7 @@ def asked(chain: strand.Chain, count: int, seed: int = 0) -> Asked:
     return Asked(points, way / np.linalg.norm(way, axis=1, keepdims=True), ends)
 
 
-def strand_asks(chain: strand.Chain) -> dict[str, Ask]:
+def ask_strand(chain: strand.Chain) -> dict[str, Ask]:
     model = strand.Model((chain,), np.empty((0, 4, 4)))
     return {
         "signed distance": lambda a: model.signed_distance(a.points),
@@ -77,7 +77,7 @@ def strand_asks(chain: strand.Chain) -> dict[str, Ask]:
     }
 
 
-def open3d_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
+def ask_open3d(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(vertices.astype(np.float32), triangles.astype(np.uint32))
 
@@ -91,7 +91,7 @@ def open3d_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]
     return {"signed distance": distances, "rays": rays}
 
 
-def trimesh_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
+def ask_trimesh(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
     import trimesh
 
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
@@ -108,7 +108,7 @@ def trimesh_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask
     }
 
 
-def coal_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
+def ask_coal(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
     import coal
 
     mesh = coal.BVHModelOBBRSS()
@@ -143,7 +143,7 @@ def coal_asks(vertices: Array, triangles: NDArray[np.int32]) -> dict[str, Ask]:
     return {"signed distance": distances, "swept spheres": sweeps}
 
 
-def timed(ask: Ask, queries: Asked) -> tuple[float, Array]:
+def time_queries(ask: Ask, queries: Asked) -> tuple[float, Array]:
     """Seconds of a call, of a single query the median of several, and the answers."""
     time.sleep(PAUSE)
     times = []
@@ -154,7 +154,7 @@ def timed(ask: Ask, queries: Asked) -> tuple[float, Array]:
     return statistics.median(times), answer
 
 
-def differs(query: str, answer: Array, expected: Array, chain: strand.Chain, queries: Asked) -> float:
+def compare_answers(query: str, answer: Array, expected: Array, chain: strand.Chain, queries: Asked) -> float:
     """How far answers are apart at most, micrometres: where both have one, and no flat end is near."""
     model = strand.Model((chain,), np.empty((0, 4, 4)))
     length = np.linalg.norm(queries.ends - queries.points, axis=1) if query == "swept spheres" else 1.0
@@ -184,15 +184,15 @@ def main() -> int:
     parser.add_argument("--sides", type=int, default=16, help="vertices around the tube's mesh")
     arguments = parser.parse_args()
     strand.set_num_threads(THREADS)
-    chain = rope()
+    chain = make_rope()
     vertices, triangles = chain.tube(arguments.sides)
     peers: dict[str, dict[str, Ask]] = {
-        "strand": strand_asks(chain),
-        "Open3D": open3d_asks(vertices, triangles),
+        "strand": ask_strand(chain),
+        "Open3D": ask_open3d(vertices, triangles),
     }
     for name, modules, make in (
-        ("trimesh", ("trimesh", "rtree"), trimesh_asks),
-        ("coal", ("coal",), coal_asks),
+        ("trimesh", ("trimesh", "rtree"), ask_trimesh),
+        ("coal", ("coal",), ask_coal),
     ):
         missing = [module for module in modules if importlib.util.find_spec(module) is None]
         if missing:
@@ -205,29 +205,29 @@ def main() -> int:
         print(f"\n{query}: microseconds for each query, and queries in a second\n")
         print_head("queries in a call", *asks, "greatest difference, µm")
         for count in arguments.points:
-            cells, apart = measured(query, asks, count, chain, arguments.repeats)
+            cells, apart = measure_query(query, asks, count, chain, arguments.repeats)
             print_row(count, *cells, apart)
     return 0
 
 
-def measured(
+def measure_query(
     query: str, asks: dict[str, Ask], count: int, chain: strand.Chain, repeats: int
 ) -> tuple[list[str], str]:
     """Times of one query in calls of so many, and how far answers are apart."""
     times: dict[str, list[float]] = {name: [] for name in asks}
     apart: dict[str, float] = {name: 0.0 for name in asks if name != "strand"}
     for ask in asks.values():
-        ask(asked(chain, 1))  # some build what they search when they are first asked
+        ask(make_queries(chain, 1))  # some build what they search when they are first asked
     for turn in range(repeats):
-        queries = asked(chain, count, seed=turn)
-        few = asked(chain, min(count, SLOW), seed=turn)
+        queries = make_queries(chain, count, seed=turn)
+        few = make_queries(chain, min(count, SLOW), seed=turn)
         expected = {len(q.points): asks["strand"](q) for q in (queries, few)}
         for name, ask in asks.items():
             mine = few if name in ("trimesh", "coal") else queries
-            took, answer = timed(ask, mine)
+            took, answer = time_queries(ask, mine)
             times[name].append(took / len(mine.points))
             if name != "strand":
-                off = differs(query, answer, expected[len(mine.points)], chain, mine)
+                off = compare_answers(query, answer, expected[len(mine.points)], chain, mine)
                 apart[name] = max(apart[name], off)
     medians = {name: statistics.median(each) for name, each in times.items()}
     cells = [f"{1e6 * t:.3g} ({1.0 / t:,.0f})" for t in medians.values()]

@@ -22,7 +22,7 @@ SIZES = (0.002, 0.003, 0.004, 0.006, 0.008, 0.010)  # metres
 SEEDS = 3
 
 
-def worst(model: strand.Model, radius: float) -> float:
+def find_worst_error(model: strand.Model, radius: float) -> float:
     """Largest error of a chain's radius, percent."""
     return max((abs(chain.radius / radius - 1.0) for chain in model.chains), default=np.inf) * 100.0
 
@@ -34,7 +34,7 @@ def main() -> int:
     by_noise = defaultdict(list)
     for scene in collection.choose_scenes(arguments):
         model = strand.reconstruct(scene.views, None, scene.bounds)
-        by_noise[scene.noise].append((worst(model, scene.radius), scene.name))
+        by_noise[scene.noise].append((find_worst_error(model, scene.radius), scene.name))
     print_head("depth noise mm", "scenes", "error %, median", "worst")
     for noise, errors in sorted(by_noise.items()):
         largest, name = max(errors)
@@ -45,7 +45,7 @@ def main() -> int:
         errors = []
         for seed in range(SEEDS):
             scene = strand.synthetic.scene("paper", seed=seed, radius=size)
-            errors.append(worst(strand.reconstruct(scene.views, None, scene.bounds), size))
+            errors.append(find_worst_error(strand.reconstruct(scene.views, None, scene.bounds), size))
         print_row(f"{size * 1e3:.0f}", f"{np.median(errors):.2f}", f"{max(errors):.2f}")
     print(f"\n{format_head('frame', 'radius mm', 'standard deviation mm', 'residual RMS mm')}")
     for frame in frames.list_frames():

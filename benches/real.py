@@ -22,7 +22,7 @@ from lib.tables import print_head, print_row
 RADIUS = 0.0038  # metres
 
 
-def draw(models: dict[str, strand.Model], path: Path) -> None:
+def draw_frames(models: dict[str, strand.Model], path: Path) -> None:
     intrinsics = frames.load_intrinsics()
     figure = Figure(figsize=(12, 7.2), layout="constrained")
     axes = figure.subplots(2, 3)
@@ -76,7 +76,7 @@ def main() -> int:
         )
         print_row(frame, len(view.points), len(model.chains), *millimetres, f"{model.confidence:.2f}")
     if arguments.out:
-        draw(models, arguments.out / "real.png")
+        draw_frames(models, arguments.out / "real.png")
     return 0
 
 

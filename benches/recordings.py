@@ -22,20 +22,20 @@ from strand import Recording, synthetic
 NAMES = {"ros1": "ROS 1 bag", "sqlite3": "ROS 2 bag (SQLite)", "mcap": "MCAP"}
 
 
-def peak() -> float:
+def read_peak() -> float:
     """Most memory that this process has taken, MB: as Linux says it, of this process alone."""
     status = Path("/proc/self/status").read_text()
     return int(re.search(r"VmHWM:\s+(\d+) kB", status)[1]) / 1024
 
 
-def read(path: Path, world: str | None, results: multiprocessing.SimpleQueue) -> None:
+def read_recording(path: Path, world: str | None, results: multiprocessing.SimpleQueue) -> None:
     """Read all frames, and say how many there were, the memory in MB, and the time of one in ms."""
-    before, begun, count = peak(), time.perf_counter(), 0
+    before, begun, count = read_peak(), time.perf_counter(), 0
     with Recording(path, world=world) as recording:
         for frame in recording:
             count += 1
             assert frame.views[0].image is not None
-    results.put((count, peak() - before, (time.perf_counter() - begun) / count * 1e3))
+    results.put((count, read_peak() - before, (time.perf_counter() - begun) / count * 1e3))
 
 
 def main() -> int:
@@ -53,7 +53,7 @@ def main() -> int:
                 size = sum(one.stat().st_size for one in ([path] if path.is_file() else path.iterdir()))
                 for world in (None, "world"):
                     results = context.SimpleQueue()
-                    child = context.Process(target=read, args=(path, world, results))
+                    child = context.Process(target=read_recording, args=(path, world, results))
                     child.start()
                     child.join()
                     count, memory, spent = results.get()

@@ -81,7 +81,7 @@ class Directions:
     @classmethod
     def of(cls, model: strand.Model) -> Directions:
         """Take them from a joint fit."""
-        sd = _reported_sd()
+        sd = _make_reported_sd()
         centre = np.mean([points.mean(axis=0) for points in model.stages["filtered"]], axis=0)
         fixed, expected = [], []
         for covariance in model.stages["fit"].pose_covariance:
@@ -111,7 +111,7 @@ class Outcome:
     curve: float
 
 
-def simulated(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
+def simulate(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene:
     """Return a shape seen from some azimuths, degrees, with noise and wrong poses."""
     laid = strand.synthetic.scene(name, seed=seed, noise=strand.synthetic.Noise(depth=NOISE))
     distance = float(np.linalg.norm(laid.poses_true[0, :3, 3]))
@@ -131,12 +131,12 @@ def simulated(name: str, azimuths: Sequence[float], seed: int) -> SyntheticScene
     return replace(laid, depth=np.stack(depth), poses=np.stack(poses), poses_true=poses_true)
 
 
-def _reported_sd() -> Array:
+def _make_reported_sd() -> Array:
     poses = strand.Config().poses
     return np.repeat([poses.rotation_sd, poses.translation_sd], 3)
 
 
-def pose_errors(
+def compute_pose_errors(
     found: Iterable[Array], true: Sequence[Array], truth: Sequence[Array], directions: Directions
 ) -> Array:
     """(V - 1, 6) Errors of all but the middle view, see `Outcome`."""
@@ -153,12 +153,12 @@ def pose_errors(
         across = np.linalg.norm(moved - along[:, None] * tangents, axis=1)
         turn = Rotation.from_matrix(error[:3, :3]).as_rotvec()
         shift = error[:3, :3] @ directions.centre + error[:3, 3] - directions.centre
-        sd = _reported_sd()
+        sd = _make_reported_sd()
         correction = np.concatenate([turn, shift]) / sd
         fixed = sd * (directions.fixed[number] @ correction)
         parts = (fixed, sd * correction - fixed)
         displaced = [np.cross(part[:3], points - directions.centre) + part[3:] for part in parts]
-        sizes = [root_mean_square(part) for part in (across, along, *displaced)]
+        sizes = [compute_rms(part) for part in (across, along, *displaced)]
         if np.trace(directions.fixed[number]) > 5.5:
             sizes[3] = np.nan
         angle = float(np.linalg.norm(fixed[:3]))
@@ -166,12 +166,12 @@ def pose_errors(
     return np.array(rows).reshape(-1, 6)
 
 
-def root_mean_square(values: Array) -> float:
+def compute_rms(values: Array) -> float:
     """Of numbers, or of the lengths of vectors."""
     return float(np.sqrt((values**2).sum() / len(values)))
 
 
-def outcomes(scene: SyntheticScene) -> dict[str, Outcome]:
+def measure_methods(scene: SyntheticScene) -> dict[str, Outcome]:
     """Reconstruct by every method and measure."""
     views = scene.views
     models: dict[str, strand.Model | None] = {}
@@ -184,22 +184,26 @@ def outcomes(scene: SyntheticScene) -> dict[str, Outcome]:
             models[method] = None
     joint = models["joint"]
     directions = None if joint is None else Directions.of(joint)
-    return {method: outcome(scene, model, directions) for method, model in models.items()}
+    return {method: measure_answer(scene, model, directions) for method, model in models.items()}
 
 
-def outcome(scene: SyntheticScene, model: strand.Model | None, directions: Directions | None) -> Outcome:
+def measure_answer(
+    scene: SyntheticScene, model: strand.Model | None, directions: Directions | None
+) -> Outcome:
     """Measure one method's answer."""
     if model is None or directions is None:
         return Outcome(np.full((len(scene.poses) - 1, 6), np.nan), np.nan)
-    truth = np.concatenate([strand.Chain(nodes, scene.radius).at(_places(nodes)) for nodes in scene.truth])
+    truth = np.concatenate(
+        [strand.Chain(nodes, scene.radius).at(_list_places(nodes)) for nodes in scene.truth]
+    )
     distance, _ = cKDTree(truth).query(model.chains[0].points)
     return Outcome(
-        pose_errors(list(model.poses), list(scene.poses_true), scene.truth, directions),
+        compute_pose_errors(list(model.poses), list(scene.poses_true), scene.truth, directions),
         float(np.sqrt((distance**2).mean())),
     )
 
 
-def _places(nodes: Array) -> Array:
+def _list_places(nodes: Array) -> Array:
     """Arc lengths 0.05 mm apart."""
     length = np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()
     return np.linspace(0.0, length, int(length / 5e-5) + 2)
@@ -212,9 +216,9 @@ def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None
     for name, scenes in groups.items():
         cells = []
         for column, scale in ((0, 1e3), (1, 1e3), (2, 1e3), (3, np.degrees(1.0)), (5, 1e3)):
-            cell = " / ".join(_median(scenes, method, column, scale) for method in METHODS)
+            cell = " / ".join(_format_median(scenes, method, column, scale) for method in METHODS)
             if column == 3:
-                cell += f" ({_median(scenes, 'joint', 4, scale)})"
+                cell += f" ({_format_median(scenes, 'joint', 4, scale)})"
             cells.append(cell)
         curves = {method: [scene[method].curve for scene in scenes] for method in METHODS}
         cells.append(" / ".join(f"{np.nanmedian(curve) * 1e3:.2f}" for curve in curves.values()))
@@ -222,7 +226,7 @@ def print_table(title: str, groups: dict[str, list[dict[str, Outcome]]]) -> None
         print_row(name, *cells)
 
 
-def _median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: float) -> str:
+def _format_median(scenes: list[dict[str, Outcome]], method: str, column: int, scale: float) -> str:
     errors = np.concatenate([scene[method].poses[:, column] for scene in scenes]) * scale
     return f"{np.nanmedian(errors):.2f}" if np.isfinite(errors).any() else "–"
 
@@ -239,7 +243,7 @@ def main() -> int:
     for spread, azimuths in SPREADS.items():
         for name in SHAPES:
             for seed in range(arguments.seeds):
-                measured = outcomes(simulated(name, azimuths, seed))
+                measured = measure_methods(simulate(name, azimuths, seed))
                 by_spread[spread].append(measured)
                 if len(azimuths) > 1:
                     by_shape[name].append(measured)
@@ -247,7 +251,7 @@ def main() -> int:
     print_table("shape, two views or more", by_shape)
     by_noise: dict[float, list[dict[str, Outcome]]] = defaultdict(list)
     for scene in collection.choose_scenes(arguments):
-        by_noise[scene.noise].append(outcomes(scene))
+        by_noise[scene.noise].append(measure_methods(scene))
     print_table("depth noise", {f"{noise * 1e3:.1f} mm": by_noise[noise] for noise in sorted(by_noise)})
     return 0
 

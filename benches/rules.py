@@ -39,18 +39,18 @@ from strand.synthetic import SyntheticScene
 from strand.views.view import cropped
 
 
-def by_the_papers_rule(arcs: Sequence[np.ndarray], radius: float) -> Chains:
+def join_by_paper(arcs: Sequence[np.ndarray], radius: float) -> Chains:
     joins = reconnect(Split((), (), tuple(arcs), ()), radius, None, Reconnection()).joins
     return chain_arcs(arcs, joins, JoinEvidence(radius, Config().linking))
 
 
-def by_the_matching(arcs: Sequence[np.ndarray], radius: float) -> Chains:
+def join_by_matching(arcs: Sequence[np.ndarray], radius: float) -> Chains:
     evidence = JoinEvidence(radius, Config().linking)
     joins, _ = match_ends(price_joins(arcs, evidence), evidence.config.free_end)
     return chain_arcs(arcs, joins, evidence)
 
 
-def fitted(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[np.ndarray]:
+def fit_chains(scene: SyntheticScene, model: strand.Model, chains: Chains) -> list[np.ndarray]:
     """Nodes of ropes after the last fit, from the corrected poses of the model."""
     config = Config()
     least = config.linking.min_length * scene.radius
@@ -78,8 +78,8 @@ def main() -> int:
         model = strand.reconstruct(scene.views, scene.radius, scene.bounds, keep_stages=True)
         arcs = model.stages["arcs"]
         answers = [
-            fitted(scene, model, by_the_papers_rule(arcs, scene.radius)),
-            fitted(scene, model, by_the_matching(arcs, scene.radius)),
+            fit_chains(scene, model, join_by_paper(arcs, scene.radius)),
+            fit_chains(scene, model, join_by_matching(arcs, scene.radius)),
             [chain.points for chain in model.chains],
         ]
         found = [measure_chains(answer, scene.truth, scene.radius) for answer in answers]

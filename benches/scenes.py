@@ -30,7 +30,7 @@ from lib.tables import format_head, format_row, print_head, print_row
 from strand.synthetic import SyntheticScene
 
 
-def reconstructed(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple[strand.Model, float]:
+def reconstruct(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple[strand.Model, float]:
     """The model of a scene, and the median of the runs' times, milliseconds."""
     config = strand.Config.published() if arguments.published else strand.Config()
     views = scene.views if arguments.views is None else [scene.views[i] for i in arguments.views]
@@ -43,7 +43,7 @@ def reconstructed(scene: SyntheticScene, arguments: argparse.Namespace) -> tuple
     return model, statistics.median(times)
 
 
-def said(name: str, found: Measure, confidence: float, milliseconds: float) -> str:
+def format_scene(name: str, found: Measure, confidence: float, milliseconds: float) -> str:
     """A row of the table."""
     crossings = found.crossings
     return format_row(
@@ -59,7 +59,7 @@ def said(name: str, found: Measure, confidence: float, milliseconds: float) -> s
     )
 
 
-def digest(answers: Iterable[tuple[str, list[np.ndarray]]]) -> str:
+def digest_nodes(answers: Iterable[tuple[str, list[np.ndarray]]]) -> str:
     """SHA-256 of scenes' names and their chains' nodes, bit for bit."""
     whole = hashlib.sha256()
     for name, chains in answers:
@@ -99,7 +99,7 @@ def main() -> int:
     sure_and_wrong = 0.0
     for scene in collection.choose_scenes(arguments):
         try:
-            model, milliseconds = reconstructed(scene, arguments)
+            model, milliseconds = reconstruct(scene, arguments)
         except strand.StrandError as error:
             chains, confidence, milliseconds = [], 0.0, math.nan
             print(f"{scene.name}: {error}", file=sys.stderr)
@@ -111,7 +111,7 @@ def main() -> int:
         by_noise[scene.noise].append(found.rms * 1e3)
         if not found.right:
             sure_and_wrong = max(sure_and_wrong, confidence)
-        print(said(scene.name, found, confidence, milliseconds), flush=True)
+        print(format_scene(scene.name, found, confidence, milliseconds), flush=True)
     right = sum(found.right for found in measures)
     over, crossings = (sum(getattr(found.crossings, key) for found in measures) for key in ("right", "true"))
     print(f"\nTopology right on {right} of {len(measures)} scenes, ", end="")
@@ -121,7 +121,7 @@ def main() -> int:
     print(f"\n{format_head('depth noise mm', 'scenes', 'RMS mm, median', 'worst')}")
     for noise, errors in sorted(by_noise.items()):
         print_row(f"{noise * 1e3:.1f}", len(errors), f"{statistics.median(errors):.3f}", f"{max(errors):.3f}")
-    print(f"\nSHA-256 of the nodes: {digest(answers)}")
+    print(f"\nSHA-256 of the nodes: {digest_nodes(answers)}")
     return 0
 
 

@@ -3,9 +3,9 @@
 python benches/sensors.py [DIR] [--only TEXT] [--estimate-radius] [--free-ropes] [--pictures DIR]
 
 Without DIR the scenes are shapes and random ropes through each of `strand.synthetic.CAMERAS`, in one view and
-in three. With DIR they are the `.npz` files there, as `SyntheticScene.save` writes them; a camera
-is what the array `sensor` says or else the last but one part of the name, as in `loop_zed_1v`. The radius and
-the number of ropes are told. A picture is drawn of each scene that is not right.
+in three. With DIR they are the `.npz` files there, as `SyntheticScene.save` writes them; a camera is what the
+array `sensor` says or else the last but one part of the name, as in `loop_zed_1v`. The radius and the number
+of ropes are told. A picture is drawn of each scene that is not right.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ RANDOM = 3  # scenes of random ropes for each camera
 THREE = 3  # every so many scenes have three views
 
 
-def drawn(only: str) -> Iterator[tuple[str, SyntheticScene]]:
+def draw_scenes(only: str) -> Iterator[tuple[str, SyntheticScene]]:
     """Yield camera and scene of the seeded set."""
     number = 0
     for camera in CAMERAS:
@@ -41,10 +41,10 @@ def drawn(only: str) -> Iterator[tuple[str, SyntheticScene]]:
             views = 3 if number % THREE == 0 else 1
             called = f"{name}_{camera}_{views}v"
             if only in called:
-                yield camera, seen_by(called, name, camera, views, number)
+                yield camera, draw_scene(called, name, camera, views, number)
 
 
-def seen_by(called: str, name: str, camera: str, views: int, seed: int) -> SyntheticScene:
+def draw_scene(called: str, name: str, camera: str, views: int, seed: int) -> SyntheticScene:
     """A shape or random ropes as a camera would see them, its masks up to a pixel too wide or too narrow."""
     rng = np.random.default_rng(seed)
     radius = float(rng.uniform(3.4e-3, 6e-3))
@@ -66,7 +66,7 @@ def seen_by(called: str, name: str, camera: str, views: int, seed: int) -> Synth
     return dataclasses.replace(made, name=called)
 
 
-def read(folder: Path, only: str) -> Iterator[tuple[str, SyntheticScene]]:
+def read_scenes(folder: Path, only: str) -> Iterator[tuple[str, SyntheticScene]]:
     """Yield camera and scene of the files of a folder."""
     for path in sorted(folder.glob("*.npz")):
         if only in path.stem:
@@ -93,7 +93,11 @@ def main() -> int:
     cameras: dict[str, str] = {}
 
     def shown() -> Iterator[SyntheticScene]:
-        chosen = drawn(arguments.only) if arguments.folder is None else read(arguments.folder, arguments.only)
+        chosen = (
+            draw_scenes(arguments.only)
+            if arguments.folder is None
+            else read_scenes(arguments.folder, arguments.only)
+        )
         for camera, synthetic in chosen:
             cameras[synthetic.name] = camera
             yield synthetic

@@ -41,7 +41,7 @@ PATIENCE = 8  # seconds of processor time after which there is no answer
 
 
 @functools.lru_cache(maxsize=1)
-def draw(seed: int, masked: bool) -> SyntheticScene:
+def draw_scene(seed: int, masked: bool) -> SyntheticScene:
     """Return the scene of a seed."""
     rng = np.random.default_rng(seed)
     radius = float(np.exp(rng.uniform(math.log(2.5e-3), math.log(7e-3))))
@@ -63,24 +63,24 @@ def draw(seed: int, masked: bool) -> SyntheticScene:
     return dataclasses.replace(drawn, name=f"severity_{seed}")
 
 
-def other_scene(seed: int, views: int) -> SyntheticScene:
+def draw_other_scene(seed: int, views: int) -> SyntheticScene:
     """Return another scene, of other ropes, with as many views."""
-    like = draw.__wrapped__(seed + FOREIGN, False)
+    like = draw_scene.__wrapped__(seed + FOREIGN, False)
     return scene(chains=like.truth, radius=like.radius, seed=seed, noise=Noise(depth=like.noise), views=views)
 
 
-def given(seed: int, name: str, strength: float) -> Given:
+def perturb_scene(seed: int, name: str, strength: float) -> Given:
     """Return what is given of a scene made worse."""
     kind = KINDS[name]
-    right = draw(seed, kind.masked)
-    whole = Given.of(right, lambda: other_scene(seed, len(right.depth)))
+    right = draw_scene(seed, kind.masked)
+    whole = Given.of(right, lambda: draw_other_scene(seed, len(right.depth)))
     chance = np.random.default_rng([seed, zlib.crc32(name.encode()), round(1e6 * abs(strength))])
     return kind.change(whole, strength, chance)
 
 
-def judge(seed: int, name: str, strength: float) -> dict[str, Any]:
+def judge_run(seed: int, name: str, strength: float) -> dict[str, Any]:
     """Reconstruct one scene made worse, and compare with the truth."""
-    what = given(seed, name, strength)
+    what = perturb_scene(seed, name, strength)
     record = {"seed": seed, "kind": name, "strength": strength, "views": len(what.depth)}
     start = time.process_time()
     signal.setitimer(signal.ITIMER_PROF, PATIENCE)
@@ -103,30 +103,32 @@ def judge(seed: int, name: str, strength: float) -> dict[str, Any]:
     }
 
 
-def give_up(*_: object) -> None:
+def raise_timeout(*_: object) -> None:
     """End a reconstruction that takes too long."""
     raise TimeoutError(f"no answer after {PATIENCE} s of processor time")
 
 
-def shares(records: Sequence[dict[str, Any]]) -> tuple[int, int, int]:
+def count_shares(records: Sequence[dict[str, Any]]) -> tuple[int, int, int]:
     """How many are right, sure, and sure and wrong."""
     sure = [r for r in records if r["confidence"] >= SURE]
     return sum(r["right"] for r in records), len(sure), sum(not r["right"] for r in sure)
 
 
-def table(records: Sequence[dict[str, Any]]) -> str:
+def format_table(records: Sequence[dict[str, Any]]) -> str:
     """A row for each kind and strength, and one for all."""
     lines = [format_head("what is wrong", "by", "scenes", "right", f"confidence ≥ {SURE}", "sure and wrong")]
     for name, kind in KINDS.items():
         for strength in kind.strengths:
             some = [r for r in records if r["kind"] == name and r["strength"] == strength]
             if some:
-                lines.append(format_row(name, said(kind, strength), len(some), *shares(some)))
-    lines.append(format_row("all", "", len(records), *shares(records)))
+                lines.append(
+                    format_row(name, format_strength(kind, strength), len(some), *count_shares(some))
+                )
+    lines.append(format_row("all", "", len(records), *count_shares(records)))
     return "\n".join(lines)
 
 
-def said(kind: Kind, strength: float) -> str:
+def format_strength(kind: Kind, strength: float) -> str:
     """A strength in words."""
     if kind.unit == "m":
         return f"{strength * 1e3:.3g} mm"
@@ -158,7 +160,7 @@ def main() -> int:
             known = {(r["seed"], r["kind"], r["strength"]): r for r in each}
     # scenes are small: one thread each, so that several runs share a machine
     strand.set_num_threads(1)
-    signal.signal(signal.SIGPROF, give_up)
+    signal.signal(signal.SIGPROF, raise_timeout)
     records = []
     # kinds with and without masks in turn: a scene is drawn once for each
     names.sort(key=lambda name: KINDS[name].masked)
@@ -167,14 +169,14 @@ def main() -> int:
             for strength in KINDS[name].strengths:
                 done = known.get((seed, name, strength))
                 if done is None:
-                    done = judge(seed, name, strength)
+                    done = judge_run(seed, name, strength)
                     if lines is not None:
                         with lines.open("a") as file:
                             file.write(json.dumps(done) + "\n")
                 records.append(done)
-    print(table(records))
+    print(format_table(records))
     if arguments.out is not None:
-        pictures.draw_severity(records, KINDS, said, arguments.out / "severity.png")
+        pictures.draw_severity(records, KINDS, format_strength, arguments.out / "severity.png")
     return 0
 
 

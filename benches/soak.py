@@ -5,8 +5,8 @@ python benches/soak.py [--scenes N] [--threads N] [--first SEED]
 The scenes are small and drawn from seeds. First one thread reconstructs them in order, then several share
 them, and each answer is compared bit for bit. The resident memory is noted after each hundredth of the
 scenes, when none is worked on and the allocator has given back what is free; the slope is that of a straight
-line through the second half of them. The exit code is 1 if an answer differs or memory grows by more than
-1 kB for each scene, which is less than the nodes of a rope take.
+line through the second half of them. The exit code is 1 if an answer differs or memory grows by more than 1
+kB for each scene, which is less than the nodes of a rope take.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SMALL = (160, 120)  # pixels
 FLAT = 1.0  # kB of resident memory for each scene
 
 
-def answer(seed: int) -> str:
+def digest_answer(seed: int) -> str:
     """Draw a scene, reconstruct it in one of several ways, and return a digest of all that came of it."""
     rng = np.random.default_rng(seed)
     views = int(rng.integers(1, 4))
@@ -58,7 +58,7 @@ def answer(seed: int) -> str:
     return whole.hexdigest()
 
 
-def resident() -> float:
+def read_resident() -> float:
     """The process's resident memory, kB."""
     ctypes.CDLL(None).malloc_trim(0)
     for line in Path("/proc/self/status").read_text().splitlines():
@@ -75,7 +75,7 @@ def main() -> int:
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.scenes)
     start = time.perf_counter()
-    alone = [answer(seed) for seed in seeds]
+    alone = [digest_answer(seed) for seed in seeds]
     print(f"one thread: {len(seeds)} scenes in {time.perf_counter() - start:.0f} s", flush=True)
     start = time.perf_counter()
     places, sizes, differing = [], [], []
@@ -83,12 +83,12 @@ def main() -> int:
     with ThreadPoolExecutor(arguments.threads) as pool:
         for first in range(0, len(seeds), every):
             part = seeds[first : first + every]
-            for seed, found in zip(part, pool.map(answer, part), strict=True):
+            for seed, found in zip(part, pool.map(digest_answer, part), strict=True):
                 if found != alone[seed - seeds[0]]:
                     differing.append(seed)
             # nobody works now
             places.append(first)
-            sizes.append(resident())
+            sizes.append(read_resident())
     print(f"{arguments.threads} threads: {len(seeds)} scenes in {time.perf_counter() - start:.0f} s")
     half = len(places) // 2
     slope = float(np.polyfit(places[half:], sizes[half:], 1)[0]) if len(places) - half > 1 else 0.0

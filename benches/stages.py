@@ -22,7 +22,7 @@ SCENES = ("paper_0.7mm", "paper_fine")
 METHODS = {"default": strand.Config(), "published": strand.Config.published()}
 
 
-def timed(scene: SyntheticScene, config: strand.Config) -> dict[str, float]:
+def time_stages(scene: SyntheticScene, config: strand.Config) -> dict[str, float]:
     """Seconds of each stage of one run."""
     images = zip(scene.depth * scene.depth_scale, scene.poses, strict=True)
     start = time.perf_counter()
@@ -43,7 +43,7 @@ def main() -> int:
     print_head("scene", "method", "total", "quickest", "stages")
     for scene in map(collection.make_scene, arguments.scenes):
         for name, config in METHODS.items():
-            runs = [timed(scene, config) for _ in range(arguments.runs)]
+            runs = [time_stages(scene, config) for _ in range(arguments.runs)]
             totals = [sum(run.values()) * 1e3 for run in runs]
             stages = {stage: statistics.median(run[stage] for run in runs) * 1e3 for stage in runs[0]}
             parts = ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items())

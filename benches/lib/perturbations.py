@@ -104,19 +104,19 @@ class Kind:
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def _direction(rng: np.random.Generator) -> Array:
+def _draw_direction(rng: np.random.Generator) -> Array:
     """A direction in the table's plane: others move the table into the bounds, or the ropes out of them."""
     angle = rng.uniform(0.0, 2.0 * math.pi)
     return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
-def _half(given: Given, rng: np.random.Generator) -> set[int]:
+def _draw_half(given: Given, rng: np.random.Generator) -> set[int]:
     """Half of the views, at random; of an odd number one less or one more."""
     count = len(given.poses)
     return set(rng.permutation(count)[: (count + int(rng.integers(2))) // 2 or 1].tolist())
 
 
-def _turned(pose: Array, axis: Array, angle: float, own: bool) -> Array:
+def _turn(pose: Array, axis: Array, angle: float, own: bool) -> Array:
     """Turn a pose about the camera's centre, or about the world's origin."""
     motion = np.eye(4)
     motion[:3, :3] = rotation_about(axis, angle)
@@ -125,71 +125,71 @@ def _turned(pose: Array, axis: Array, angle: float, own: bool) -> Array:
     return np.asarray(motion @ pose)
 
 
-def _shifted(pose: Array, by: Array) -> Array:
+def _shift(pose: Array, by: Array) -> Array:
     other = pose.copy()
     other[:3, 3] += by
     return other
 
 
-def half_shifted(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    by, half = strength * _direction(rng), _half(given, rng)
-    return replace(given, poses=[_shifted(p, by) if i in half else p for i, p in enumerate(given.poses)])
+def shift_half(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    by, half = strength * _draw_direction(rng), _draw_half(given, rng)
+    return replace(given, poses=[_shift(p, by) if i in half else p for i, p in enumerate(given.poses)])
 
 
-def half_turned(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    angle, half, own = strength * rng.choice([-1.0, 1.0]), _half(given, rng), bool(rng.integers(2))
-    poses = [_turned(p, _UP, angle, own) if i in half else p for i, p in enumerate(given.poses)]
+def turn_half(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    angle, half, own = strength * rng.choice([-1.0, 1.0]), _draw_half(given, rng), bool(rng.integers(2))
+    poses = [_turn(p, _UP, angle, own) if i in half else p for i, p in enumerate(given.poses)]
     return replace(given, poses=poses)
 
 
-def all_shifted(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def shift_all(given: Given, strength: float, rng: np.random.Generator) -> Given:
     errors = strength * rng.normal(size=(len(given.poses), 3)) * [1.0, 1.0, 0.0]
-    return replace(given, poses=[_shifted(p, by) for p, by in zip(given.poses, errors, strict=True)])
+    return replace(given, poses=[_shift(p, by) for p, by in zip(given.poses, errors, strict=True)])
 
 
-def _sign(given: Given, rng: np.random.Generator) -> float:
+def _draw_sign(given: Given, rng: np.random.Generator) -> float:
     """Either sign; of views without masks only that which does not raise the table into the bounds."""
     return 1.0 if given.masks is None else float(rng.choice([-1.0, 1.0]))
 
 
-def depth_bias(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    by = strength * _sign(given, rng)
+def add_depth_bias(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    by = strength * _draw_sign(given, rng)
     return given.images(lambda z: z + by)
 
 
-def depth_scale(given: Given, strength: float, rng: np.random.Generator) -> Given:
-    factor = 1.0 + strength * _sign(given, rng)
+def scale_depth(given: Given, strength: float, rng: np.random.Generator) -> Given:
+    factor = 1.0 + strength * _draw_sign(given, rng)
     return given.images(lambda z: z * factor)
 
 
-def focal_length(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def change_focal_length(given: Given, strength: float, rng: np.random.Generator) -> Given:
     camera = given.intrinsics.copy()
     camera[[0, 1], [0, 1]] *= 1.0 + strength * rng.choice([-1.0, 1.0])
     return replace(given, intrinsics=camera)
 
 
-def principal_point(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def move_principal_point(given: Given, strength: float, rng: np.random.Generator) -> Given:
     camera, angle = given.intrinsics.copy(), rng.uniform(0.0, 2.0 * math.pi)
     camera[:2, 2] += strength * given.depth[0].shape[1] * np.array([math.cos(angle), math.sin(angle)])
     return replace(given, intrinsics=camera)
 
 
-def radius_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def change_radius(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return replace(given, radius=given.radius * strength)
 
 
-def ropes_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def change_ropes(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return replace(given, ropes=max(len(given.scene.truth) + int(strength), 1))
 
 
-def length_given(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def change_length(given: Given, strength: float, rng: np.random.Generator) -> Given:
     lengths = [
         float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) * strength for nodes in given.scene.truth
     ]
     return replace(given, length=lengths)
 
 
-def _views(given: Given, numbers: list[int]) -> Given:
+def _pick_views(given: Given, numbers: list[int]) -> Given:
     masks = None if given.masks is None else [given.masks[i] for i in numbers]
     return replace(
         given,
@@ -199,17 +199,17 @@ def _views(given: Given, numbers: list[int]) -> Given:
     )
 
 
-def dropped(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def drop_views(given: Given, strength: float, rng: np.random.Generator) -> Given:
     count = max(len(given.depth) - int(strength), 1)
-    return _views(given, sorted(rng.permutation(len(given.depth))[:count].tolist()))
+    return _pick_views(given, sorted(rng.permutation(len(given.depth))[:count].tolist()))
 
 
-def doubled(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def double_views(given: Given, strength: float, rng: np.random.Generator) -> Given:
     numbers = list(range(len(given.depth)))
-    return _views(given, numbers + rng.choice(numbers, int(strength)).tolist())
+    return _pick_views(given, numbers + rng.choice(numbers, int(strength)).tolist())
 
 
-def swapped(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def swap_poses(given: Given, strength: float, rng: np.random.Generator) -> Given:
     poses, pairs = list(given.poses), rng.permutation(len(given.poses)).tolist()
     for _ in range(int(strength)):
         a, b = pairs.pop(), pairs.pop()
@@ -218,14 +218,14 @@ def swapped(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return replace(given, poses=poses)
 
 
-def foreign(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def insert_foreign_views(given: Given, strength: float, rng: np.random.Generator) -> Given:
     other, depth = given.other(), list(given.depth)
     for i in rng.permutation(len(depth))[: int(strength)].tolist():
         depth[i] = other.depth[i] * other.depth_scale
     return replace(given, depth=depth)
 
 
-def corrupt(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def corrupt_pixels(given: Given, strength: float, rng: np.random.Generator) -> Given:
     def change(z: Array) -> Array:
         wild = np.median(z[z > 0]) * rng.uniform(0.5, 1.5, z.shape)
         return np.where(rng.random(z.shape) < strength, wild, z)
@@ -233,11 +233,11 @@ def corrupt(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return given.images(change)
 
 
-def quantised(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def quantize(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return given.images(lambda z: np.rint(z / strength) * strength)
 
 
-def correlated_noise(smoothness: float) -> Change:
+def add_correlated_noise(smoothness: float) -> Change:
     def change(given: Given, strength: float, rng: np.random.Generator) -> Given:
         sd = strength * given.scene.radius
         return given.images(lambda z: z + sd * field(z.shape, smoothness, rng))
@@ -245,7 +245,7 @@ def correlated_noise(smoothness: float) -> Change:
     return change
 
 
-def flying(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def add_flying_pixels(given: Given, strength: float, rng: np.random.Generator) -> Given:
     """Pixels next to a step get a depth between the two sides."""
     step = given.scene.radius
 
@@ -261,11 +261,11 @@ def flying(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return given.images(change)
 
 
-def lost(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def lose_pixels(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return given.images(lambda z: np.where(rng.random(z.shape) < strength, 0.0, z))
 
 
-def masks_grown(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def grow_masks(given: Given, strength: float, rng: np.random.Generator) -> Given:
     reach = abs(int(strength))
     assert given.masks is not None
     masks = [mask != 0 for mask in given.masks]
@@ -273,7 +273,7 @@ def masks_grown(given: Given, strength: float, rng: np.random.Generator) -> Give
     return replace(given, masks=masks)
 
 
-def table_at_ends(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def put_table_at_ends(given: Given, strength: float, rng: np.random.Generator) -> Given:
     """Discs of the images about the ropes' ends are as deep as the table."""
     scene = given.scene
     ends = np.array([nodes[i] for nodes in scene.truth for i in (0, -1)])
@@ -290,42 +290,42 @@ def table_at_ends(given: Given, strength: float, rng: np.random.Generator) -> Gi
     return replace(given, depth=depth)
 
 
-def nothing(given: Given, strength: float, rng: np.random.Generator) -> Given:
+def change_nothing(given: Given, strength: float, rng: np.random.Generator) -> Given:
     return given
 
 
 _SHARES = (0.01, 0.02, 0.05)
 
 KINDS = {
-    "nothing": Kind(nothing, (0.0,)),
-    "nothing, masks": Kind(nothing, (0.0,), masked=True),
-    "half the poses shifted": Kind(half_shifted, (2e-3, 4e-3, 7e-3, 10e-3), "m"),
-    "half the poses turned": Kind(half_turned, tuple(map(math.radians, (0.5, 1.0, 2.0, 3.0))), "rad"),
-    "poses noisy": Kind(all_shifted, (2e-3, 4e-3, 8e-3), "m"),
-    "depth off": Kind(depth_bias, (1e-3, 2e-3, 4e-3, 8e-3), "m"),
-    "depth off, masks": Kind(depth_bias, (2e-3, 4e-3, 8e-3), "m", masked=True),
-    "depth scaled": Kind(depth_scale, _SHARES),
-    "depth scaled, masks": Kind(depth_scale, _SHARES, masked=True),
-    "focal length off": Kind(focal_length, _SHARES),
-    "principal point off": Kind(principal_point, _SHARES, "of the width"),
-    "radius too small": Kind(radius_given, (0.9, 0.75, 0.5), "times"),
-    "radius too large": Kind(radius_given, (1.1, 1.25, 1.5), "times"),
-    "radius wrong, masks": Kind(radius_given, (1.2, 0.8, 1.5, 0.6), "times", masked=True),
-    "ropes wrong": Kind(ropes_given, (1.0, -1.0), "more"),
-    "length wrong": Kind(length_given, (0.95, 1.1, 1.3), "times"),
-    "views dropped": Kind(dropped, (1.0, 2.0), "views"),
-    "views doubled": Kind(doubled, (1.0, 3.0), "views"),
-    "poses swapped": Kind(swapped, (1.0, 2.0), "pairs"),
-    "foreign views": Kind(foreign, (1.0,), "view"),
-    "corrupt pixels": Kind(corrupt, (0.01, 0.05, 0.1, 0.2)),
-    "quantised": Kind(quantised, (1e-3, 2e-3, 5e-3), "m"),
-    "correlated noise, 1 px": Kind(correlated_noise(1.0), (0.25, 0.5, 1.0), "r"),
-    "correlated noise, 3 px": Kind(correlated_noise(3.0), (0.25, 0.5, 1.0), "r"),
-    "flying pixels": Kind(flying, (0.2, 0.5, 1.0)),
-    "pixels lost": Kind(lost, (0.5, 0.8, 0.9)),
-    "masks grown": Kind(masks_grown, (1.0, 2.0, 3.0), "pixels", masked=True),
-    "masks eaten": Kind(masks_grown, (-1.0, -2.0, -3.0), "pixels", masked=True),
-    "table at the ends": Kind(table_at_ends, (5e-3, 10e-3, 15e-3), "m"),
-    "table at the ends, masks": Kind(table_at_ends, (5e-3, 15e-3), "m", masked=True),
+    "nothing": Kind(change_nothing, (0.0,)),
+    "nothing, masks": Kind(change_nothing, (0.0,), masked=True),
+    "half the poses shifted": Kind(shift_half, (2e-3, 4e-3, 7e-3, 10e-3), "m"),
+    "half the poses turned": Kind(turn_half, tuple(map(math.radians, (0.5, 1.0, 2.0, 3.0))), "rad"),
+    "poses noisy": Kind(shift_all, (2e-3, 4e-3, 8e-3), "m"),
+    "depth off": Kind(add_depth_bias, (1e-3, 2e-3, 4e-3, 8e-3), "m"),
+    "depth off, masks": Kind(add_depth_bias, (2e-3, 4e-3, 8e-3), "m", masked=True),
+    "depth scaled": Kind(scale_depth, _SHARES),
+    "depth scaled, masks": Kind(scale_depth, _SHARES, masked=True),
+    "focal length off": Kind(change_focal_length, _SHARES),
+    "principal point off": Kind(move_principal_point, _SHARES, "of the width"),
+    "radius too small": Kind(change_radius, (0.9, 0.75, 0.5), "times"),
+    "radius too large": Kind(change_radius, (1.1, 1.25, 1.5), "times"),
+    "radius wrong, masks": Kind(change_radius, (1.2, 0.8, 1.5, 0.6), "times", masked=True),
+    "ropes wrong": Kind(change_ropes, (1.0, -1.0), "more"),
+    "length wrong": Kind(change_length, (0.95, 1.1, 1.3), "times"),
+    "views dropped": Kind(drop_views, (1.0, 2.0), "views"),
+    "views doubled": Kind(double_views, (1.0, 3.0), "views"),
+    "poses swapped": Kind(swap_poses, (1.0, 2.0), "pairs"),
+    "foreign views": Kind(insert_foreign_views, (1.0,), "view"),
+    "corrupt pixels": Kind(corrupt_pixels, (0.01, 0.05, 0.1, 0.2)),
+    "quantised": Kind(quantize, (1e-3, 2e-3, 5e-3), "m"),
+    "correlated noise, 1 px": Kind(add_correlated_noise(1.0), (0.25, 0.5, 1.0), "r"),
+    "correlated noise, 3 px": Kind(add_correlated_noise(3.0), (0.25, 0.5, 1.0), "r"),
+    "flying pixels": Kind(add_flying_pixels, (0.2, 0.5, 1.0)),
+    "pixels lost": Kind(lose_pixels, (0.5, 0.8, 0.9)),
+    "masks grown": Kind(grow_masks, (1.0, 2.0, 3.0), "pixels", masked=True),
+    "masks eaten": Kind(grow_masks, (-1.0, -2.0, -3.0), "pixels", masked=True),
+    "table at the ends": Kind(put_table_at_ends, (5e-3, 10e-3, 15e-3), "m"),
+    "table at the ends, masks": Kind(put_table_at_ends, (5e-3, 15e-3), "m", masked=True),
 }
 """What can be wrong, by name."""

@@ -213,8 +213,8 @@ def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
         answer = {"right": True, "confidence": 0.5, "crossings": 1, "ropes": 1}
         return {**drawn, **answer, "seed": seed, "asked": [noise, *relative]}
 
-    monkeypatch.setattr(fresh, "judge", judge)
-    monkeypatch.setattr(fresh, "plot", lambda *_: None)
+    monkeypatch.setattr(fresh, "judge_seed", judge)
+    monkeypatch.setattr(fresh, "plot_rates", lambda *_: None)
     large = ["--noise", "plain", "--relative", "0.4", "1"]
     for count, options in (
         ("2", ["--noise", "small"]),
@@ -231,10 +231,10 @@ def test_random_scenes_are_not_done_again(tmp_path, monkeypatch, capsys):
 
 
 def test_random_scenes_of_both_kinds():
-    drawn = [fresh.draw(seed)[1] for seed in (5, 6, 8, 9)]
+    drawn = [fresh.draw_scene(seed)[1] for seed in (5, 6, 8, 9)]
     assert {record["kind"] for record in drawn} == {"plain", "correlated"}
     for seed, noise in ((5, "plain"), (5, "correlated")):
-        scene, record = fresh.draw(seed, noise, (0.4, 0.5))
+        scene, record = fresh.draw_scene(seed, noise, (0.4, 0.5))
         assert record["kind"] == noise
         assert 0.4 <= record["relative"] <= 0.5
         assert record["noise"] == pytest.approx(record["relative"] * scene.radius)

@@ -9,7 +9,7 @@ import pytest
 from knot_floer_homology import pd_to_hfk
 
 import strand
-from knots import BRAIDS, closed_braid, drawn
+from lib.braids import BRAIDS, make_closed_braid, make_knots
 from lib.measure import find_crossings
 from strand.synthetic import shape
 
@@ -47,7 +47,7 @@ def test_the_figure_eight_knot_has_the_codes_of_the_books():
 
 def test_codes_of_random_views_say_the_same():
     rng = np.random.default_rng(0)
-    for _, _, nodes in drawn(18, 150, seed=7):
+    for _, _, nodes in make_knots(18, 150, seed=7):
         for closed in (False, True):
             diagram = strand.knot_diagram(nodes, closed, direction=rng.normal(size=3))
             count = len(diagram.signs)
@@ -66,7 +66,7 @@ def test_codes_of_random_views_say_the_same():
 
 def test_a_diagram_shows_the_knot_that_is_tied():
     for word, _ in BRAIDS.values():
-        nodes = closed_braid(word)
+        nodes = make_closed_braid(word)
         small = strand.knot(nodes, closed=True)
         if small.name == "0_1":
             continue
@@ -130,7 +130,7 @@ def test_a_plan_that_meets_itself_has_no_diagram():
 def test_small_diagrams_alternate():
     # of alternating knots those without a crossing to spare
     for name in ("3_1", "4_1", "5_1", "7_1"):
-        found = strand.knot(closed_braid(BRAIDS[name][0]), closed=True)
+        found = strand.knot(make_closed_braid(BRAIDS[name][0]), closed=True)
         signs = np.sign(found.gauss_code())
         assert len(signs) == 2 * int(name[0])
         assert all(a != b for a, b in pairwise(signs))

@@ -9,7 +9,7 @@ import pytest
 from knot_floer_homology import pd_to_hfk
 
 import strand
-from knots import BRAIDS, closed_braid, drawn
+from lib.braids import BRAIDS, make_closed_braid, make_knots
 from shared.ropes import R, draw_circle
 from strand.ropes.doubt import Doubt
 from strand.synthetic import SHAPES, shape
@@ -62,7 +62,7 @@ def between(nodes, start, stop):
 
 
 def test_random_chains_of_all_knots_are_named_with_their_chirality():
-    made = drawn(2 * len(BRAIDS), 200, seed=1)
+    made = make_knots(2 * len(BRAIDS), 200, seed=1)
     assert {hand for _, hand, _ in made} == {"left", "right", None}
     for name, hand, nodes in made:
         found = strand.knot(nodes)
@@ -78,7 +78,7 @@ def test_codes_have_the_knot_floer_homology_of_the_name():
     seen = set()
     for word, _ in BRAIDS.values():
         for side in (1, -1):
-            found = strand.knot(closed_braid(word) * [1, 1, side], closed=True)
+            found = strand.knot(make_closed_braid(word) * [1, 1, side], closed=True)
             if found.name == "0_1":
                 assert found.pd_code() == ()
                 continue
@@ -93,7 +93,7 @@ def test_codes_have_the_knot_floer_homology_of_the_name():
 
 
 def test_a_name_does_not_depend_on_place_size_or_the_order_of_nodes():
-    for name, hand, nodes in drawn(18, 120, seed=4)[1:]:
+    for name, hand, nodes in make_knots(18, 120, seed=4)[1:]:
         turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
         turn *= np.linalg.det(turn)
         for other in (nodes[::-1], nodes * 1e-3 + [7.0, -3.0, 2.0], nodes @ turn.T * 1e4):
@@ -153,7 +153,7 @@ def test_the_core_is_where_the_knot_is():
 
 
 def test_a_core_alone_is_the_same_knot():
-    same, made = 0, drawn(36, 200, seed=2)[1:]
+    same, made = 0, make_knots(36, 200, seed=2)[1:]
     for name, hand, nodes in made:
         found = strand.knot(nodes)
         alone = strand.knot(between(nodes, *found.core)) if found.core else found
@@ -172,7 +172,7 @@ def test_two_knots_on_one_rope_are_a_composite():
 
 
 def test_knots_beyond_the_table_are_not_guessed():
-    found = strand.knot(closed_braid(LARGER["8_19"]), closed=True)
+    found = strand.knot(make_closed_braid(LARGER["8_19"]), closed=True)
     assert (found.name, found.chirality, found.core) == ("unknown", None, None)
     # the torus knot T(3, 4)
     assert found.alexander == (1, -1, 0, 1, 0, -1, 1)
@@ -180,8 +180,8 @@ def test_knots_beyond_the_table_are_not_guessed():
 
 
 def test_names_that_polynomials_cannot_tell_are_said():
-    small = strand.knot(closed_braid(BRAIDS["5_1"][0]), closed=True)
-    large = strand.knot(closed_braid(LARGER["10_132"]), closed=True)
+    small = strand.knot(make_closed_braid(BRAIDS["5_1"][0]), closed=True)
+    large = strand.knot(make_closed_braid(LARGER["10_132"]), closed=True)
     assert (small.alexander, small.name, small.ambiguous) == (large.alexander, "5_1", ())
     assert (large.name, large.ambiguous) == ("5_1", ("10_132",))
     # it is another knot all the same
@@ -268,7 +268,7 @@ def test_chains_have_their_arc_lengths():
     assert found.core == pytest.approx(nodes.core, abs=1e-3)
     flipped = chain.reversed().knot()
     assert (flipped.name, flipped.chirality) == (found.name, found.chirality)
-    ring = strand.Chain(closed_braid(BRAIDS["7_6"][0]) * 0.05, R, True)
+    ring = strand.Chain(make_closed_braid(BRAIDS["7_6"][0]) * 0.05, R, True)
     assert (ring.knot().name, ring.knot().probability, ring.knot().core) == ("7_6", 1.0, None)
     assert draw_circle(0.05, 40, True).knot().name == "0_1"
     uncertain = chain.knot(crossings=[(0.1, 0.25, 0.9)])
@@ -276,7 +276,7 @@ def test_chains_have_their_arc_lengths():
 
 
 def test_an_open_rope_that_ends_where_it_begins_is_a_ring():
-    ring = closed_braid(BRAIDS["5_2"][0])
+    ring = make_closed_braid(BRAIDS["5_2"][0])
     assert strand.knot(np.vstack([ring, ring[:1]])).probability == 1.0
 
 
@@ -292,7 +292,7 @@ def test_an_open_rope_that_ends_where_it_begins_is_a_ring():
         ([[0, 0, 0], [1, 0, 0], [np.nan, 0, 0]], False, "points"),
         ([[0, 0, 0], [1, 0, 0], [np.inf, 0, 0]], True, "points"),
         ([[0, 0, 0], [1, 0, 0], [0, 1.0, 0], [0, 0, 0]], True, "without its first node again at the end"),
-        (closed_braid((1, 1, 1)) * [1, 1, 0], True, "a curve that does not meet itself"),
+        (make_closed_braid((1, 1, 1)) * [1, 1, 0], True, "a curve that does not meet itself"),
     ],
 )
 def test_what_is_no_rope_is_refused(points, closed, message):

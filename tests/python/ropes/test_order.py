@@ -14,14 +14,14 @@ ROPES = random_ropes(4, 2, R, 2)
 
 
 def found(chains):
-    return order.beside_truth(chains, Model(chains, np.eye(4)[None]).crossings(), ROPES, R)
+    return order.compare_crossings(chains, Model(chains, np.eye(4)[None]).crossings(), ROPES, R)
 
 
 def test_the_truth_is_right_whichever_way_its_chains_run():
     chains = tuple(Chain(nodes, R) for nodes in ROPES)
     for given in (chains, chains[::-1], tuple(chain.reversed() for chain in chains)):
         said = found(given)
-        assert sorted(one.true for one in said) == list(range(len(order.true_crossings(ROPES, R)[1])))
+        assert sorted(one.true for one in said) == list(range(len(order.find_true_crossings(ROPES, R)[1])))
         assert all(one.right for one in said)
 
 
@@ -41,10 +41,10 @@ def test_a_crossing_where_there_is_none_is_wrong():
 def test_shares_and_counts():
     crossings = [{"probability": 0.999, "true": k, "right": k < 9} for k in range(10)]
     record = {"noise": 0.15, "right": True, "true": 10, "crossings": crossings}
-    ((low, high, count, said, right),) = order.by_probability([record])
+    ((low, high, count, said, right),) = order.group_by_probability([record])
     assert (low, high, count) == (0.995, 1.0, 10)
     assert (said, right) == pytest.approx((0.999, 0.9))
-    assert order.by_noise([record, {**record, "right": False}]) == [
+    assert order.group_by_noise([record, {**record, "right": False}]) == [
         ("all", 2, 1, 10, 9, 1),
         ("0.1-0.2", 2, 1, 10, 9, 1),
     ]

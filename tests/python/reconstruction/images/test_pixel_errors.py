@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from limits import Truth, calibration
+from limits import Truth, compute_calibration
 from strand.reconstruction.images.pixel_errors import Errors, _average_over_discs, convert_sensor
 from strand.reconstruction.images.prepare import prepare_images
 from strand.synthetic import Camera, Layout, Segmentation, scene
@@ -132,5 +132,5 @@ def test_errors_of_nodes_are_as_large_as_covariances_say():
         (("s", "tof"), ("arc", "d435"), ("loop", "zed"), ("figure8", "sgbm"))
     ):
         made = scene(name, seed=seed, camera=Camera(camera, size=SIZE), mask=Segmentation(), views=1)
-        found.append(calibration(reconstructed(made).chains, Truth.of(made.truth, made.radius))[1])
+        found.append(compute_calibration(reconstructed(made).chains, Truth.of(made.truth, made.radius))[1])
     assert 0.7 < np.sqrt(np.mean(found)) < 1.5

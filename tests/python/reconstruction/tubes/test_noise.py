@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import strand
-from deviations import scene
-from limits import Truth, calibration
+from deviations import make_scene
+from limits import Truth, compute_calibration
 from strand.config import Tubes
 from strand.reconstruction.tubes.noise import count_shared_points, find_correlation_length
 
@@ -16,13 +16,13 @@ SD = 0.7e-3  # metres
 
 def normalize_errors(model, drawn):
     """Return the root mean square of the nodes' errors e over their deviations: e' C^-1 e / 2."""
-    return np.sqrt(calibration(model.chains, Truth.of(drawn.truth, drawn.radius))[1])
+    return np.sqrt(compute_calibration(model.chains, Truth.of(drawn.truth, drawn.radius))[1])
 
 
 @pytest.mark.parametrize("views", [1, 3])
 @pytest.mark.parametrize("correlation", [1.0, 1.5, 2.5])
 def test_deviations_are_true_where_neighbours_share_errors(correlation, views):
-    drawn = scene("s", 51, SD, correlation, views)
+    drawn = make_scene("s", 51, SD, correlation, views)
     model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
     assert model.sensor.correlation == pytest.approx(correlation, rel=0.2)
     assert model.sensor.sd == pytest.approx(SD, rel=0.3)
@@ -31,7 +31,7 @@ def test_deviations_are_true_where_neighbours_share_errors(correlation, views):
 
 @pytest.mark.parametrize("noise", [0.3e-3, 0.7e-3, 1.5e-3])
 def test_independent_errors_are_found_to_be_independent(noise):
-    drawn = scene("s", 51, noise, 0.0, 3)
+    drawn = make_scene("s", 51, noise, 0.0, 3)
     model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
     assert model.sensor.correlation == 0.0
     assert model.sensor.sd == pytest.approx(noise, rel=0.1)
@@ -40,7 +40,7 @@ def test_independent_errors_are_found_to_be_independent(noise):
 
 
 def test_noise_is_measured_in_clouds_as_in_their_images():
-    drawn = scene("s", 51, SD, 1.5, 3)
+    drawn = make_scene("s", 51, SD, 1.5, 3)
     points = [view.points for view in drawn.views]
     camera = [strand.View(cloud, view.pose) for cloud, view in zip(points, drawn.views, strict=True)]
     world = [strand.View.from_world(view.world_points, view.viewpoint) for view in drawn.views]
@@ -51,7 +51,7 @@ def test_noise_is_measured_in_clouds_as_in_their_images():
 
 
 def test_a_given_sensor_is_not_measured():
-    drawn = scene("s", 51, SD, 0.0, 3)
+    drawn = make_scene("s", 51, SD, 0.0, 3)
     plain = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
     known = strand.Config(sensor=strand.Sensor(sd=SD, correlation=1.5))
     model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds, config=known)
@@ -64,7 +64,7 @@ def test_a_given_sensor_is_not_measured():
 
 
 def test_given_noise_stays_where_neighbours_share_errors():
-    drawn = scene("s", 51, SD, 1.5, 3)
+    drawn = make_scene("s", 51, SD, 1.5, 3)
     sizes = []
     for noise in (0.7e-3, 1.4e-3):
         config = strand.Config(tubes=Tubes(noise=noise))
@@ -75,7 +75,7 @@ def test_given_noise_stays_where_neighbours_share_errors():
 
 
 def test_a_model_keeps_its_sensor_in_a_file(tmp_path):
-    drawn = scene("s", 51, SD, 1.5, 1)
+    drawn = make_scene("s", 51, SD, 1.5, 1)
     model = strand.reconstruct(drawn.views, drawn.radius, drawn.bounds)
     model.save(tmp_path / "model.json")
     assert strand.load_model(tmp_path / "model.json").sensor == model.sensor
