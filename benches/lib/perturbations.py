@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import strand
 from strand.support.checks import Array
 from strand.synthetic import SyntheticScene, render_depth
-from strand.synthetic.fields import field, spread
+from strand.synthetic.fields import dilate, draw_field
 from strand.views.pose import rotation_about
 
 FOREIGN = 500  # added to a scene's seed: the scene that a foreign view is of
@@ -240,7 +240,7 @@ def quantize(given: Given, strength: float, rng: np.random.Generator) -> Given:
 def add_correlated_noise(smoothness: float) -> Change:
     def change(given: Given, strength: float, rng: np.random.Generator) -> Given:
         sd = strength * given.scene.radius
-        return given.images(lambda z: z + sd * field(z.shape, smoothness, rng))
+        return given.images(lambda z: z + sd * draw_field(z.shape, smoothness, rng))
 
     return change
 
@@ -269,7 +269,7 @@ def grow_masks(given: Given, strength: float, rng: np.random.Generator) -> Given
     reach = abs(int(strength))
     assert given.masks is not None
     masks = [mask != 0 for mask in given.masks]
-    masks = [spread(m, reach) if strength > 0 else ~spread(~m, reach) for m in masks]
+    masks = [dilate(m, reach) if strength > 0 else ~dilate(~m, reach) for m in masks]
     return replace(given, masks=masks)
 
 

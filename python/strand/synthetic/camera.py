@@ -9,7 +9,7 @@ import numpy as np
 
 from strand.support.checks import Array, check_number, check_positive
 from strand.synthetic.depth_camera import CAMERAS, DepthCamera
-from strand.synthetic.rendering import image_size
+from strand.synthetic.rendering import check_size
 
 FOCAL_LENGTH = 212.0 / 320.0
 """Focal length of a scene's cameras, in image widths."""
@@ -51,7 +51,7 @@ class Camera:
     def __post_init__(self) -> None:
         if self.device is not None:
             find_device(self.device)
-        object.__setattr__(self, "size", image_size(self.size))
+        object.__setattr__(self, "size", check_size(self.size))
         object.__setattr__(self, "depth_scale", check_positive("depth_scale", self.depth_scale))
 
     @property

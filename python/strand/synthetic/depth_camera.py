@@ -1,8 +1,8 @@
-"""Imitated depth cameras: wide, correlated errors as stereo and time-of-flight cameras make them.
+"""Imitated depth cameras, with the wide, correlated errors of stereo and time-of-flight cameras.
 
-A statistical model, not a matcher: an exact depth image goes in, what the camera would say comes out. A
-stereo camera measures disparity over a window, so that steps are smoothed, edges pulled to both sides and
-the errors of neighbours alike; a time-of-flight camera measures depth, mixed at edges with what lies behind.
+This is a statistical model of the errors, not a stereo matcher. A stereo camera measures disparity over a
+window: it smooths steps, displaces edges, and gives neighbouring pixels correlated errors. A time-of-flight
+camera measures depth, and mixes it at edges with the depth of the background.
 """
 
 from __future__ import annotations
@@ -21,63 +21,62 @@ from strand.support.checks import (
     check_nonnegative,
     check_positive,
 )
-from strand.synthetic.fields import field, pixels, spread
+from strand.synthetic.fields import check_pixels, dilate, draw_field
 
-_BENT, _STEP = 1e-6, 3e-3  # change of the inverse depth's slope at a pixel, over it: not a plane; a step
-_LOT = 1 << 21  # pixels of windows at a time: bounds the memory
-_REACH = 2.0  # standard deviations of a window at which it is cut off
-_COARSE = 2.0  # standard deviations of a window that take one more pixel between its samples
-_RAGGED = 2.0  # pixels, smoothness of edges' displacement
-_PLACES = 6.0  # pixels, smoothness of the error's size
+_MIN_BEND = 1e-6  # relative change of the inverse depth's slope at a pixel: above it, not a plane
+_MIN_STEP = 3e-3  # relative change of the inverse depth's slope at a pixel: above it, a step in depth
+_BATCH_SIZE = 1 << 21  # window pixels that are averaged at once: bounds the memory
+_WINDOW_REACH = 2.0  # standard deviations of a window: it is zero beyond this
+_SAMPLE_STEP = 2.0  # pixels of a window's standard deviation per pixel between its samples
+_EDGE_SMOOTHNESS = 2.0  # pixels: smoothness of the edges' displacement
+_SIZE_SMOOTHNESS = 6.0  # pixels: smoothness of the error's size
 
 
 @dataclass(frozen=True)
 class DepthCamera:
-    """What a depth camera does to depths.
+    """The errors of a depth camera.
 
-    With a `baseline` it is a stereo camera, whose errors are in pixels of disparity (focal length times
-    baseline over depth). Without one it measures time of flight, with errors in metres. The unit of `sd`,
-    `limit`, `period`, `amplitude` and `step` is the one or the other; other lengths are in pixels of the
-    image.
+    With a `baseline`, it is a stereo camera with errors in pixels of disparity, which is the focal length
+    times the baseline over the depth. Without a `baseline`, it measures the time of flight, with errors in
+    metres. This is the unit of `sd`, `limit`, `period`, `amplitude` and `step`. The other lengths are in
+    pixels of the image.
 
     Attributes
     ----------
     name : str
-        What to call it.
     baseline : float or None
         Distance between the two cameras of a stereo pair, metres; None for time of flight.
     sd : float
         Standard deviation of the error on a surface.
     grain : tuple of (float, float)
-        The error is a sum of normal fields. Each is as smooth as a Gaussian of the first number's standard
-        deviation makes it (0: every pixel on its own), and its share of the variance is the second; shares
-        are made to sum to 1.
+        The error is a sum of normal fields. Each pair holds a field's smoothness, which is the standard
+        deviation of a Gaussian in pixels (0: independent pixels), and its share of the variance. strand
+        normalizes the shares to a sum of 1.
     uneven : float
-        Standard deviation of the logarithm of the error's size, which is more in some places than in others.
+        Standard deviation of the logarithm of the error's size, which varies over the image.
     window : float
-        Standard deviation of the Gaussian window over which depth is taken; 0: each pixel's own depth.
+        Standard deviation of the Gaussian window over which the camera averages; 0 for no average.
     limit : float
-        Standard deviation of a Gaussian weight by the difference to the pixel's own depth: a window that
-        holds a larger step takes one side.
+        Standard deviation of a Gaussian weight of the difference to the pixel's own value. In a window with a
+        larger step, one side dominates.
     background : float
-        Weight of what lies farther than halfway through the window's depths; nearer things weigh 1.
+        Weight of values beyond the middle of the window's range of depths, relative to nearer ones.
     lateral : float
-        Standard deviation of how far edges are displaced, raggedly.
+        Standard deviation of the edges' displacement.
     period, amplitude : float
-        A periodic error: disparities are drawn towards multiples of the period, depths wiggle with it. An
+        A periodic error, which attracts disparities to multiples of the period and makes depths oscillate. An
         amplitude of `period` / 2 pi makes steps.
     step : float
-        What results are rounded to; 0: not rounded.
+        Step to which the results are rounded; 0 for no rounding.
     missing, missing_edge : float
-        Part, from 0 to 1, of the pixels without depth, on surfaces and next to steps.
+        Fraction of the pixels without depth, from 0 to 1, on surfaces and next to steps.
     patch : float
-        Standard deviation of the Gaussian that makes patches of pixels without depth; 0: every one on its
-        own.
+        Standard deviation of the Gaussian that shapes the patches without depth; 0 for independent pixels.
 
     Raises
     ------
     TypeError
-        If a number is none.
+        If a value is not a number.
     ValueError
         If a number is negative, not finite or out of its range, or no field of `grain` has a share.
     """
@@ -106,25 +105,25 @@ class DepthCamera:
         for name in ("limit", "period"):
             check_positive(name, getattr(self, name))
         for name in ("window", "lateral", "patch"):
-            pixels(name, getattr(self, name))
+            check_pixels(name, getattr(self, name))
         for name in ("missing", "missing_edge"):
             if check_nonnegative(name, getattr(self, name)) > 1:
-                raise ValueError(f"{name}: expected a part from 0 to 1, got {getattr(self, name)}")
+                raise ValueError(f"{name}: expected a fraction from 0 to 1, got {getattr(self, name)}")
         for i, part in enumerate(self.grain):
             if len(part) != 2:
                 raise ValueError(f"grain[{i}]: expected a smoothness and a share, got {part!r}")
-            pixels(f"grain[{i}][0]", part[0])
+            check_pixels(f"grain[{i}][0]", part[0])
             check_nonnegative(f"grain[{i}][1]", part[1])
         if not sum(share for _, share in self.grain) > 0:
             raise ValueError("grain: expected at least one field with a share above 0")
 
     @property
     def correlation_length(self) -> float:
-        """Distance at which the errors of two pixels of a surface have a correlation of 1/e, pixels."""
+        """Distance at which the errors of two pixels on a surface have a correlation of 1/e, pixels."""
         total = sum(share for _, share in self.grain)
 
-        def above(distance: float) -> bool:
-            # a field smoothed with a Gaussian is correlated as one of twice its variance
+        def is_correlated(distance: float) -> bool:
+            # the autocorrelation of a smoothed field is a Gaussian of twice the variance
             parts = [
                 share * math.exp(-0.25 * (distance / smoothness) ** 2)
                 for smoothness, share in self.grain
@@ -135,20 +134,20 @@ class DepthCamera:
         low, high = 0.0, 4.0 * max(smoothness for smoothness, _ in self.grain)
         for _ in range(50):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if above(middle) else (low, middle)
+            low, high = (middle, high) if is_correlated(middle) else (low, middle)
         return low
 
     def with_noise(self, noise: float, focal_length: float, distance: float) -> DepthCamera:
-        """Return this camera with so large an error at a distance, all else as it is.
+        """Return this camera with another standard deviation of the error.
 
         Parameters
         ----------
         noise : float
             Standard deviation of the error along the camera's z axis, metres.
         focal_length : float
-            Of the image, pixels.
+            Focal length of the image, pixels.
         distance : float
-            Depth at which the error is so large, metres.
+            Depth at which the error has this size, metres.
 
         Returns
         -------
@@ -159,19 +158,19 @@ class DepthCamera:
         TypeError
             If an argument is not a number.
         ValueError
-            If `noise` is negative, or another one not positive.
+            If `noise` is negative, or another argument is not positive.
         """
         noise = check_nonnegative("noise", noise)
         to_disparity = (
             check_positive("focal_length", focal_length) / check_positive("distance", distance) ** 2
         )
-        # disparity is f b / z
+        # the disparity is f b / z
         return replace(self, sd=noise if self.baseline is None else noise * to_disparity * self.baseline)
 
     def sense(
         self, depth: ArrayLike, intrinsics: ArrayLike, *, depth_scale: float, rng: np.random.Generator
     ) -> NDArray[np.uint16]:
-        """Return what the camera makes of an exact depth image.
+        """Return the depth image that the camera measures, from an exact one.
 
         Parameters
         ----------
@@ -180,19 +179,19 @@ class DepthCamera:
         intrinsics : (3, 3) array_like
             The pinhole matrix, pixels.
         depth_scale : float
-            Metres for each unit of the result.
+            Metres per unit of the result.
         rng : numpy.random.Generator
-            The source of chance.
+            The random number generator.
 
         Returns
         -------
         (H, W) ndarray of uint16
-            Depths in units of `depth_scale`, rounded; 0 for no depth and for depths that no uint16 holds.
+            Depths in units of `depth_scale`, rounded; 0 for no depth and for depths beyond uint16.
 
         Raises
         ------
         TypeError
-            If an array does not hold numbers, or `rng` is no generator.
+            If an array does not hold numbers, or `rng` is not a generator.
         ValueError
             If `depth` is not two-dimensional, finite and not negative, the intrinsics are not a pinhole's, or
             `depth_scale` is not positive.
@@ -206,25 +205,27 @@ class DepthCamera:
             raise TypeError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
         returned = exact > 0
         inverse = np.divide(1.0, exact, out=np.zeros_like(exact), where=returned)
-        turn = _turn(inverse)
-        bent, steps = turn > _BENT * inverse, turn > _STEP * inverse
-        # a plane's disparity is linear in the image, and its mean over a window is the pixel's own
-        near_bend = spread(bent, math.ceil(_REACH * self.window)) & returned
+        bend = _compute_bend(inverse)
+        bent, steps = bend > _MIN_BEND * inverse, bend > _MIN_STEP * inverse
+        # a plane's disparity is linear in the image, so its mean over a window is the pixel's own value
+        near_bend = dilate(bent, math.ceil(_WINDOW_REACH * self.window)) & returned
         to_disparity = None if self.baseline is None else focal_length * self.baseline
         measured = exact if to_disparity is None else to_disparity * inverse
-        # all is drawn whatever the numbers are: another error leaves the same pixels without depth
-        measured = self._displaced(measured, near_bend, returned, rng)
-        measured = self._windowed(measured, near_bend, returned)
+        # the draws do not depend on the parameters: with another error, the same pixels lack depth
+        measured = self._displace(measured, near_bend, returned, rng)
+        measured = self._average(measured, near_bend, returned)
         error, total = np.zeros_like(exact), sum(share for _, share in self.grain)
         for smoothness, share in self.grain:
-            error += math.sqrt(share / total) * field(exact.shape, smoothness, rng)
-        error *= np.exp(self.uneven * field(exact.shape, _PLACES, rng))
+            error += math.sqrt(share / total) * draw_field(exact.shape, smoothness, rng)
+        error *= np.exp(self.uneven * draw_field(exact.shape, _SIZE_SMOOTHNESS, rng))
         measured = measured + self.sd * error
         measured -= self.amplitude * np.sin(2.0 * np.pi / self.period * measured)
         if self.step > 0:
             measured = np.rint(measured / self.step) * self.step
-        holes = field(exact.shape, self.patch, rng)
-        returned &= holes > np.where(spread(steps, 1), _quantile(self.missing_edge), _quantile(self.missing))
+        holes = draw_field(exact.shape, self.patch, rng)
+        returned &= holes > np.where(
+            dilate(steps, 1), _find_quantile(self.missing_edge), _find_quantile(self.missing)
+        )
         returned &= measured > 0
         if to_disparity is not None:
             measured = np.divide(to_disparity, measured, out=np.zeros_like(exact), where=returned)
@@ -232,11 +233,11 @@ class DepthCamera:
         units[units > np.iinfo(np.uint16).max] = 0
         return units.astype(np.uint16)
 
-    def _displaced(
+    def _displace(
         self, measured: Array, where: NDArray[np.bool_], returned: NDArray[np.bool_], rng: np.random.Generator
     ) -> Array:
-        """(H, W) The image, with every chosen pixel's value from nearby."""
-        down, right = (field(measured.shape, _RAGGED, rng) for _ in range(2))
+        """Return the (H, W) image with the value of a nearby pixel at each chosen pixel."""
+        down, right = (draw_field(measured.shape, _EDGE_SMOOTHNESS, rng) for _ in range(2))
         v, u = np.nonzero(where)
         from_v = np.clip(v + np.rint(self.lateral * down[v, u]).astype(np.int64), 0, measured.shape[0] - 1)
         from_u = np.clip(u + np.rint(self.lateral * right[v, u]).astype(np.int64), 0, measured.shape[1] - 1)
@@ -246,15 +247,15 @@ class DepthCamera:
         displaced[v, u] = measured[from_v, from_u]
         return displaced
 
-    def _windowed(self, measured: Array, where: NDArray[np.bool_], returned: NDArray[np.bool_]) -> Array:
-        """(H, W) The image, with every chosen pixel's value the weighted mean of a window."""
-        reach = math.ceil(_REACH * self.window)
+    def _average(self, measured: Array, where: NDArray[np.bool_], returned: NDArray[np.bool_]) -> Array:
+        """Return the (H, W) image with the weighted mean of a window at each chosen pixel."""
+        reach = math.ceil(_WINDOW_REACH * self.window)
         if reach == 0:
             return measured
-        stride = max(1, math.floor(self.window / _COARSE))
+        stride = max(1, math.floor(self.window / _SAMPLE_STEP))
         lines = np.arange(-(reach // stride), reach // stride + 1) * stride
         down, right = (side.ravel() for side in np.meshgrid(lines, lines, indexing="ij"))
-        inside = np.hypot(down, right) <= _REACH * self.window + 0.1
+        inside = np.hypot(down, right) <= _WINDOW_REACH * self.window + 0.1
         down, right = down[inside], right[inside]
         weights = np.exp(-0.5 * (down**2 + right**2) / self.window**2)
         width = measured.shape[1] + 2 * reach
@@ -262,16 +263,16 @@ class DepthCamera:
         v, u = np.nonzero(where)
         middle, taps = (v + reach) * width + u + reach, down * width + right
         means = np.empty(len(middle))
-        lot = max(1, _LOT // len(taps))
-        for first in range(0, len(middle), lot):
-            part = slice(first, first + lot)
+        batch = max(1, _BATCH_SIZE // len(taps))
+        for first in range(0, len(middle), batch):
+            part = slice(first, first + batch)
             at = middle[part, None] + taps
             values, weight = around[at], weights * known[at]
             weight *= np.exp(-0.5 * ((values - around[middle[part], None]) / self.limit) ** 2)
             if self.background != 1.0:
                 low = np.where(known[at], values, np.inf).min(axis=1, keepdims=True)
                 high = np.where(known[at], values, -np.inf).max(axis=1, keepdims=True)
-                # disparities are the less, depths the greater, the farther
+                # farther values are smaller disparities, but greater depths
                 sign = 1.0 if self.baseline is None else -1.0
                 weight *= np.where(sign * (values - 0.5 * (low + high)) > 0, self.background, 1.0)
             means[part] = (weight * values).sum(axis=1) / weight.sum(axis=1)
@@ -280,16 +281,18 @@ class DepthCamera:
         return result
 
 
-def _turn(inverse: Array) -> Array:
-    """(H, W) By how much the inverse depth departs from a straight line along the row or the column."""
+def _compute_bend(inverse: Array) -> Array:
+    """Return the (H, W) second difference of the inverse depth, the larger one of row and column."""
     around = np.pad(inverse, 1, mode="edge")
     across = np.abs(around[1:-1, 2:] + around[1:-1, :-2] - 2.0 * inverse)
     return np.maximum(across, np.abs(around[2:, 1:-1] + around[:-2, 1:-1] - 2.0 * inverse))
 
 
-def _quantile(part: float) -> float:
-    """Return the number under which such a part of normal numbers is."""
-    return NormalDist().inv_cdf(part) if 0 < part < 1 else math.copysign(math.inf, part - 0.5)
+def _find_quantile(fraction: float) -> float:
+    """Return the number below which this fraction of normal numbers lies."""
+    if 0 < fraction < 1:
+        return NormalDist().inv_cdf(fraction)
+    return math.copysign(math.inf, fraction - 0.5)
 
 
 CAMERAS = {
@@ -362,5 +365,5 @@ CAMERAS = {
         ),
     )
 }
-"""Cameras by name: statistics like those of RealSense D435 and D405, ZED, a plain semi-global matcher on a
-120 mm pair, and a time-of-flight camera."""
+"""Imitated cameras by name: RealSense D435 and D405, ZED, a plain semi-global matcher on a pair with a
+baseline of 120 mm, and a time-of-flight camera."""

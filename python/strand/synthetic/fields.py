@@ -1,4 +1,4 @@
-"""Smooth random images, and pixels near others: what imitated cameras and masks are made of."""
+"""Smooth random images and dilated masks, the building blocks of imitated cameras and masks."""
 
 from __future__ import annotations
 
@@ -9,51 +9,50 @@ from numpy.typing import NDArray
 
 from strand.support.checks import Array, check_nonnegative
 
-_LARGEST = 64.0  # pixels, the greatest smoothness and the widest window: more is a mistake, and slow
+_MAX_PIXELS = 64.0  # pixels: largest smoothness or window; more is a mistake, and slow
+_GAUSSIAN_REACH = 2.5  # standard deviations: a Gaussian is zero beyond this
 
-_CUT = 2.5  # standard deviations at which a Gaussian is cut off
 
-
-def pixels(name: str, value: float) -> float:
-    """Return a length in an image, not negative and at most 64 pixels."""
+def check_pixels(name: str, value: float) -> float:
+    """Return a length in an image, checked: from 0 to 64 pixels."""
     length = check_nonnegative(name, value)
-    if length > _LARGEST:
-        raise ValueError(f"{name}: expected at most {_LARGEST:g} pixels, got {length:g}")
+    if length > _MAX_PIXELS:
+        raise ValueError(f"{name}: expected at most {_MAX_PIXELS:g} pixels, got {length:g}")
     return length
 
 
-def field(shape: tuple[int, int], smoothness: float, rng: np.random.Generator) -> Array:
-    """(H, W) Normal numbers with mean 0 and variance 1, smoothed with a Gaussian.
+def draw_field(shape: tuple[int, int], smoothness: float, rng: np.random.Generator) -> Array:
+    """Return (H, W) normal numbers with mean 0 and variance 1, smoothed with a Gaussian.
 
     Parameters
     ----------
     shape : (int, int)
         Height and width, pixels.
     smoothness : float
-        Standard deviation of the Gaussian, pixels; 0 for numbers that do not depend on each other.
+        Standard deviation of the Gaussian, pixels; 0 for independent numbers.
     rng : numpy.random.Generator
-        The source of chance.
+        The random number generator.
     """
     height, width = shape
-    reach = math.ceil(_CUT * smoothness)
-    chance = rng.normal(size=(height + 2 * reach, width + 2 * reach))
+    reach = math.ceil(_GAUSSIAN_REACH * smoothness)
+    noise = rng.normal(size=(height + 2 * reach, width + 2 * reach))
     if reach == 0:
-        return chance
+        return noise
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / smoothness) ** 2)
-    kernel /= np.sqrt((kernel**2).sum())  # keeps the variance
+    kernel /= np.sqrt((kernel**2).sum())  # keeps the variance at 1
     rows, result = np.zeros((height, width + 2 * reach)), np.zeros(shape)
     for i, weight in enumerate(kernel):
-        rows += weight * chance[i : i + height]
+        rows += weight * noise[i : i + height]
     for i, weight in enumerate(kernel):
         result += weight * rows[:, i : i + width]
     return result
 
 
-def spread(chosen: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """(H, W) Pixels with a chosen one within so many rows and columns."""
-    height, width = chosen.shape
-    around = np.pad(chosen, reach)
-    rows, result = np.zeros((height, width + 2 * reach), dtype=bool), np.zeros(chosen.shape, dtype=bool)
+def dilate(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return an (H, W) mask of the pixels with a masked one within `reach` rows and columns."""
+    height, width = mask.shape
+    around = np.pad(mask, reach)
+    rows, result = np.zeros((height, width + 2 * reach), dtype=bool), np.zeros(mask.shape, dtype=bool)
     for i in range(2 * reach + 1):
         rows |= around[i : i + height]
     for i in range(2 * reach + 1):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from strand.support.checks import Array, check_number, check_positive, check_sequence
 from strand.synthetic.camera import TABLE_ELEVATION, camera_pose, find_least_distance, spread_azimuths
-from strand.synthetic.rendering import TABLE, rope_nodes
+from strand.synthetic.rendering import TABLE, check_rope
 from strand.synthetic.shapes import LONGEST
 
 _LEAST_DISTANCE = 76.0  # radii, from a camera to the origin: 0.32 m for a rope 8.4 mm thick
@@ -87,4 +87,4 @@ class Layout:
 def _check_bar(name: str, bar: tuple[ArrayLike, float]) -> tuple[Array, float]:
     if not isinstance(bar, (tuple, list)) or len(bar) != 2:
         raise ValueError(f"{name}: expected a pair of nodes and a radius")
-    return rope_nodes(name, bar[0]), check_positive(name, bar[1], LONGEST)
+    return check_rope(name, bar[0]), check_positive(name, bar[1], LONGEST)

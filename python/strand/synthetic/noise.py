@@ -65,12 +65,12 @@ def _check_flying(flying: float) -> float:
 def _misplaced(pose: Array, angle: float, dx: float, dy: float) -> Array:
     """(4, 4) The pose turned about the world's z axis, then shifted in the table plane."""
     motion = np.eye(4)
-    motion[:2, :2] = rotation_in_plane(angle)
+    motion[:2, :2] = make_plane_rotation(angle)
     motion[:2, 3] = dx, dy
     return np.asarray(motion @ pose)
 
 
-def rotation_in_plane(angle: float) -> Array:
+def make_plane_rotation(angle: float) -> Array:
     """Return the (2, 2) rotation by an angle, radians."""
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
@@ -105,7 +105,7 @@ def sense(
     Returns
     -------
     (H, W) ndarray of uint16
-        Depths in units of `depth_scale`, rounded; 0 for no return and for depths that do not fit in uint16.
+        Depths in units of `depth_scale`, rounded; 0 for no return and for depths beyond uint16.
 
     Raises
     ------

@@ -20,10 +20,10 @@ from strand.support.files import write_bytes
 from strand.support.robust import robust_deviation
 from strand.synthetic.camera import Camera, find_device
 from strand.synthetic.layout import Layout
-from strand.synthetic.noise import Noise, rotation_in_plane, sense
-from strand.synthetic.rendering import render_depth, rope_nodes
+from strand.synthetic.noise import Noise, make_plane_rotation, sense
+from strand.synthetic.rendering import check_rope, render_depth
 from strand.synthetic.segmentation import Segmentation
-from strand.synthetic.shapes import LONGEST, lay, usual_length
+from strand.synthetic.shapes import LONGEST, default_length, lay_shape
 from strand.views.view import View
 
 _SQUEEZE = 0.03  # largest relative stretch of a shape's plan along one axis; it shrinks as much across
@@ -233,7 +233,7 @@ def scene(
         if has_masks:
             without_ropes = render_depth(bars, bar_radii, *seen_from)
             on_rope = (exact > 0) & ((exact < without_ropes) | (without_ropes == 0))
-            masks.append(mask.find(on_rope, segmenter))
+            masks.append(mask.make_mask(on_rope, segmenter))
             errors_on_ropes.append(np.abs(image * camera.depth_scale - exact)[on_rope & (image > 0)])
     if device is not None:
         depth_sd = robust_deviation(np.concatenate(errors_on_ropes))
@@ -280,7 +280,7 @@ def _find_ropes(
     if length is not None:
         raise ValueError("length: expected none along with chains, which have their own")
     given = check_sequence("chains", chains, "arrays")
-    ropes = tuple(rope_nodes(f"chains[{i}]", chain) for i, chain in enumerate(given))
+    ropes = tuple(check_rope(f"chains[{i}]", chain) for i, chain in enumerate(given))
     if not ropes:
         raise ValueError("chains: expected at least one rope, got none")
     return "chains" if name is None else name, ropes
@@ -292,8 +292,10 @@ def _place_shape(name: str, radius: float, length: float | None, rng: np.random.
     stretch = math.exp(rng.uniform(-_SQUEEZE, _SQUEEZE))
     mirror = rng.choice([-1.0, 1.0])
     shift = rng.uniform(-_SHIFT, _SHIFT, size=2) * radius
-    plane = rotation_in_plane(turn) @ np.diag([stretch, mirror / stretch]) @ rotation_in_plane(axis)
-    nodes = lay(name, radius, usual_length(name) * radius / 0.0042 if length is None else length, plane)
+    plane = make_plane_rotation(turn) @ np.diag([stretch, mirror / stretch]) @ make_plane_rotation(axis)
+    nodes = lay_shape(
+        name, radius, default_length(name) * radius / 0.0042 if length is None else length, plane
+    )
     nodes[:, :2] += shift
     return nodes
 

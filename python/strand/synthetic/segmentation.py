@@ -1,4 +1,4 @@
-"""Masks as segmenters give them: grown or eaten, ragged, with bits lost and bits of the background."""
+"""Imitated segmentation masks: too wide or too narrow, ragged, with holes and false pixels."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strand.support.checks import check_integer, check_nonnegative
-from strand.synthetic.fields import field, pixels, spread
+from strand.synthetic.fields import check_pixels, dilate, draw_field
 
-_RAGGED = 1.5  # pixels, smoothness of the edge's displacement
-_BESIDE = 6  # pixels from the rope within which background merges with it
-_MOST = 64  # pixels grown or eaten
+_EDGE_SMOOTHNESS = 1.5  # pixels: smoothness of the edge's displacement
+_BESIDE = 6  # pixels: false pixels this near to a rope merge with it
+_MAX_GROWTH = 64  # pixels
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """How a segmenter finds the ropes' pixels. Without arguments it finds them exactly.
+    """The errors of a mask of the ropes; none by default.
 
     Attributes
     ----------
     grow : int
-        Pixels by which the mask is too wide on every side; negative: eaten.
+        Pixels by which the mask is too wide on every side; negative if it is too narrow.
     ragged : float
-        Standard deviation of how far the edge is displaced from place to place, pixels.
+        Standard deviation of the edge's displacement, pixels.
     lost : float
-        Part, from 0 to 1, of the ropes' pixels that are missing in bits.
+        Fraction of the ropes' pixels that the mask misses in patches, from 0 to 1.
     taken : float
-        Pixels of the background in the mask, over those of the ropes: half of them next to a rope, where they
-        make it thicker, half as specks anywhere.
+        Number of background pixels in the mask, relative to the ropes' pixels, from 0 to 1. Half of them are
+        next to a rope and make it thicker; the others are specks anywhere.
     patch : float
-        Standard deviation of the Gaussian that makes the bits, pixels: they are some two of it across.
+        Standard deviation of the Gaussian that shapes the patches, pixels. A patch is about twice as wide.
 
     Raises
     ------
     TypeError
-        If a number is none, or `grow` is not a whole one.
+        If a value is not a number, or `grow` is not an integer.
     ValueError
         If a number is out of its range.
     """
@@ -49,41 +49,42 @@ class Segmentation:
     patch: float = 1.5
 
     def __post_init__(self) -> None:
-        check_integer("grow", self.grow, -_MOST, _MOST)
+        check_integer("grow", self.grow, -_MAX_GROWTH, _MAX_GROWTH)
         for name in ("ragged", "patch"):
-            pixels(name, getattr(self, name))
+            check_pixels(name, getattr(self, name))
         for name in ("lost", "taken"):
             if check_nonnegative(name, getattr(self, name)) > 1:
-                raise ValueError(f"{name}: expected a part from 0 to 1, got {getattr(self, name)}")
+                raise ValueError(f"{name}: expected a fraction from 0 to 1, got {getattr(self, name)}")
 
-    def find(self, ropes: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.bool_]:
-        """(H, W) The mask that it makes of the ropes' pixels.
+    def make_mask(self, ropes: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.bool_]:
+        """Return the (H, W) mask with these errors.
 
         Parameters
         ----------
         ropes : (H, W) ndarray of bool
-            The pixels that show a rope.
+            The exact mask.
         rng : numpy.random.Generator
-            The source of chance.
+            The random number generator.
         """
-        found = spread(ropes, self.grow) if self.grow >= 0 else ~spread(~ropes, -self.grow)
-        height, width = found.shape
+        mask = dilate(ropes, self.grow) if self.grow >= 0 else ~dilate(~ropes, -self.grow)
+        height, width = mask.shape
         if self.ragged > 0:
             v, u = np.mgrid[:height, :width]
             down, right = (
-                np.rint(self.ragged * field(found.shape, _RAGGED, rng)).astype(np.int64) for _ in range(2)
+                np.rint(self.ragged * draw_field(mask.shape, _EDGE_SMOOTHNESS, rng)).astype(np.int64)
+                for _ in range(2)
             )
-            found = found[np.clip(v + down, 0, height - 1), np.clip(u + right, 0, width - 1)]
+            mask = mask[np.clip(v + down, 0, height - 1), np.clip(u + right, 0, width - 1)]
         count = int(ropes.sum())
-        bits = field(ropes.shape, self.patch, rng)
-        lost = _greatest(bits, found, self.lost * found.sum())
-        beside = _greatest(bits, spread(found, _BESIDE) & ~found, 0.5 * self.taken * count)
-        specks = _greatest(bits, ~found & ~beside, 0.5 * self.taken * count)
-        return (found & ~lost) | beside | specks
+        patches = draw_field(ropes.shape, self.patch, rng)
+        lost = _pick_greatest(patches, mask, self.lost * mask.sum())
+        beside = _pick_greatest(patches, dilate(mask, _BESIDE) & ~mask, 0.5 * self.taken * count)
+        specks = _pick_greatest(patches, ~mask & ~beside, 0.5 * self.taken * count)
+        return (mask & ~lost) | beside | specks
 
 
-def _greatest(values: NDArray[np.float64], among: NDArray[np.bool_], count: float) -> NDArray[np.bool_]:
-    """(H, W) So many of some pixels: those with the greatest values."""
+def _pick_greatest(values: NDArray[np.float64], among: NDArray[np.bool_], count: float) -> NDArray[np.bool_]:
+    """Return an (H, W) mask of the `count` pixels with the greatest values among some."""
     chosen = np.zeros(among.shape, dtype=bool)
     where = np.flatnonzero(among)
     number = min(math.floor(count), len(where))

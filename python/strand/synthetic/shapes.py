@@ -1,7 +1,7 @@
-"""Rope shapes: centrelines of ropes that lie on a table, crossing over and under themselves.
+"""Named rope shapes: centrelines of ropes that lie on a table and cross themselves.
 
-A shape is drawn in the plane by a list of bends, laid on the table z = 0 and lifted by a smooth bump
-where it passes over itself, so that no rope cuts through itself.
+A list of bends draws a shape in the plane. The shape lies on the table z = 0, and a smooth bump lifts it
+where it passes over itself, so that the rope does not cut through itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from strand.support.checks import Array, check_positive
 
-# A loose overhand knot and the ways to it and from it; its mirror image.
+# a loose overhand knot with its two ends: (length, turn in degrees) of each piece
 _OVERHAND = (
     (10.8, 40.0),
     (13.0, -154.0),
@@ -24,11 +24,11 @@ _OVERHAND = (
     (13.0, -154.0),
     (10.8, 40.0),
 )
-_MIRRORED = tuple((length, -turn) for length, turn in _OVERHAND)
+_MIRRORED_OVERHAND = tuple((length, -turn) for length, turn in _OVERHAND)
 
-# Plans of the shapes: pieces of (length, turn in degrees, left is positive), walked one after another.
-# Lengths count relative to each other; for shapes that cross they are about radii where the rope is
-# 95 radii long, as the published experiment's is.
+# Plans of the shapes: (length, turn in degrees) of the pieces in order; left turns are positive. Only the
+# ratios of lengths count. For shapes with crossings, the numbers are radii of a rope of 95 radii, as in the
+# published experiment.
 _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
     "straight": ((1.0, 0.0),),
     "arc": ((1.0, 200.0),),
@@ -38,11 +38,11 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
     "overhand": ((8.5, 8.0), *_OVERHAND, (8.5, 8.0)),
     "paper": (
         (7.4, 6.0),
-        (7.0, -40.0),  # where the bight will be laid round it, twice
+        (7.0, -40.0),  # the bight will cross this piece twice
         (5.8, 0.0),
         (15.7, 272.0),  # the bight
         (4.8, 0.0),
-        (10.8, -152.0),  # under the rope, round it and over it
+        (10.8, -152.0),  # under the rope, around it and over it
         (1.5, 0.0),
         (12.5, 35.0),  # the straight part
         (16.2, -281.0),  # the circle
@@ -60,7 +60,7 @@ _PLANS: dict[str, tuple[tuple[float, float], ...]] = {
         (4.9, 90.0),
     ),
     "granny": ((8.5, 8.0), *_OVERHAND, (8.5, 16.0), *_OVERHAND, (8.5, 8.0)),
-    "square": ((8.5, 8.0), *_OVERHAND, (8.5, 0.0), *_MIRRORED, (8.5, -8.0)),
+    "square": ((8.5, 8.0), *_OVERHAND, (8.5, 0.0), *_MIRRORED_OVERHAND, (8.5, -8.0)),
 }
 
 SHAPES = (
@@ -76,15 +76,15 @@ SHAPES = (
     "granny",
     "square",
 )
-"""Names that `shape` knows."""
+"""The names of shapes."""
 
-# lengths where none is given, at a radius of 4.2 mm, metres: of two knots, and of the others
-_TWO_KNOTS, _USUAL = 0.72, 0.4
+_DEFAULT_LENGTH = 0.4  # metres, at a radius of 4.2 mm
+_TWO_KNOT_LENGTH = 0.72  # metres, at a radius of 4.2 mm: default of shapes with two knots
 
 LONGEST = 1e3
-"""The longest rope that is made, metres: nodes are 1 mm apart."""
+"""Largest length of a rope, metres; its nodes are 1 mm apart."""
 
-# Shortest lengths, in radii, at which strands keep clear and no bend is sharper than 2.5 radii.
+# radii: shortest lengths at which strands do not touch and no bend is tighter than 2.5 radii
 _SHORTEST = {
     "straight": 2.0,
     "arc": 12.0,
@@ -99,42 +99,38 @@ _SHORTEST = {
     "square": 120.0,
 }
 
-_STEPS = 4000  # of a plan's walk
-_ROUNDING = 0.02  # of the length: bends begin and end gradually over twice this
-_LIFT = 2.1  # radii, between the axes where ropes cross: 2 would touch
-_RAMP = 7.0  # radii, half the width of the bump over a rope
-_SPIRAL_START = 4.0  # radii, the coil's innermost
-_SPIRAL_PITCH = 2.6  # radii, between the coil's turns: a gap of 0.6 between surfaces
+_STEPS = 4000  # steps along a plan
+_ROUNDING = 0.02  # fraction of the length: a bend begins and ends gradually over twice this
+_LIFT = 2.1  # radii: distance between the axes at a crossing; at 2 the strands would touch
+_RAMP = 7.0  # radii: half the width of the bump over a strand
+_SPIRAL_START = 4.0  # radii: inner radius of the coil
+_SPIRAL_PITCH = 2.6  # radii: distance between the coil's turns, which leaves a gap of 0.6
 
 
 def shape(name: str, radius: float = 0.0042, length: float | None = None) -> Array:
-    """Centreline of a rope in a known shape, resting on the table z = 0.
-
-    The plan of a shape grows with `length`; the height at which the rope passes over itself and the
-    way up there grow with `radius`, and so do the distances between a coil's turns, of which a longer
-    rope has more. Where two strands cross, seen from above, the axis of the lower one is at
-    z = radius and that of the upper one 2.1 radii higher. Along the rope it is under, over, under,
-    over and so on. Places farther apart than pi * radius along the rope are never nearer than
-    2 * radius to each other, and no bend of the axis has a radius under 2.5 * radius.
+    """Return the centreline of a rope in a named shape, lying on the table z = 0.
 
     - `straight`: a straight line.
-    - `arc`: a bend by 200 degrees.
+    - `arc`: a bend of 200 degrees.
     - `s`: a bend to the left and one to the right.
-    - `coil`: a flat spiral whose turns are 0.6 radii apart.
-    - `loop`: a circle between two ends, closed over itself; 1 crossing.
-    - `figure8`: two loops, one turning left and one right, the end over the start; 2 crossings.
-    - `overhand`: a trefoil knot, lying loosely; 3 crossings.
-    - `paper`: a bight laid round the rope, a straight part, a circle that closes over itself with the end
-      overlapping; 3 crossings.
-    - `figure8_knot`: a figure-eight knot, lying loosely; 4 crossings.
-    - `granny`, `square`: two overhand knots one after the other, the second as the first or its mirror
-      image, as the two halves of these knots are; 6 crossings.
+    - `coil`: a flat spiral with gaps of 0.6 radii between its turns.
+    - `loop`: a circle that closes over itself; 1 crossing.
+    - `figure8`: two loops, one to the left and one to the right, the end over the start; 2 crossings.
+    - `overhand`: a loose trefoil knot; 3 crossings.
+    - `paper`: a bight around the rope, a straight part, and a circle that closes over itself; 3 crossings.
+    - `figure8_knot`: a loose figure-eight knot; 4 crossings.
+    - `granny`, `square`: two overhand knots in a row, equal (granny) or mirrored (square); 6 crossings.
 
-    `paper` stands for the string of the published experiment, at the default radius and length. Its
-    three crossings cannot hold both a true knot and a circle that closes over itself: the simplest
-    knot takes three crossings and the circle takes one. So its knotted part is a bight laid round the
-    rope, two crossings by turns under and over, which comes apart when pulled; `overhand` holds a
-    true knot.
+    A longer rope has a larger plan; a longer coil has more turns. Heights, ramps and the gaps of a coil
+    depend on `radius` only.
+
+    Along the rope, crossings alternate between under and over. The axis of the lower strand is at z = radius,
+    that of the upper one 2.1 radii higher. Places more than pi * radius apart along the rope are at least
+    2 * radius apart in space. No bend of the axis has a radius below 2.5 * radius.
+
+    `paper` imitates the string of the published experiment, at the default radius and length. A true knot
+    and a circle would take four crossings, and the string has three. Its knotted part is therefore a bight,
+    which comes apart when pulled. `overhand` is a true knot.
 
     Parameters
     ----------
@@ -143,13 +139,13 @@ def shape(name: str, radius: float = 0.0042, length: float | None = None) -> Arr
     radius : float
         The rope's radius, metres.
     length : float, optional
-        Arc length of the axis from end to end, metres; 0.4 if not given, 0.72 of `granny` and `square`.
+        Arc length of the axis from end to end, metres; 0.4 by default, 0.72 for `granny` and `square`.
 
     Returns
     -------
     (M, 3) ndarray
-        Nodes in the world frame, metres, end to end and evenly apart: by 1 mm, or by a quarter of the
-        radius if that is finer. The middle of their extent in x and y is the origin.
+        Nodes in the world frame, metres, from end to end. Their spacing is even: 1 mm, or a quarter of the
+        radius if that is smaller. The middle of their extent in x and y is the origin.
 
     Raises
     ------
@@ -158,34 +154,27 @@ def shape(name: str, radius: float = 0.0042, length: float | None = None) -> Arr
     ValueError
         If there is no such shape, `radius` or `length` is not positive, or `length` is too short for
         the shape at that radius.
+
+    Examples
+    --------
+    >>> import strand
+    >>> nodes = strand.synthetic.shape("overhand")
+    >>> strand.knot(nodes).name
+    '3_1'
     """
-    return lay(name, radius, usual_length(name) if length is None else length, np.eye(2))
+    return lay_shape(name, radius, default_length(name) if length is None else length, np.eye(2))
 
 
-def usual_length(name: str) -> float:
-    """Return how long a shape is if no length is given, at a radius of 4.2 mm, metres."""
-    return _TWO_KNOTS if name in ("granny", "square") else _USUAL
+def default_length(name: str) -> float:
+    """Return the default length of a shape at a radius of 4.2 mm, metres."""
+    return _TWO_KNOT_LENGTH if name in ("granny", "square") else _DEFAULT_LENGTH
 
 
-def lay(name: str, radius: float, length: float, plane: Array) -> Array:
-    """Return the shape as `shape` does, its plan sent through a linear map of the table plane first.
+def lay_shape(name: str, radius: float, length: float, plane: Array) -> Array:
+    """Return the nodes of `shape`, with a (2, 2) linear map of its plan in the table plane.
 
-    Parameters
-    ----------
-    name, radius, length
-        As in `shape`; the length is that of the mapped rope.
-    plane : (2, 2) ndarray
-        A rotation, a reflection or a stretch. What `shape` says of clearances and bends holds for
-        stretches of up to 3 percent.
-
-    Returns
-    -------
-    (M, 3) ndarray
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `shape`.
+    The length is that of the mapped rope. The clearances and bends of `shape` hold for rotations, reflections
+    and stretches of up to 3 percent.
     """
     if not isinstance(name, str) or name not in SHAPES:
         raise ValueError(f"name: expected one of {', '.join(SHAPES)}, got {name!r}")
@@ -197,29 +186,29 @@ def lay(name: str, radius: float, length: float, plane: Array) -> Array:
             f"({_SHORTEST[name]:g} radii) for the shape {name!r}, got {length:g} m"
         )
     if name == "coil":
-        flat = _spiral(radius, 1.1 * length) @ plane.T
+        flat = _draw_spiral(radius, 1.1 * length) @ plane.T
         curve = np.column_stack([flat, np.full(len(flat), radius)])
     else:
-        curve = _lift(_walk(_PLANS[name]) @ plane.T, radius, length)
-    knots = arc_lengths(curve)
+        curve = _lift_crossings(_draw_plan(_PLANS[name]) @ plane.T, radius, length)
+    along = compute_arc_lengths(curve)
     count = math.ceil(length / min(1e-3, 0.25 * radius)) + 1
     at = np.linspace(0.0, length, count)
-    nodes = np.stack([np.interp(at, knots, curve[:, k]) for k in range(3)], axis=1)
+    nodes = np.stack([np.interp(at, along, curve[:, k]) for k in range(3)], axis=1)
     nodes[:, :2] -= 0.5 * (nodes[:, :2].min(axis=0) + nodes[:, :2].max(axis=0))
     return nodes
 
 
-def arc_lengths(points: Array) -> Array:
-    """(N,) Arc length from the first of (N, 2) or (N, 3) points to each, along straight segments."""
+def compute_arc_lengths(points: Array) -> Array:
+    """Return the (N,) arc lengths from the first of (N, 2) or (N, 3) points, along straight segments."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _walk(pieces: tuple[tuple[float, float], ...]) -> Array:
-    """(N, 2) Curve of length 1 that bends as the pieces say, with gradual changes of curvature."""
+def _draw_plan(pieces: tuple[tuple[float, float], ...]) -> Array:
+    """Return an (N, 2) curve of length 1 with these pieces and gradual changes of curvature."""
     lengths, turns = np.asarray(pieces).T
     ends = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
     headings = np.radians(np.concatenate([[0.0], np.cumsum(turns)]))
-    # twice the running mean of the heading: its curvature has no jumps, its total turn stays
+    # a running mean of the heading, twice: the curvature has no jumps, and the total turn stays
     box = np.full(round(_ROUNDING * _STEPS), 1.0 / round(_ROUNDING * _STEPS))
     kernel = np.convolve(box, box)
     margin = len(kernel) // 2
@@ -229,8 +218,8 @@ def _walk(pieces: tuple[tuple[float, float], ...]) -> Array:
     return np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
-def _spiral(radius: float, length: float) -> Array:
-    """(N, 2) Archimedean spiral from the inside outwards, of about the given length."""
+def _draw_spiral(radius: float, length: float) -> Array:
+    """Return an (N, 2) Archimedean spiral from the inside outwards, of about the given length."""
     start, growth = _SPIRAL_START * radius, _SPIRAL_PITCH * radius / (2.0 * np.pi)
     last = (math.sqrt(start**2 + 2.0 * growth * length) - start) / growth
     angle = np.linspace(0.0, last, max(_STEPS, math.ceil(20.0 * length / radius)))
@@ -238,23 +227,23 @@ def _spiral(radius: float, length: float) -> Array:
     return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
 
 
-def _lift(flat: Array, radius: float, length: float) -> Array:
-    """(N, 3) Lay a plan of any size on the table and over itself, scaled to the given length."""
-    at = arc_lengths(flat)
+def _lift_crossings(flat: Array, radius: float, length: float) -> Array:
+    """Return (N, 3) points: a plan of any size laid on the table and over itself, with the given length."""
+    at = compute_arc_lengths(flat)
     flat, at = flat / at[-1], at / at[-1]
-    over = np.sort(_passes(flat, at))[1::2]
+    over = np.sort(_find_self_crossings(flat, at))[1::2]
     size = length
-    # the way up and down adds to the length by an amount that hardly depends on the plan's size
+    # the bumps add a length that hardly depends on the plan's size
     for _ in range(8):
         t = (at[:, None] - over) * (size / (_RAMP * radius))
         bumps = np.clip(1.0 - t**2, 0.0, None) ** 3
         curve = np.column_stack([flat * size, radius * (1.0 + _LIFT * bumps.sum(axis=1))])
-        size += length - arc_lengths(curve)[-1]
+        size += length - compute_arc_lengths(curve)[-1]
     return curve
 
 
-def _passes(flat: Array, at: Array) -> Array:
-    """Arc lengths at which a plane curve meets itself, two for each crossing."""
+def _find_self_crossings(flat: Array, at: Array) -> Array:
+    """Return the arc lengths at which a plane curve crosses itself, two per crossing."""
     thin = slice(None, None, 8)
     points, at = flat[thin], at[thin]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -264,10 +253,10 @@ def _passes(flat: Array, at: Array) -> Array:
 
     # segments i and j meet at start_i + t step_i = start_j + u step_j
     i, j = np.triu_indices(len(step), k=2)
-    apart, size = start[j] - start[i], cross(step[i], step[j])
+    offset, size = start[j] - start[i], cross(step[i], step[j])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t, u = cross(apart, step[j]) / size, cross(apart, step[i]) / size
-    # between parallel segments, as in a straight part, t and u are noise
+        t, u = cross(offset, step[j]) / size, cross(offset, step[i]) / size
+    # for parallel segments, as in a straight part, t and u are noise
     meet = (t >= 0) & (t < 1) & (u >= 0) & (u < 1) & (np.abs(size) > 1e-6 * at[1] ** 2)
     i, j, t, u = i[meet], j[meet], t[meet], u[meet]
     return np.concatenate([at[i] + t * (at[i + 1] - at[i]), at[j] + u * (at[j + 1] - at[j])])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from strand.synthetic import camera_pose, cluttered_scene
-from strand.synthetic.things import Ball, Box, Cylinder, cast
+from strand.synthetic.objects import Ball, Box, Cylinder, add_objects
 
 K = np.array([[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]])
 
@@ -47,7 +47,7 @@ def test_views_show_the_rope_between_things():
 )
 def test_things_are_as_high_as_they_are_from_above(thing, height):
     pose = camera_pose(0.0, 0.5, np.pi / 2)
-    depth = cast(np.full((240, 320), 0.5), [thing], K, pose)
+    depth = add_objects(np.full((240, 320), 0.5), [thing], K, pose)
     assert depth[120, 160] == pytest.approx(0.5 - height, abs=1e-9)
     covered = np.count_nonzero(depth < 0.5 - 1e-9)
     areas = {Box: 0.1 * 0.06, Ball: np.pi * 0.03**2, Cylinder: np.pi * 0.02**2}

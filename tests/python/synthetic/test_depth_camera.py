@@ -249,7 +249,7 @@ def test_depths_beyond_what_is_stored_are_dropped():
         (dict(period=0.0), "period: expected a positive"),
         (dict(window=65.0), "window: expected at most 64 pixels, got 65"),
         (dict(patch=-1.0), "patch: expected a number >= 0"),
-        (dict(missing=1.5), "missing: expected a part from 0 to 1, got 1.5"),
+        (dict(missing=1.5), "missing: expected a fraction from 0 to 1, got 1.5"),
         (dict(grain=()), "grain: expected at least one field"),
         (dict(grain=((1.0, 0.0),)), "grain: expected at least one field"),
         (dict(grain=((100.0, 1.0),)), r"grain\[0\]\[0\]: expected at most 64 pixels"),

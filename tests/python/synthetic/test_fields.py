@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from strand.synthetic.fields import field, spread
+from strand.synthetic.fields import dilate, draw_field
 
 
 @pytest.mark.parametrize("smoothness", [0.0, 0.8, 2.0, 4.0])
 def test_fields_are_normal_and_as_smooth_as_asked(smoothness):
-    made = field((400, 500), smoothness, np.random.default_rng(1))
+    made = draw_field((400, 500), smoothness, np.random.default_rng(1))
     assert made.shape == (400, 500)
     assert made.mean() == pytest.approx(0.0, abs=0.05)
     assert made.std() == pytest.approx(1.0, abs=0.05)
@@ -28,4 +28,4 @@ def test_spread_reaches_as_far_in_rows_and_columns():
     assert chosen.any()
     for reach in (0, 1, 3):
         square = np.ones((2 * reach + 1,) * 2, dtype=bool)
-        assert np.array_equal(spread(chosen, reach), binary_dilation(chosen, square))
+        assert np.array_equal(dilate(chosen, reach), binary_dilation(chosen, square))

@@ -10,7 +10,7 @@ import pytest
 
 from strand import load_scene
 from strand.synthetic import CAMERAS, Camera, Layout, Noise, Segmentation, render_depth, scene
-from strand.synthetic.fields import spread
+from strand.synthetic.fields import dilate
 from strand.synthetic.shapes import shape
 
 RADIUS = 0.0042
@@ -55,7 +55,7 @@ def test_noise_is_asked_for_or_the_cameras_own(name):
     )
     for made, part in ((quiet, 0.2), (loud, 0.8)):
         depth, distance = exact(made, 0), np.linalg.norm(made.poses_true[0, :3, 3])
-        table = ~spread(made.mask[0], 12) & (made.depth[0] > 0) & (np.abs(depth / distance - 1.0) < 0.15)
+        table = ~dilate(made.mask[0], 12) & (made.depth[0] > 0) & (np.abs(depth / distance - 1.0) < 0.15)
         error = (made.depth[0] * made.depth_scale - depth)[table]
         assert 0.65 * part < 1.4826 * np.median(np.abs(error)) / RADIUS < 1.35 * part
     own, given = (

@@ -18,7 +18,7 @@ OVERHEAD = camera_pose(0.0, 0.35, elevation=0.5 * math.pi)  # image x is world y
 
 
 def finer(nodes, times=3):
-    s = shapes.arc_lengths(nodes)
+    s = shapes.compute_arc_lengths(nodes)
     at = np.linspace(0.0, s[-1], times * (len(nodes) - 1) + 1)
     return np.stack([np.interp(at, s, nodes[:, k]) for k in range(3)], axis=1)
 
@@ -202,9 +202,11 @@ def test_wrong_cameras():
         render_depth([nodes], RADIUS, PINHOLE, np.diag([2.0, 1.0, 1.0, 1.0]))
     with pytest.raises(ValueError, match="table: expected a number >= 0"):
         render_depth([nodes], RADIUS, PINHOLE, OVERHEAD, table=-1.0)
-    with pytest.raises(ValueError, match="radius: expected one number or one for each of 1 chains, got 2"):
+    with pytest.raises(ValueError, match="radius: expected one number, or one for each of 1 chains, got 2"):
         render_depth([nodes], [0.004, 0.005], PINHOLE, OVERHEAD)
-    with pytest.raises(ValueError, match=r"chains\[0\]: expected turns under 90 degrees, but node 1"):
+    with pytest.raises(
+        ValueError, match=r"chains\[0\]: expected turns below 90 degrees, got a sharper one at node 1"
+    ):
         render_depth([nodes[[0, 1, 0]]], RADIUS, PINHOLE, OVERHEAD)
     with pytest.raises(ValueError, match="distance: expected a positive"):
         camera_pose(0.0, 0.0)

@@ -10,7 +10,7 @@ import pytest
 
 from strand import load_scene
 from strand.synthetic import Camera, Noise, render_depth, scene, shapes
-from strand.synthetic.shapes import SHAPES, arc_lengths, shape
+from strand.synthetic.shapes import SHAPES, compute_arc_lengths, shape
 
 RADIUS = 0.0042
 PINHOLE = np.array([[212.0, 0.0, 159.5], [0.0, 212.0, 119.5], [0.0, 0.0, 1.0]])
@@ -71,7 +71,7 @@ def test_every_view_holds_the_rope(name):
     assert low == pytest.approx([*(nodes[:, :2].min(0) - 6 * RADIUS), 0.6 * RADIUS])
     assert high == pytest.approx(nodes.max(0) + np.array([6, 6, 3]) * RADIUS)
     points = np.vstack([view.crop(made.bounds).points for view in made.views])
-    assert 5500 < len(points) * 0.4 / arc_lengths(nodes)[-1] < 13000
+    assert 5500 < len(points) * 0.4 / compute_arc_lengths(nodes)[-1] < 13000
     for view, pose in zip(made.views, made.poses, strict=True):
         assert np.array_equal(view.pose, pose)
 
@@ -101,7 +101,7 @@ def test_several_ropes_of_ones_own():
 def test_large_and_small_ropes():
     for radius in (0.002, 0.01):
         made = scene(radius=radius, views=3)
-        assert shapes.arc_lengths(made.truth[0])[-1] == pytest.approx(0.4 * radius / RADIUS, rel=1e-3)
+        assert shapes.compute_arc_lengths(made.truth[0])[-1] == pytest.approx(0.4 * radius / RADIUS, rel=1e-3)
         assert sum(len(view.crop(made.bounds).points) for view in made.views) > 2500
 
 

@@ -15,7 +15,7 @@ SQUARE = np.ones((3, 3), dtype=bool)
 
 
 def found(segmentation, seed=0):
-    return segmentation.find(ROPES, np.random.default_rng(seed))
+    return segmentation.make_mask(ROPES, np.random.default_rng(seed))
 
 
 def test_exact_without_arguments():
@@ -62,7 +62,7 @@ def test_same_chance_same_mask():
     rough = Segmentation(grow=-1, ragged=0.7, lost=0.1, taken=0.1)
     assert np.array_equal(found(rough), found(rough))
     assert not np.array_equal(found(rough), found(rough, 1))
-    nothing = rough.find(np.zeros((20, 30), dtype=bool), np.random.default_rng(0))
+    nothing = rough.make_mask(np.zeros((20, 30), dtype=bool), np.random.default_rng(0))
     assert not nothing.any()
 
 
@@ -72,7 +72,7 @@ def test_same_chance_same_mask():
         (dict(grow=-65), "grow: expected at least -64"),
         (dict(ragged=-1.0), "ragged: expected a number >= 0"),
         (dict(patch=100.0), "patch: expected at most 64 pixels"),
-        (dict(lost=1.1), "lost: expected a part from 0 to 1, got 1.1"),
+        (dict(lost=1.1), "lost: expected a fraction from 0 to 1, got 1.1"),
         (dict(taken=float("nan")), "taken: expected a number >= 0"),
     ],
 )

@@ -32,7 +32,7 @@ USUAL = {name: 0.72 if name in ("granny", "square") else 0.4 for name in SHAPES}
 
 
 def finer(nodes, times=3):
-    s = shapes.arc_lengths(nodes)
+    s = shapes.compute_arc_lengths(nodes)
     at = np.linspace(0.0, s[-1], times * (len(nodes) - 1) + 1)
     return np.stack([np.interp(at, s, nodes[:, k]) for k in range(3)], axis=1)
 
@@ -40,7 +40,7 @@ def finer(nodes, times=3):
 def clearance(nodes, radius):
     """Least distance between places farther apart than pi * radius along the rope, in radii."""
     fine = finer(nodes)
-    s = shapes.arc_lengths(fine)
+    s = shapes.compute_arc_lengths(fine)
     apart = cdist(fine, fine)[np.abs(s[:, None] - s) > np.pi * radius]
     return apart.min(initial=np.inf) / radius
 
@@ -79,7 +79,7 @@ def test_lengths_from_the_shortest_to_long_ones(name):
     for length in (shortest, 0.7):
         nodes = shape(name, RADIUS, length)
         assert_valid(name, nodes, RADIUS)
-        assert shapes.arc_lengths(nodes)[-1] == pytest.approx(length, rel=1e-3)
+        assert shapes.compute_arc_lengths(nodes)[-1] == pytest.approx(length, rel=1e-3)
     with pytest.raises(ValueError, match=r"length: .* needs at least .* m \("):
         shape(name, RADIUS, 0.99 * shortest)
 
@@ -89,7 +89,7 @@ def test_seeds_place_and_vary_valid_shapes(name):
     for seed in range(4):
         (nodes,) = scene(name, seed=seed, views=1, camera=Camera(size=(32, 24))).truth
         assert_valid(name, nodes, RADIUS)
-        assert shapes.arc_lengths(nodes)[-1] == pytest.approx(USUAL[name], rel=1e-3)
+        assert shapes.compute_arc_lengths(nodes)[-1] == pytest.approx(USUAL[name], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", [name for name, count in CROSSINGS.items() if count])
@@ -103,7 +103,7 @@ def test_strands_pass_by_turns_under_and_over(name):
     assert np.abs(heights) == pytest.approx(2.1 * RADIUS, rel=0.01)
     # down on the table at both ends, and wherever the rope passes under
     assert nodes[[0, -1], 2] == pytest.approx(RADIUS)
-    s = shapes.arc_lengths(nodes)
+    s = shapes.compute_arc_lengths(nodes)
     assert np.interp([at for at, z in passes if z < 0], s, nodes[:, 2]) == pytest.approx(RADIUS, rel=0.01)
 
 
@@ -138,7 +138,7 @@ def test_halves_of_a_square_knot_are_mirrored():
 @pytest.mark.parametrize("seed", [None, 0, 1, 2, 3, 4, 5])
 def test_crossings_of_the_papers_string_are_steep_and_isolated(seed):
     nodes = shape("paper") if seed is None else scene("paper", seed=seed, views=1).truth[0]
-    s = shapes.arc_lengths(nodes) / RADIUS
+    s = shapes.compute_arc_lengths(nodes) / RADIUS
     flat = nodes[:, :2] / RADIUS
     found = [(low / RADIUS, high / RADIUS) for low, high, _ in find_crossings(nodes)]
 

@@ -1,4 +1,4 @@
-"""Things on a table that are no ropes, as a camera sees them: boxes, balls, mugs, posts."""
+"""Objects on a table that are not ropes: boxes, balls, mugs and posts, drawn into depth images."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from strand.views.pinhole import Pinhole
 
 @dataclass(frozen=True)
 class Box:
-    """A box that stands upright, turned about its own axis.
+    """An upright box.
 
     Attributes
     ----------
-    centre : (float, float, float)
+    center : (float, float, float)
         Metres.
     size : (float, float, float)
         Length, width and height, metres.
     turn : float
-        Angle from the x axis to its length, radians.
+        Angle from the x axis to its length, about the z axis, radians.
     """
 
-    centre: tuple[float, float, float]
+    center: tuple[float, float, float]
     size: tuple[float, float, float]
     turn: float = 0.0
 
@@ -36,13 +36,13 @@ class Ball:
 
     Attributes
     ----------
-    centre : (float, float, float)
+    center : (float, float, float)
         Metres.
     radius : float
         Metres.
     """
 
-    centre: tuple[float, float, float]
+    center: tuple[float, float, float]
     radius: float
 
 
@@ -53,11 +53,11 @@ class Cylinder:
     Attributes
     ----------
     base : (float, float, float)
-        The middle of its bottom, metres.
+        Centre of its bottom, metres.
     radius, height : float
         Metres.
     hollow : bool
-        Open at its top, with a thin wall.
+        Whether it is open at the top, with a thin wall.
     """
 
     base: tuple[float, float, float]
@@ -66,21 +66,21 @@ class Cylinder:
     hollow: bool = False
 
 
-Thing = Box | Ball | Cylinder
+Object = Box | Ball | Cylinder
 
 
-def cast(depth: Array, things: list[Thing], intrinsics: Array, pose: Array) -> Array:
-    """Return a depth image with things in it, where they are nearer than what is there.
+def add_objects(depth: Array, objects: list[Object], intrinsics: Array, pose: Array) -> Array:
+    """Return a depth image with objects, where they are nearer than its depths.
 
     Parameters
     ----------
     depth : (H, W) ndarray
-        Exact depths, metres; 0 where a ray hits nothing.
-    things : list of Box, Ball or Cylinder
+        Exact depths, metres; 0 where a ray hits noitem.
+    objects : list of Box, Ball or Cylinder
     intrinsics : (3, 3) ndarray
         The pinhole matrix, pixels.
     pose : (4, 4) ndarray
-        Camera to world.
+        Camera-to-world rigid motion.
 
     Returns
     -------
@@ -88,40 +88,40 @@ def cast(depth: Array, things: list[Thing], intrinsics: Array, pose: Array) -> A
     """
     height, width = depth.shape
     rows, columns = np.mgrid[:height, :width]
-    # rays reach z = 1 in the camera frame, so that the parameter along one is the depth
+    # at z = 1 in the camera frame, so that the parameter along a ray is the depth
     rays = Pinhole.from_matrix(intrinsics).rays(rows, columns) @ pose[:3, :3].T
-    found = np.where(depth > 0, depth, np.inf)
-    for thing in things:
-        found = np.minimum(found, _first(thing, pose[:3, 3], rays))
-    return np.where(np.isfinite(found), found, 0.0)
+    nearest = np.where(depth > 0, depth, np.inf)
+    for item in objects:
+        nearest = np.minimum(nearest, _cast(item, pose[:3, 3], rays))
+    return np.where(np.isfinite(nearest), nearest, 0.0)
 
 
-def _first(thing: Thing, start: Array, rays: Array) -> Array:
-    """(H, W) Where rays from a place first hit a thing; infinite where they do not."""
+def _cast(item: Object, start: Array, rays: Array) -> Array:
+    """Return the (H, W) parameters at which rays first hit an object; infinite where they miss it."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        match thing:
+        match item:
             case Box():
-                return _first_of_box(thing, start, rays)
+                return _cast_box(item, start, rays)
             case Ball():
-                near, _ = _crossed(start - thing.centre, rays, thing.radius)
+                near, _ = _intersect_sphere(start - item.center, rays, item.radius)
                 return np.where(near > 0, near, np.inf)
             case Cylinder():
-                return _first_of_cylinder(thing, start, rays)
+                return _cast_cylinder(item, start, rays)
 
 
-def _first_of_box(box: Box, start: Array, rays: Array) -> Array:
+def _cast_box(box: Box, start: Array, rays: Array) -> Array:
     cosine, sine = math.cos(box.turn), math.sin(box.turn)
     turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    origin, ways = turn @ (start - box.centre), rays @ turn.T
+    origin, ways = turn @ (start - box.center), rays @ turn.T
     half = 0.5 * np.array(box.size)
     low, high = (-half - origin) / ways, (half - origin) / ways
     enter, leave = np.minimum(low, high).max(axis=-1), np.maximum(low, high).min(axis=-1)
     return np.where((enter <= leave) & (enter > 0), enter, np.inf)
 
 
-def _first_of_cylinder(cylinder: Cylinder, start: Array, rays: Array) -> Array:
+def _cast_cylinder(cylinder: Cylinder, start: Array, rays: Array) -> Array:
     origin = start - cylinder.base
-    near, far = _crossed(origin[:2], rays[..., :2], cylinder.radius)
+    near, far = _intersect_sphere(origin[:2], rays[..., :2], cylinder.radius)
 
     def on_side(t: Array) -> Array:
         z = origin[2] + t * rays[..., 2]
@@ -136,8 +136,8 @@ def _first_of_cylinder(cylinder: Cylinder, start: Array, rays: Array) -> Array:
     return np.minimum(first, on_side(far)) if cylinder.hollow else first
 
 
-def _crossed(origin: Array, rays: Array, radius: float) -> tuple[Array, Array]:
-    """Where rays enter and leave a ball or a disc about the origin; NaN where they miss it."""
+def _intersect_sphere(origin: Array, rays: Array, radius: float) -> tuple[Array, Array]:
+    """Return where rays enter and leave a ball or a disc around the origin; NaN where they miss it."""
     square, half = (rays**2).sum(axis=-1), rays @ origin
     root = np.sqrt(half**2 - square * (origin @ origin - radius**2))
     return (-half - root) / square, (-half + root) / square
