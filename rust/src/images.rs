@@ -1,4 +1,7 @@
-//! Ropes in images: masks, how ropes may run through them, and curves fitted to masks and depth images.
+//! Ropes in images: masks, the courses of ropes through them, and curves fitted to masks and depth images.
+//!
+//! A length in "image radii" is relative to `radius_px`, the rope's radius in the image; in "radii" it is relative to
+//! the rope's radius in space.
 
 pub mod image;
 pub mod imagefit;

@@ -1,4 +1,5 @@
-//! The Python bindings, a file for each topic: they validate, release the GIL, call the core and map the error. No maths.
+//! The Python bindings, one file for each topic. They validate, release the GIL, call the core and map errors. No
+//! maths.
 
 mod arguments;
 mod arrays;
@@ -56,7 +57,7 @@ fn set_num_threads(threads: &Bound<'_, PyAny>) -> PyResult<()> {
     Ok(())
 }
 
-/// Tell how many threads the kernels use.
+/// Return how many threads the kernels use.
 ///
 /// Returns
 /// -------
@@ -66,13 +67,13 @@ fn num_threads() -> usize {
     crate::num_threads()
 }
 
-/// Tell how many cores this process may use: by its affinity, and by its control group's quota of processor time.
+/// Count the cores that this process may use, by its affinity and its control group's CPU quota.
 #[pyfunction]
 fn cores() -> usize {
     crate::parallel::cores()
 }
 
-// for interpreters without a lock: statics are atomics and mutexes, classes are frozen, and arguments are copied first
+// for interpreters without a GIL: statics are atomics and mutexes, classes are frozen, and arguments are copied first
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();

@@ -1,6 +1,9 @@
-//! The middle of some numbers.
+//! Medians.
 
-/// The median: of two middle values their mean; none of no values.
+/// Standard deviation of a normal distribution, medians of the absolute deviation.
+pub const MEDIAN_TO_SD: f64 = 1.4826;
+
+/// Returns the median: the mean of the middle two of an even number of values; None without values.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -11,7 +14,7 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(if odd { upper } else { 0.5 * (upper + below.iter().copied().fold(f64::NEG_INFINITY, f64::max)) })
 }
 
-/// The middle value, of two the upper, of at least one.
+/// Returns the middle value, or the upper of the middle two; panics without values.
 pub fn upper_median(values: &mut [f64]) -> f64 {
     let half = values.len() / 2;
     *values.select_nth_unstable_by(half, f64::total_cmp).1

@@ -1,4 +1,4 @@
-//! Images of small integers and reals, and what is counted in them: blobs, distances.
+//! Images of numbers: smoothing, blobs, distances.
 
 use crate::parallel;
 use crate::simd::kernel;
@@ -12,12 +12,12 @@ pub struct Image<T> {
 }
 
 impl<T: Copy> Image<T> {
-    /// An image of one value.
+    /// Makes an image of one value.
     pub fn filled(width: usize, height: usize, value: T) -> Self {
         Self { width, height, values: vec![value; width * height] }
     }
 
-    /// The value at a column and row.
+    /// Returns the value at a column and row.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize) -> T {
         self.values[y * self.width + x]
@@ -25,9 +25,9 @@ impl<T: Copy> Image<T> {
 }
 
 impl Image<bool> {
-    /// Fills holes, those of the sizes that are chosen. What touches the border is outside.
+    /// Fills holes of chosen sizes. Pixels connected to the border are outside.
     pub fn fill_holes(&mut self, chosen: impl Fn(usize) -> bool) {
-        let found = blobs(self, false, false);
+        let found = find_blobs(self, false, false);
         let mut outside = vec![false; found.sizes.len()];
         for run in &found.runs {
             outside[run.blob] |=
@@ -38,9 +38,9 @@ impl Image<bool> {
         }
     }
 
-    /// Turns blobs of a value to the other, those of the sizes that are chosen; as for [`blobs`].
+    /// Flips the values of blobs of chosen sizes; `of` and `diagonal` as in [`find_blobs`].
     pub fn turn_blobs(&mut self, of: bool, diagonal: bool, chosen: impl Fn(usize) -> bool) {
-        let found = blobs(self, of, diagonal);
+        let found = find_blobs(self, of, diagonal);
         for run in found.runs.iter().filter(|run| chosen(found.sizes[run.blob])) {
             self.values[run.row * self.width..][run.begin..run.end].fill(!of);
         }
@@ -48,7 +48,7 @@ impl Image<bool> {
 }
 
 impl Image<f32> {
-    /// The value between pixels, bilinear; beyond the border as on it.
+    /// Interpolates between pixels; values beyond the border equal those on it.
     #[inline]
     pub fn between(&self, x: f64, y: f64) -> f64 {
         let x = x.clamp(0.0, (self.width - 1) as f64);
@@ -62,7 +62,7 @@ impl Image<f32> {
         above * (1.0 - b) + below * b
     }
 
-    /// Where it is above a level when magnified by a whole number, bilinear; beyond the border as on it.
+    /// Magnifies by a whole number, bilinearly, and returns where the result is above a level.
     pub fn magnified(&self, scale: usize, level: f32) -> Image<bool> {
         let (w, h) = (self.width * scale, self.height * scale);
         let mut made = Image::filled(w, h, false);
@@ -70,7 +70,7 @@ impl Image<f32> {
         made
     }
 
-    /// Smoothed with a Gaussian of this standard deviation, pixels; the border is repeated.
+    /// Smooths with a Gaussian of this standard deviation, pixels; the border is repeated.
     pub fn smoothed(&self, deviation: f64) -> Self {
         let reach = (3.0 * deviation).ceil() as usize;
         let mut kernel: Vec<f32> =
@@ -80,7 +80,7 @@ impl Image<f32> {
         self.convolved(&kernel)
     }
 
-    /// Convolved along rows and columns with a symmetric kernel, from its middle on; the border is repeated.
+    /// Convolves along rows and columns with a symmetric kernel, given from its middle on; the border is repeated.
     pub fn convolved(&self, kernel: &[f32]) -> Self {
         let mut values = vec![0.0f32; self.values.len()];
         parallel::rows(&mut values, self.width, |first, part| smooth(self, kernel, first, part));
@@ -89,7 +89,7 @@ impl Image<f32> {
 }
 
 kernel! {
-    /// Fills the rows of [`Image::magnified`] from one on.
+    /// Fills rows of [`Image::magnified`], from row `first` on.
     fn magnify<S>(_, image: &Image<f32>, scale: usize, level: f32, first: usize, to: &mut [bool]) {
         let w = image.width * scale;
         // the first of two pixels, and the second one's weight
@@ -119,10 +119,10 @@ kernel! {
 }
 
 kernel! {
-    /// Smooths the rows of an image from one on, by half of a symmetric kernel; the border is repeated.
+    /// Smooths rows of an image, from row `first` on, by half of a symmetric kernel; the border is repeated.
     fn smooth<S>(_, image: &Image<f32>, kernel: &[f32], first: usize, to: &mut [f32]) {
         let (w, h, reach) = (image.width, image.height, kernel.len() - 1);
-        // smoothed along rows: these, and as many beside them as are needed
+        // smooth these rows, and the ones beside them that are needed, along themselves
         let from = first.saturating_sub(reach);
         let until = (first + to.len() / w + reach).min(h);
         let mut rows = vec![0.0f32; (until - from) * w];
@@ -156,7 +156,7 @@ kernel! {
     }
 }
 
-/// Pixels beside each other in a row that belong to one blob.
+/// Consecutive pixels of a row in one blob.
 #[derive(Debug, Clone)]
 pub struct Run {
     pub row: usize,
@@ -166,26 +166,26 @@ pub struct Run {
     pub blob: usize,
 }
 
-/// Blobs of pixels with one value, numbered as they appear row by row.
+/// Connected pixels of one value, numbered in the order of their first pixels, row by row.
 pub struct Blobs {
     pub runs: Vec<Run>,
-    /// How many pixels each has.
+    /// The number of pixels of each.
     pub sizes: Vec<usize>,
 }
 
-/// Connected pixels whose value is `of`; diagonal neighbours are connected if `diagonal`.
-pub fn blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
+/// Finds the blobs of pixels with the value `of`; `diagonal` says whether diagonal neighbours are connected.
+pub fn find_blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
     let reach = usize::from(diagonal);
     let mut runs: Vec<Run> = Vec::new();
-    // each run's parent in a tree of runs that touch; roots are their own
+    // each run's parent in a tree of touching runs; roots are their own parents
     let mut parents: Vec<usize> = Vec::new();
     let mut above = 0..0;
     for (row, values) in image.values.chunks_exact(image.width.max(1)).enumerate() {
         let first = runs.len();
         let mut near = above.start;
-        let mut begin = next(values, 0, of);
+        let mut begin = find_next(values, 0, of);
         while begin < values.len() {
-            let end = next(values, begin, !of);
+            let end = find_next(values, begin, !of);
             let number = runs.len();
             parents.push(number);
             while near < above.end && runs[near].end + reach <= begin {
@@ -193,18 +193,18 @@ pub fn blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
             }
             let mut touching = near;
             while touching < above.end && runs[touching].begin < end + reach {
-                let (a, b) = (root(&mut parents, touching), root(&mut parents, number));
+                let (a, b) = (find_root(&mut parents, touching), find_root(&mut parents, number));
                 parents[a.max(b)] = a.min(b);
                 touching += 1;
             }
             runs.push(Run { row, begin, end, blob: 0 });
-            begin = next(values, end, of);
+            begin = find_next(values, end, of);
         }
         above = first..runs.len();
     }
     let mut sizes = Vec::new();
     for i in 0..runs.len() {
-        // a root is the first of its runs
+        // the root is the first run of a tree
         runs[i].blob = match parents[i] {
             parent if parent == i => {
                 sizes.push(0);
@@ -217,11 +217,11 @@ pub fn blobs(image: &Image<bool>, of: bool, diagonal: bool) -> Blobs {
     Blobs { runs, sizes }
 }
 
-/// The first place from one on with a value; the end if there is none.
-fn next(values: &[bool], from: usize, value: bool) -> usize {
+/// Returns the first position from `from` on with a value, or the length if there is none.
+fn find_next(values: &[bool], from: usize, value: bool) -> usize {
     const MANY: usize = 32;
     let mut at = from;
-    // without a way out early, many at once
+    // without an early exit, many at once
     while at + MANY <= values.len() && !values[at..at + MANY].iter().fold(false, |any, &v| any | (v == value))
     {
         at += MANY;
@@ -229,8 +229,8 @@ fn next(values: &[bool], from: usize, value: bool) -> usize {
     values[at..].iter().position(|&v| v == value).map_or(values.len(), |more| at + more)
 }
 
-/// The root of a run's tree, whose branches it shortens.
-fn root(parents: &mut [usize], mut i: usize) -> usize {
+/// Returns the root of a run's tree, and shortens the path to it.
+fn find_root(parents: &mut [usize], mut i: usize) -> usize {
     while parents[i] != i {
         parents[i] = parents[parents[i]];
         i = parents[i];
@@ -238,11 +238,12 @@ fn root(parents: &mut [usize], mut i: usize) -> usize {
     i
 }
 
-/// Distance of each pixel that is `of` from the nearest pixel that is not, between pixel centres; 0 elsewhere.
+/// Returns the distance of each `of` pixel to the nearest other pixel, between pixel centres; 0 for the other pixels.
 ///
-/// Exact (Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*): columns, then the lower envelope of
-/// parabolas along each run of a row. Distances above `most` may be found wrong, but not below `most`.
-pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
+/// The method is exact (Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*): first along
+/// columns, then by the lower envelope of parabolas along each run of a row. Distances above `most` may be wrong, but
+/// stay above `most`.
+pub fn measure_distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
     let (w, h) = (image.width, image.height);
     let far = most.max(1) as u32 + 1;
     let mut found = Image::filled(w, h, 0.0f32);
@@ -256,14 +257,22 @@ pub fn distances(image: &Image<bool>, of: bool, most: usize) -> Image<f32> {
         let (mut sites, mut starts) = (Vec::new(), Vec::new());
         for (n, to) in part.chunks_exact_mut(w).enumerate() {
             let row = (first + n) * w..(first + n + 1) * w;
-            nearest_of_row(&image.values[row.clone()], &along[row], of, far, to, &mut sites, &mut starts);
+            find_nearest_of_row(
+                &image.values[row.clone()],
+                &along[row],
+                of,
+                far,
+                to,
+                &mut sites,
+                &mut starts,
+            );
         }
     });
     found
 }
 
 kernel! {
-    /// Distance of each pixel that is `of` from the nearest one of its column that is not, at most `far`.
+    /// Finds the distance of each `of` pixel to the nearest other pixel of its column, at most `far`.
     fn along_columns<S>(_, image: &Image<bool>, of: bool, far: u32, along: &mut [u32]) {
         let (w, h) = (image.width, image.height);
         for (to, &value) in along[..w].iter_mut().zip(&image.values[..w]) {
@@ -284,8 +293,8 @@ kernel! {
     }
 }
 
-/// Distances of a row's pixels that are `of`, from those along the columns.
-fn nearest_of_row(
+/// Finds the distances of a row's `of` pixels from those along the columns.
+fn find_nearest_of_row(
     values: &[bool],
     from: &[u32],
     of: bool,
@@ -295,11 +304,11 @@ fn nearest_of_row(
     starts: &mut Vec<f32>,
 ) {
     let w = values.len();
-    let mut begin = next(values, 0, of);
+    let mut begin = find_next(values, 0, of);
     while begin < w {
-        let end = next(values, begin, !of);
-        // pixels of other value beside the run stand for all beyond them
-        envelope(from, begin.saturating_sub(1), (end + 1).min(w), far, sites, starts);
+        let end = find_next(values, begin, !of);
+        // the other pixels beside the run stand for all beyond them
+        find_envelope(from, begin.saturating_sub(1), (end + 1).min(w), far, sites, starts);
         if sites.is_empty() {
             to[begin..end].fill(far as f32);
         }
@@ -312,13 +321,20 @@ fn nearest_of_row(
                 to[x] = (away * away + down).sqrt();
             }
         }
-        begin = next(values, end, of);
+        begin = find_next(values, end, of);
     }
 }
 
-/// The parabolas (x − i)² + g(i)² of the lower envelope over columns `begin` to `end`, and from where each is lowest;
-/// those with g(i) = `far` are left out.
-fn envelope(g: &[u32], begin: usize, end: usize, far: u32, sites: &mut Vec<usize>, starts: &mut Vec<f32>) {
+/// Finds the lower envelope of the parabolas (x − i)² + g(i)² over columns `begin` to `end`, and where each begins to
+/// be lowest; skips those with g(i) = `far`.
+fn find_envelope(
+    g: &[u32],
+    begin: usize,
+    end: usize,
+    far: u32,
+    sites: &mut Vec<usize>,
+    starts: &mut Vec<f32>,
+) {
     sites.clear();
     starts.clear();
     for i in (begin..end).filter(|&i| g[i] < far) {
@@ -346,7 +362,7 @@ fn envelope(g: &[u32], begin: usize, end: usize, far: u32, sites: &mut Vec<usize
 mod tests {
     use super::*;
 
-    /// Pixels that are drawn by lot, most of them set.
+    /// Returns random pixels, most of them set.
     fn drawn(width: usize, height: usize, seed: u64) -> Image<bool> {
         let mut state = seed;
         let mut image = Image::filled(width, height, true);
@@ -362,7 +378,7 @@ mod tests {
         for seed in 1..6 {
             let image = drawn(37, 23, seed);
             for of in [true, false] {
-                let found = distances(&image, of, 60);
+                let found = measure_distances(&image, of, 60);
                 for k in 0..image.values.len() {
                     let (x, y) = (k % 37, k / 37);
                     let square = (0..image.values.len())
@@ -380,7 +396,7 @@ mod tests {
     fn distances_above_the_most_are_not_found_below_it() {
         let mut image = Image::filled(50, 40, true);
         image.values[4 * image.width + 3] = false;
-        let found = distances(&image, true, 10);
+        let found = measure_distances(&image, true, 10);
         for k in 0..image.values.len() {
             let expected = ((k % 50) as f32 - 3.0).hypot((k / 50) as f32 - 4.0);
             let right = (found.values[k] - expected).abs() < 1e-4;
@@ -393,9 +409,9 @@ mod tests {
         let rows = ["##...", "..#..", "....#", "#...#"];
         let values: Vec<bool> = rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect();
         let image = Image { width: 5, height: 4, values };
-        assert_eq!(blobs(&image, true, true).sizes, [3, 2, 1]);
-        assert_eq!(blobs(&image, true, false).sizes, [2, 1, 2, 1]);
-        let found = blobs(&image, true, true);
+        assert_eq!(find_blobs(&image, true, true).sizes, [3, 2, 1]);
+        assert_eq!(find_blobs(&image, true, false).sizes, [2, 1, 2, 1]);
+        let found = find_blobs(&image, true, true);
         let runs: Vec<_> = found.runs.iter().map(|r| (r.row, r.begin, r.end, r.blob)).collect();
         assert_eq!(runs, [(0, 0, 2, 0), (1, 2, 3, 0), (2, 4, 5, 1), (3, 0, 1, 2), (3, 4, 5, 1)]);
     }

@@ -1,10 +1,12 @@
-//! Ropes fitted to images: from polylines in one view's image to curves in space that agree with the masks and the depth
+//! Ropes fitted to images: polylines in one view's image become curves in space that agree with the masks and the depth
 //! of all views.
 //!
-//! A depth camera with wide, correlated noise says where a rope is across the viewing rays to a fraction of a pixel, by its
-//! mask, and along the rays only to about a radius. So the mask leads and depth decides what is left: [`lift`] gives a
-//! polyline of an image its depth and decides what lies on top at crossings, [`fit`] moves splines, poses and a bias of
-//! each view's depth until the tube fills the masks, and says what it leaves unexplained.
+//! The noise of depth cameras is wide and correlated. Their masks show where a rope is to a fraction of a pixel, but
+//! their depth only to about a radius. So masks come first, and depth decides the rest:
+//! - [`lift`] gives an image's polylines their depth, and decides which strand is on top at crossings.
+//! - [`fit`] moves splines, poses and a depth bias for each view until the tubes fill the masks. It also measures what
+//!   the
+//!   fit leaves unexplained.
 
 use crate::clouds::depth::Pinhole;
 use crate::geometry::spline::Spline;
@@ -36,25 +38,25 @@ pub use prepared::Prepared;
 pub use rendering::DepthScene;
 pub use residuals::Scatter;
 pub use search::fit;
-pub use support::seen_nodes;
+pub use support::count_support;
 
 /// Distance between samples along the rope, radii.
 const STEP: f64 = 0.5;
-/// Strands whose axes are nearer than this in the image hide each other, radii.
+/// Strands nearer than this in the image hide each other, image radii between axes.
 const HIDES: f64 = 1.4;
-/// Nearer than this, their depths are mixed by the matcher, radii; and as many pixels more.
+/// Strands nearer than this mix their depths, image radii, and pixels in addition: a stereo matcher blurs them.
 const MIXES: (f64, f64) = (2.0, 1.5);
-/// Places of one rope nearer along it than this are one place, radii.
+/// Places of one rope nearer than this along it count as one place, radii.
 const APART: f64 = 4.0;
-/// Weight of a depth that another strand is mixed into.
+/// Weight of a depth that is mixed with another strand's.
 const MIXED: f64 = 0.3;
-/// How far the axes of touching strands are apart, radii: ropes give a little.
+/// Distance between the axes of touching strands, radii: ropes give a little.
 const TOUCHING: f64 = 1.9;
 
 /// A place in an image: column and row, pixels.
 pub type Place2 = [f64; 2];
 
-/// What one camera saw of the ropes.
+/// One camera's data.
 #[derive(Debug, Clone)]
 pub struct RopeView<'a> {
     /// Its mask.
@@ -63,14 +65,14 @@ pub struct RopeView<'a> {
     pub medians: &'a Medians,
     /// Its intrinsics.
     pub pinhole: Pinhole,
-    /// Where it stood: camera to world.
+    /// Camera to world.
     pub pose: RigidMotion,
     /// Columns and rows of its image.
     pub size: [usize; 2],
 }
 
 impl RopeView<'_> {
-    /// A point of the world in the camera frame.
+    /// Moves a point of the world to the camera frame.
     #[inline]
     fn seen(&self, x: Point) -> Point {
         let d = sub(x, self.pose.translation.into());
@@ -78,7 +80,7 @@ impl RopeView<'_> {
         std::array::from_fn(|k| r[(0, k)] * d[0] + r[(1, k)] * d[1] + r[(2, k)] * d[2])
     }
 
-    /// A point of the world in the camera frame, which a correction turns and moves.
+    /// Moves a point of the world to the corrected camera frame.
     #[inline]
     fn corrected(&self, [wx, wy, wz, tx, ty, tz]: &[f64; 6], x: Point) -> Point {
         let y = self.seen(x);
@@ -86,32 +88,32 @@ impl RopeView<'_> {
         [y[0] + turn[0] + tx, y[1] + turn[1] + ty, y[2] + turn[2] + tz]
     }
 
-    /// A direction of the camera frame in the world frame.
+    /// Turns a direction of the camera frame to the world frame.
     #[inline]
     fn turned(&self, y: Point) -> Point {
         let r = &self.pose.rotation;
         std::array::from_fn(|k| r[(k, 0)] * y[0] + r[(k, 1)] * y[1] + r[(k, 2)] * y[2])
     }
 
-    /// Where the image shows a point of the camera frame.
+    /// Projects a point of the camera frame into the image.
     #[inline]
     fn projected(&self, y: Point) -> Place2 {
         self.pinhole.pixel(y)
     }
 }
 
-/// What is known of the depth camera.
+/// Errors of the depth camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensor {
-    /// Standard deviation of the depth that a disc of the rope's middle shows, radii; estimated by the lift if not given.
+    /// Standard deviation of the depth of a disc in the rope's middle, radii; the lift estimates it if None.
     pub noise: Option<f64>,
-    /// How far along the rope errors of depth are alike, radii.
+    /// Correlation length of depth errors along the rope, radii.
     pub correlation: f64,
-    /// Standard deviation of the place of the mask's edge, pixels.
+    /// Standard deviation of the mask's edge, pixels.
     pub lateral: f64,
-    /// How far the axis lies behind what a disc of the rope's middle shows, radii.
+    /// Distance of the axis behind the depth of such a disc, radii.
     pub surface: f64,
-    /// How much too far away ropes are seen, radii, and the standard deviation of a view's bias about that.
+    /// Mean distance by which ropes appear too far away, radii, and a view's standard deviation about it.
     pub bias: [f64; 2],
 }
 
@@ -121,7 +123,7 @@ impl Sensor {
         Self { noise: None, correlation: 3.0, lateral: 0.3, surface: 0.85, bias: [0.0, 0.3] };
 }
 
-/// A plane that nothing goes below: its unit normal n, towards the cameras, and n·x on it.
+/// A plane that nothing lies below: its unit normal n, towards the cameras, and n·x on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
     /// n.
@@ -131,49 +133,49 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// How far a point is above.
+    /// Returns a point's height above it.
     #[inline]
     fn height(&self, x: Point) -> f64 {
         dot(self.normal, x) - self.offset
     }
 }
 
-/// A place of a chain.
+/// A place on a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnChain {
     /// Number of the chain.
     pub chain: usize,
-    /// Its arc length, as a part of the whole.
+    /// Its share of the chain's arc length.
     pub share: f64,
 }
 
-/// How a fit goes.
+/// Settings of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageFitOptions {
-    /// Most Gauss–Newton steps.
+    /// Gauss–Newton steps at most.
     pub iterations: usize,
-    /// The view whose mask says where the ropes end.
+    /// The view whose mask gives the ends of the ropes.
     pub reference: usize,
-    /// The view whose pose is held; None: all are.
+    /// The view whose pose is held; None holds all poses.
     pub held: Option<usize>,
     /// Standard deviations of the poses: rotation in radians, translation in metres.
     pub pose_sd: [f64; 2],
     /// Noise of depth, radii.
     pub noise: f64,
-    /// Whether to work out how well the curves are known.
+    /// Whether to compute covariances.
     pub uncertainty: bool,
 }
 
-/// What a hypothesis leaves unexplained. Areas are in radius_px², a radius in the image squared, twice, lengths in radii.
+/// What a hypothesis leaves unexplained. Areas are in squared image radii, lengths in radii.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Misfit {
-    /// Mask that the tube does not cover.
+    /// Area of mask that the tube does not cover.
     pub uncovered: f64,
-    /// Tube outside the mask.
+    /// Area of tube outside the mask.
     pub outside: f64,
-    /// Squares of depth's residuals over its noise, limited.
+    /// Sum of squared depth residuals over the noise, each limited.
     pub depth: f64,
-    /// How many independent depths these are.
+    /// Number of independent depths in that sum.
     pub depths: f64,
     /// ∫ κ² ds.
     pub bend: f64,
@@ -181,32 +183,34 @@ pub struct Misfit {
     pub change: f64,
 }
 
-/// The outcome of a fit.
+/// The result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageFit {
     /// The ropes' axes.
     pub curves: Vec<Spline>,
     /// Their nodes, half a radius apart.
     pub nodes: Vec<Vec<Point>>,
-    /// For each node its covariance, m²; empty if that was not asked for.
+    /// Covariance of each node, m²; empty if the caller did not ask for it.
     pub covariances: Vec<Vec<[Point; 3]>>,
     /// For each view, a rotation vector and a translation that correct its camera frame.
     pub corrections: Vec<[f64; 6]>,
-    /// For each view, how much too far it sees the rope, radii, with its sign turned.
+    /// For each view, minus the distance by which it sees ropes too far away, radii.
     pub biases: Vec<f64>,
-    /// Errors of depth about the curves; none if too few are seen.
+    /// Depth errors about the curves; None if there are too few.
     pub depth: Option<Scatter>,
-    /// Standard deviation of the mask's edge about the tube's outline, pixels; none if too little is seen.
+    /// Standard deviation of the mask's edge about the tube's outline, pixels; None if there is too little edge.
     pub lateral: Option<f64>,
-    /// What is left unexplained.
+    /// What the fit leaves unexplained.
     pub misfit: Misfit,
     /// Gauss–Newton steps taken.
     pub iterations: usize,
 }
 
 impl ImageFit {
-    /// The same of ropes through other nodes, with covariances of the nearest of its own; and the pairs of places where they
-    /// are then, without those that are no longer on the ropes. The radius is that of the ropes, metres.
+    /// Replaces the ropes' nodes; each new node gets the covariance of the nearest old one.
+    ///
+    /// Also returns the pairs of places at crossings, moved to the new ropes, without those that left them. `radius` is
+    /// the ropes' radius, metres.
     pub fn through(
         &self,
         nodes: &[Vec<Point>],

@@ -1,21 +1,23 @@
-//! Ragged masks mended by depth: bits that a segmenter lost and bits of the background that it took.
+//! Repair of ragged masks by depth: pieces that a segmenter lost, and background that it added.
 
 use crate::geometry::median::upper_median;
-use crate::images::image::{Blobs, Image, blobs, distances};
+use crate::images::image::{Blobs, Image, find_blobs, measure_distances};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 
-/// Gaps narrower than twice this may be lost bits, and parts narrower than twice this taken ones, radius_px.
+/// Gaps up to twice as wide may be lost pieces, image radii.
 const CLOSED: f64 = 1.0;
+/// Parts up to twice as wide may be added background, image radii.
 const OPENED: f64 = 0.6;
-/// Blobs on their own of less than this may be taken bits, radius_px²; smaller ones than the other are judged by nothing.
-const SPECK: f64 = 12.0;
-const LEAST: f64 = 0.15;
-/// Pixels around the silhouette's frame that are looked at.
+/// Largest separate blobs that may be added background, squared image radii.
+const MAX_SPECK: f64 = 12.0;
+/// Smallest blobs that depth can judge, squared image radii.
+const MIN_BLOB: f64 = 0.15;
+/// Margin around the silhouette's frame, pixels.
 const PAD: usize = 4;
 
-/// The mask with what lies as deep as the ropes, without what lies behind them; none if depth does not tell these apart.
-pub fn mended(
+/// Adds pixels as deep as the ropes to a mask and removes pixels behind them; None if depth does not separate the two.
+pub fn mend(
     depth: &[f64],
     mask: &[bool],
     width: usize,
@@ -34,12 +36,12 @@ pub fn mended(
     let pixel = |k: usize| (low[1] + k / w) * width + low[0] + k % w;
     let mut cut = Image { width: w, height: h, values: (0..w * h).map(|k| mask[pixel(k)]).collect() };
     let at = |k: usize| [(low[0] + k % w) as f64, (low[1] + k / w) as f64];
-    // whether blobs lie behind the ropes, where depth tells
+    // whether blobs lie behind the ropes, where depth shows it
     let behind = |found: &Blobs, most: f64| -> Vec<Option<bool>> {
         let mut ahead = vec![Vec::new(); found.sizes.len()];
         for run in &found.runs {
             let size = found.sizes[run.blob] as f64 / (radius_px * radius_px);
-            if size < LEAST || size > most {
+            if size < MIN_BLOB || size > most {
                 continue;
             }
             for x in run.begin..run.end {
@@ -57,17 +59,17 @@ pub fn mended(
             cut.values[run.row * w..][run.begin..run.end].fill(value);
         }
     };
-    let specks = blobs(&cut, true, true);
-    let judged = behind(&specks, SPECK);
+    let specks = find_blobs(&cut, true, true);
+    let judged = behind(&specks, MAX_SPECK);
     turn(&mut cut, &specks, &judged, true, false);
-    // what is lost between and in parts of the mask
-    let lost = with(&cut, &closed(&cut, CLOSED * radius_px), |mask, closed| closed && !mask);
-    let found = blobs(&lost, true, false);
+    // pieces lost between and in parts of the mask
+    let lost = combine(&cut, &closed(&cut, CLOSED * radius_px), |mask, closed| closed && !mask);
+    let found = find_blobs(&lost, true, false);
     let judged = behind(&found, f64::INFINITY);
     turn(&mut cut, &found, &judged, false, true);
-    // what sticks out
-    let taken = with(&cut, &opened(&cut, OPENED * radius_px), |mask, opened| mask && !opened);
-    let found = blobs(&taken, true, false);
+    // parts that stick out
+    let taken = combine(&cut, &opened(&cut, OPENED * radius_px), |mask, opened| mask && !opened);
+    let found = find_blobs(&taken, true, false);
     let judged = behind(&found, f64::INFINITY);
     turn(&mut cut, &found, &judged, true, false);
     let mut made = vec![false; mask.len()];
@@ -77,32 +79,32 @@ pub fn mended(
     Some(made)
 }
 
-fn with(a: &Image<bool>, b: &Image<bool>, both: impl Fn(bool, bool) -> bool) -> Image<bool> {
+fn combine(a: &Image<bool>, b: &Image<bool>, both: impl Fn(bool, bool) -> bool) -> Image<bool> {
     let values = a.values.iter().zip(&b.values).map(|(&a, &b)| both(a, b)).collect();
     Image { width: a.width, height: a.height, values }
 }
 
-/// Grown by a distance, then eaten by it.
+/// Grows, then shrinks by a distance.
 fn closed(image: &Image<bool>, reach: f64) -> Image<bool> {
-    eaten(&grown(image, reach), reach)
+    shrunk(&grown(image, reach), reach)
 }
 
-/// Eaten by a distance, then grown by it.
+/// Shrinks, then grows by a distance.
 fn opened(image: &Image<bool>, reach: f64) -> Image<bool> {
-    grown(&eaten(image, reach), reach)
+    grown(&shrunk(image, reach), reach)
 }
 
 fn grown(image: &Image<bool>, reach: f64) -> Image<bool> {
-    let away = distances(image, false, reach.ceil() as usize + 1);
-    with_values(image, &away, |_, d| f64::from(d) <= reach)
+    let away = measure_distances(image, false, reach.ceil() as usize + 1);
+    combine_values(image, &away, |_, d| f64::from(d) <= reach)
 }
 
-fn eaten(image: &Image<bool>, reach: f64) -> Image<bool> {
-    let inside = distances(image, true, reach.ceil() as usize + 1);
-    with_values(image, &inside, |value, d| value && f64::from(d) > reach)
+fn shrunk(image: &Image<bool>, reach: f64) -> Image<bool> {
+    let inside = measure_distances(image, true, reach.ceil() as usize + 1);
+    combine_values(image, &inside, |value, d| value && f64::from(d) > reach)
 }
 
-fn with_values(image: &Image<bool>, other: &Image<f32>, both: impl Fn(bool, f32) -> bool) -> Image<bool> {
+fn combine_values(image: &Image<bool>, other: &Image<f32>, both: impl Fn(bool, f32) -> bool) -> Image<bool> {
     let values = image.values.iter().zip(&other.values).map(|(&a, &b)| both(a, b)).collect();
     Image { width: image.width, height: image.height, values }
 }

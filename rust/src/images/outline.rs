@@ -1,23 +1,23 @@
-//! Pixels told from their background in noise, by what each shows and by how short the outline is.
+//! Segmentation of noisy images by their pixels and the length of the outline.
 
 use crate::images::image::Image;
 
-/// The step of both sides: the differences' norm is at most √8.
+/// Step size of both updates: the norm of the differences is at most √8.
 const STEP: f32 = 0.353_553_4;
 
-/// The set of pixels with the least sum of `evidence` in it and of `weight` times the length of its outline.
+/// Finds the set of pixels with the least sum of `evidence` plus `weight` times the length of the outline.
 ///
-/// Evidence is negative where a pixel looks as if it belonged to the set: the log of how much likelier what it shows is
-/// outside. The relaxed problem, total variation of values from 0 to 1, has nearly the same minimum once values are cut
-/// at a half; it is solved by primal-dual steps (Chambolle and Pock 2011, algorithm 1).
-pub fn short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<bool> {
+/// The evidence of a pixel is the log of how much more likely its value is outside the set. The relaxed problem, with
+/// the total variation of values from 0 to 1, has nearly the same minimum after a cut at one half. Primal-dual steps
+/// solve it (Chambolle and Pock 2011, algorithm 1).
+pub fn find_short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<bool> {
     let (w, h) = (evidence.width, evidence.height);
     if w * h == 0 {
         return Image::filled(w, h, false);
     }
     let mut values = vec![0.0f32; w * h];
     let mut ahead = values.clone();
-    // the dual: a flow to the right and one down out of each pixel, at most `weight` long
+    // the dual: a flow out of each pixel to the right and one down, at most `weight` long
     let (mut right, mut down) = (values.clone(), values.clone());
     let beyond = vec![0.0f32; w];
     for _ in 0..steps {
@@ -35,7 +35,7 @@ pub fn short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<
                 right[x] = a * shrunk;
                 down[x] = b * shrunk;
             }
-            // beyond the border is what is on it
+            // values beyond the border equal those on it
             let b = down[w - 1] + STEP * (below[w - 1] - here[w - 1]);
             down[w - 1] = b * shrink(0.0, b);
         }
@@ -64,7 +64,7 @@ pub fn short_outline(evidence: &Image<f32>, weight: f32, steps: usize) -> Image<
 mod tests {
     use super::*;
 
-    /// What a set costs, its outline counted as the total variation of differences to the right and down.
+    /// Returns the cost of a set, with its outline as the total variation of differences to the right and down.
     fn cost(evidence: &Image<f32>, set: &[bool], weight: f32) -> f32 {
         let (w, h) = (evidence.width, evidence.height);
         let at = |x: usize, y: usize| f32::from(set[y * w + x]);
@@ -89,7 +89,7 @@ mod tests {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                 *value = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
             }
-            let found = short_outline(&evidence, 0.3, 400);
+            let found = find_short_outline(&evidence, 0.3, 400);
             let least = (0..1u32 << 12)
                 .map(|bits| cost(&evidence, &std::array::from_fn::<bool, 12, _>(|k| bits >> k & 1 == 1), 0.3))
                 .fold(f32::INFINITY, f32::min);

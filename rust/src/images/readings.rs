@@ -1,8 +1,8 @@
-//! Readings of a mask: which way ropes may run through it, before any depth is asked.
+//! Readings of a mask: possible courses of the ropes through it, without depth.
 //!
-//! A mask's skeleton falls into segments, where one strand is seen, and zones, where strands merge. Curves through a zone
-//! join the segments' ports in pairs; a reading is a choice of pairs for all zones, and costs what it takes: bending, tube
-//! outside the mask, mask that nothing covers.
+//! A mask's skeleton consists of segments, with one strand each, and zones, where strands merge. A segment meets a zone
+//! at a port. Curves through a zone join its ports in pairs. A reading chooses the pairs of all zones. It costs its
+//! bending, its tube outside the mask, and the mask that it leaves uncovered.
 
 mod ends;
 mod gaps;
@@ -17,6 +17,6 @@ mod skeleton;
 #[cfg(test)]
 mod tests;
 
-pub use ends::extended;
+pub use ends::extend;
 pub use planar::resampled;
-pub use search::{cost, readings};
+pub use search::{find_readings, price};

@@ -1,32 +1,34 @@
-//! How deep ropes lie across one view's image: smooth, so that what is known on their masks is known beside them too.
+//! The depth of the ropes across an image: smooth, so that it is known beside the masks too.
 
 use crate::clouds::depth::has_return;
 use crate::geometry::median::upper_median;
 
-/// Pixels that the plane is fitted to at most, and rounds of its fit.
-const MOST: usize = 4000;
+/// Pixels that the plane is fitted to at most.
+const MAX_PIXELS: usize = 4000;
+/// Rounds of the plane's fit.
 const ROUNDS: usize = 6;
-/// Side of a cell, and the fewest pixels in it that count, radius_px and radius_px².
+/// Side of a cell, image radii.
 const CELL: f64 = 4.0;
-const FEWEST: f64 = 2.0;
+/// Pixels that a cell needs, squared image radii.
+const MIN_AREA: f64 = 2.0;
 
-/// Depth of the ropes' surface across an image: the plane that fits best and what is left, by cells.
+/// Depth of the ropes' surface across an image: a fitted plane, and the residual in each cell.
 #[derive(Debug, Clone)]
 pub struct Relief {
-    /// 1/z is linear across the image of a plane: what it grows by along columns and rows, and where both are `middle`.
+    /// 1/z is linear across the image of a plane: its slopes along columns and rows, and its value at `middle`.
     plane: [f64; 3],
     middle: [f64; 2],
     low: [f64; 2],
     cell: f64,
     size: [usize; 2],
-    /// Of each cell, of 1/z.
+    /// The residual of 1/z in each cell.
     rest: Vec<f64>,
-    /// Least 1/z: far beyond the ropes the plane says nothing.
+    /// Least 1/z; the plane does not hold far beyond the ropes.
     least: f64,
 }
 
 impl Relief {
-    /// Of the ropes' pixels, a range of columns and rows that they lie in, and their radius in the image; none if too few have depth.
+    /// Fits the pixels of `ropes` in a range of columns and rows; None if too few have depth.
     pub fn new(
         depth: &[f64],
         width: usize,
@@ -44,13 +46,13 @@ impl Relief {
                 }
             }
         }
-        if (seen.len() as f64) < FEWEST * radius_px * radius_px {
+        if (seen.len() as f64) < MIN_AREA * radius_px * radius_px {
             return None;
         }
         let middle = [0, 1].map(|c| 0.5 * (low[c] + high[c]) as f64);
-        let step = seen.len().div_ceil(MOST);
+        let step = seen.len().div_ceil(MAX_PIXELS);
         let some: Vec<[f64; 3]> = seen.iter().step_by(step).copied().collect();
-        let plane = plane(&some, middle, radius_px)?;
+        let plane = fit_plane(&some, middle, radius_px)?;
         let on = |x: f64, y: f64| plane[0] * (x - middle[0]) + plane[1] * (y - middle[1]) + plane[2];
         let cell = CELL * radius_px;
         let size = [0, 1].map(|c| ((high[c] - low[c]) as f64 / cell).ceil().max(1.0) as usize);
@@ -59,23 +61,23 @@ impl Relief {
         for &[x, y, w] in &some {
             let i = (((x - corner[0]) / cell) as usize).min(size[0] - 1);
             let j = (((y - corner[1]) / cell) as usize).min(size[1] - 1);
-            // for the cells around it too: what is no rope is the lesser part there
+            // also for the cells around it: pixels of other things are the minority there
             for l in j.saturating_sub(1)..(j + 2).min(size[1]) {
                 for k in i.saturating_sub(1)..(i + 2).min(size[0]) {
                     rests[l * size[0] + k].push(w - on(x, y));
                 }
             }
         }
-        let fewest = FEWEST * radius_px * radius_px / step as f64;
+        let fewest = MIN_AREA * radius_px * radius_px / step as f64;
         let rest: Vec<Option<f64>> = rests
             .into_iter()
             .map(|mut rest| (rest.len() as f64 >= fewest).then(|| upper_median(&mut rest)))
             .collect();
         let least = 0.1 * upper_median(&mut some.iter().map(|s| s[2]).collect::<Vec<_>>());
-        Some(Self { plane, middle, low: corner, cell, size, rest: filled(rest, size), least })
+        Some(Self { plane, middle, low: corner, cell, size, rest: fill(rest, size), least })
     }
 
-    /// How deep the ropes' surface would be, metres.
+    /// Returns the depth of the ropes' surface at a place, metres.
     pub fn depth(&self, [u, v]: [f64; 2]) -> f64 {
         let at = |x: f64, c: usize| {
             let t = ((x - self.low[c]) / self.cell - 0.5).clamp(0.0, (self.size[c] - 1) as f64);
@@ -92,8 +94,8 @@ impl Relief {
     }
 }
 
-/// The plane that most pixels lie on, by least absolute residuals.
-fn plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]> {
+/// Fits a plane by least absolute residuals.
+fn fit_plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]> {
     let n = seen.len();
     let mut weights = vec![1.0; n];
     let mut found = [0.0; 3];
@@ -106,7 +108,7 @@ fn plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]
             a += weight * row * row.transpose();
             b += weight * s[2] * row;
         }
-        // pixels in one line say nothing of what lies across
+        // pixels on a line do not fix the slope across it
         for k in 0..2 {
             a[(k, k)] += 1e-6 * a[(2, 2)];
         }
@@ -126,8 +128,8 @@ fn plane(seen: &[[f64; 3]], middle: [f64; 2], radius_px: f64) -> Option<[f64; 3]
     found.iter().all(|x| x.is_finite()).then_some(found)
 }
 
-/// Cells with those without a value filled from their neighbours, ring by ring.
-fn filled(mut cells: Vec<Option<f64>>, size: [usize; 2]) -> Vec<f64> {
+/// Fills cells without a value from their neighbours, ring by ring.
+fn fill(mut cells: Vec<Option<f64>>, size: [usize; 2]) -> Vec<f64> {
     while cells.iter().any(Option::is_none) {
         let mut next = cells.clone();
         for j in 0..size[1] {

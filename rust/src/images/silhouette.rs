@@ -1,13 +1,13 @@
 //! One view's mask, prepared: the signed distance from its edge, and the edge with its normals.
 //!
-//! Everything here is lateral evidence: where the rope is in the image, to a fraction of a pixel, whatever the depth says.
+//! All of this is lateral evidence: where the rope is in the image, to a fraction of a pixel, independent of depth.
 
-use crate::images::image::{Blobs, Image, Run, blobs, distances};
+use crate::images::image::{Blobs, Image, Run, find_blobs, measure_distances};
 use crate::images::surroundings::{Ropes, Shown, Surroundings};
-use crate::images::thinning::{shown_radius, skeleton};
+use crate::images::thinning::{find_skeleton, shown_radius};
 use crate::parallel;
 
-/// A place on a mask's edge.
+/// A place on the edge of a mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
     /// Column and row, pixels.
@@ -18,79 +18,92 @@ pub struct Edge {
     pub weight: f64,
 }
 
-/// A mask with the distances from its edge. Columns and rows are those of the original image, pixels.
+/// A mask with the distances from its edge. Columns and rows are those of the original image.
 #[derive(Debug, Clone)]
 pub struct Silhouette {
     /// The rope's radius in the image, pixels.
     pub radius_px: f64,
-    /// The edge, about a place a pixel.
+    /// Places on the edge, about one each pixel.
     pub boundary: Vec<Edge>,
-    /// The mask, a margin around it.
+    /// The mask, with a margin around it.
     pub(crate) mask: Image<bool>,
     /// The mask, magnified.
     pub(crate) inside: Image<bool>,
-    /// Its skeleton: places in the magnified image.
+    /// Its skeleton: indices into the magnified image.
     pub(crate) skeleton: Vec<usize>,
     /// Distance inside the magnified mask from its edge, original pixels; 0 outside.
     pub(crate) depth: Image<f32>,
     /// Signed distance, positive inside, original pixels.
     signed: Image<f32>,
-    /// The same, a little smoothed, for gradients.
+    /// The signed distance, slightly smoothed, for gradients.
     smooth: Image<f32>,
-    /// How much it is magnified.
+    /// The magnification.
     pub(crate) scale: usize,
     /// Original column and row of the magnified image's corner.
     origin: [f64; 2],
-    /// How ragged the mask is, from 0 to 1.
+    /// How ragged the mask is, 0 to 1.
     pub ragged: f64,
-    /// What depth shows beside it, if that is known.
+    /// What depth shows beside it, if known.
     surroundings: Option<Surroundings>,
 }
 
-/// Distances outside the mask are right up to this, and 4 pixels, radii.
-const FAR: f64 = 5.0;
-/// Pixels around the mask that are kept.
+/// Distances outside the mask are exact up to this and 4 pixels, image radii.
+const EXACT: f64 = 5.0;
+/// Margin around the mask, pixels.
 const PAD: usize = 6;
-/// Blobs of mask below this are specks, and holes below this are filled, squared radii; more of a ragged mask.
-const SPECK: f64 = 3.0;
-const HOLE: f64 = 0.25;
+/// Smaller blobs of mask are removed, squared image radii.
+const MAX_SPECK: f64 = 3.0;
+/// Smaller holes are filled, squared image radii.
+const MAX_HOLE: f64 = 0.25;
+/// The same for the most ragged mask, in addition, squared image radii.
 const RAGGED_HOLE: f64 = 1.0;
-/// Standard deviation of the smoothing, pixels; and more for a ragged mask, radii.
-const SMOOTH: f64 = 0.6;
-const RAGGED_SMOOTH: f64 = 0.3;
-/// Fewest pixels of a hole that a segmenter left.
-const LEAST_HOLE: usize = 4;
-/// How much masks are eaten and grown at most, pixels, and where they are this many times as wide as the rope, which may be two
-/// side by side; what is narrower than this, or wider by so much more, is something else.
-const EATEN: f64 = 0.7;
-const GROWN: f64 = 2.0;
-const USUALLY_GROWN: f64 = 1.0;
+/// Standard deviation of the smoothing, pixels.
+const SMOOTHING: f64 = 0.6;
+/// The same for the most ragged mask, in addition, image radii.
+const RAGGED_SMOOTHING: f64 = 0.3;
+/// Pixels of a hole in a ragged mask at least.
+const MIN_HOLE: usize = 4;
+/// Distance by which masks are too narrow at most, pixels.
+const MAX_SHRUNK: f64 = 0.7;
+/// Distance by which masks are too wide at most, pixels.
+const MAX_GROWN: f64 = 2.0;
+/// The same for masks that may show two ropes side by side, pixels.
+const MAX_GROWN_WIDE: f64 = 1.0;
+/// Masks wider than this may show two ropes side by side, image radii.
 const SIDE_BY_SIDE: f64 = 1.6;
+/// The mask shows something else if it is more than this too narrow, or by the second more than allowed too wide,
+/// pixels.
 const OTHER: [f64; 2] = [1.5, 0.5];
-/// A mask of which specks and holes are this share is ragged.
+/// Share of specks and holes in the most ragged mask.
 const RAGGED: f64 = 0.04;
 
 impl Silhouette {
-    /// Prepares the mask of an image of `width` columns; none if nothing is left of it.
+    /// Prepares the mask of an image of `width` columns; None if it is empty without specks.
     ///
-    /// Specks below three radii squared are left out. Small holes are filled. A mask with many of both is ragged: its edge
-    /// is smoothed more, and larger holes are filled.
+    /// Specks are removed and small holes filled. A mask with many of both is ragged: its edge is smoothed more, and
+    /// larger holes are filled.
     pub fn new(mask: &[bool], width: usize, radius_px: f64, scale: usize) -> Option<Self> {
-        let (origin, small, ragged) = without_specks(mask, width, radius_px * radius_px)?;
+        let (origin, small, ragged) = remove_specks(mask, width, radius_px * radius_px)?;
         let (w, h) = (small.width, small.height);
         let bh = h * scale;
-        let mut inside = small.smoothed(SMOOTH + ragged * RAGGED_SMOOTH * radius_px).magnified(scale, 0.5);
+        let mut inside =
+            small.smoothed(SMOOTHING + ragged * RAGGED_SMOOTHING * radius_px).magnified(scale, 0.5);
         let area = radius_px * radius_px * (scale * scale) as f64;
-        let filled = (HOLE + ragged * RAGGED_HOLE) * area;
+        let filled = (MAX_HOLE + ragged * RAGGED_HOLE) * area;
         inside.fill_holes(|size| (size as f64) < filled);
-        inside.turn_blobs(true, true, |size| (size as f64) < SPECK * area);
+        inside.turn_blobs(true, true, |size| (size as f64) < MAX_SPECK * area);
         if !inside.values.contains(&true) {
             return None;
         }
-        let reach = ((FAR * radius_px + 4.0) * scale as f64).ceil() as usize;
+        let reach = ((EXACT * radius_px + 4.0) * scale as f64).ceil() as usize;
         let (skeleton, (mut depth, mut signed)) = parallel::both(
-            || skeleton(&inside),
-            || parallel::both(|| distances(&inside, true, bh), || distances(&inside, false, reach)),
+            || find_skeleton(&inside),
+            || {
+                parallel::both(
+                    || measure_distances(&inside, true, bh),
+                    || measure_distances(&inside, false, reach),
+                )
+            },
         );
         let step = scale as f32;
         for (outer, inner) in signed.values.iter_mut().zip(&mut depth.values) {
@@ -119,10 +132,10 @@ impl Silhouette {
         Some(made)
     }
 
-    /// Prepares the mask of a rope whose radius in the image is known roughly; none if nothing is left of it.
+    /// Prepares the mask of a rope whose radius in the image is known roughly; None if it is empty without specks.
     ///
-    /// The radius is corrected by what the mask shows, which is a little eaten or up to two pixels too wide. What is wider than
-    /// that may be strands side by side.
+    /// The mask corrects the radius. Masks are a little too narrow, or up to two pixels too wide. Wider ones may show
+    /// strands side by side.
     pub fn of_rope(mask: &[bool], width: usize, radius_px: f64) -> Option<Self> {
         let scale = if radius_px < 6.0 {
             3
@@ -134,26 +147,26 @@ impl Silhouette {
         let mut made = Self::new(mask, width, radius_px, scale)?;
         let shown = shown_radius(&made.skeleton, &made.depth)?;
         let more = shown - radius_px;
-        let grown = if shown < SIDE_BY_SIDE * radius_px { GROWN } else { USUALLY_GROWN };
+        let grown = if shown < SIDE_BY_SIDE * radius_px { MAX_GROWN } else { MAX_GROWN_WIDE };
         if more > -OTHER[0] && more < grown + OTHER[1] {
-            made.radius_px = shown.clamp(radius_px - EATEN, radius_px + grown);
+            made.radius_px = shown.clamp(radius_px - MAX_SHRUNK, radius_px + grown);
         }
         Some(made)
     }
 
-    /// The same with what depth shows beside the ropes.
+    /// Adds what depth shows beside the ropes.
     pub fn amid(mut self, surroundings: Option<Surroundings>) -> Self {
         self.surroundings = surroundings;
         self
     }
 
-    /// Whether something before the ropes hides a place.
+    /// Returns whether something in front of the ropes hides a place.
     #[inline]
     pub fn hidden(&self, uv: [f64; 2]) -> bool {
         self.surroundings.as_ref().is_some_and(|s| s.hidden(uv))
     }
 
-    /// What depth shows of a place.
+    /// Returns what depth shows at a place.
     pub fn shown(&self, uv: [f64; 2]) -> Shown {
         match &self.surroundings {
             Some(surroundings) if surroundings.hidden(uv) => Shown::Before,
@@ -162,15 +175,15 @@ impl Silhouette {
         }
     }
 
-    /// The radius of the rope that a mask shows, pixels, if nothing is known of it.
+    /// Estimates the rope's radius in the image from the mask alone, pixels.
     pub fn shown_radius(mask: &[bool], width: usize) -> Option<f64> {
         let shown = |made: &Self| shown_radius(&made.skeleton, &made.depth);
         let rough = shown(&Self::new(mask, width, 1.0, 1)?)?.max(0.5);
         shown(&Self::new(mask, width, rough, 2)?)
     }
 
-    /// Projects the pixels near the edge onto it: one for each pixel of its length, or for a third of a thicker rope's
-    /// radius.
+    /// Projects the pixels near the edge onto it: one for each pixel of edge, or for each third of the radius of a
+    /// thicker rope.
     fn find_boundary(&mut self, w: usize, h: usize) {
         let step = ((self.radius_px / 3.0).round() as usize).max(1);
         let near = 0.5 * step as f64;
@@ -193,29 +206,29 @@ impl Silhouette {
         }
     }
 
-    /// Signed distance of a place from the mask's edge, pixels, positive inside.
+    /// Returns the signed distance of a place from the edge, pixels, positive inside.
     #[inline]
     pub fn distance(&self, uv: [f64; 2]) -> f64 {
         let [x, y] = self.magnified(uv);
         self.signed.between(x, y)
     }
 
-    /// The signed distance of the centre of a pixel of the frame.
+    /// Returns the signed distance of the centre of a pixel of the frame.
     #[inline]
     pub fn pixel_distance(&self, x: usize, y: usize) -> f64 {
-        // the first and last of the magnified pixels that are at the centre
+        // the first and the last of the magnified pixels at the centre
         let (first, last) = ((self.scale - 1) / 2, self.scale / 2);
         let (i, j) = (x * self.scale, y * self.scale);
         let at = |x: usize, y: usize| f64::from(self.signed.at(i + x, j + y));
         0.25 * (at(first, first) + at(last, first) + at(first, last) + at(last, last))
     }
 
-    /// The ropes' pixels, for what lies around them.
+    /// The ropes' pixels, for [`Surroundings`].
     pub fn ropes(&self) -> Ropes<'_> {
         Ropes { mask: &self.mask, corner: self.origin, radius_px: self.radius_px }
     }
 
-    /// How the distance grows along columns and rows.
+    /// Returns how the distance grows along columns and rows.
     #[inline]
     pub fn gradient(&self, uv: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.magnified(uv);
@@ -226,19 +239,19 @@ impl Silhouette {
         ]
     }
 
-    /// Original column and row of the first pixel that is kept, and how many of each are.
+    /// Original column and row of the first pixel of the frame, and its size.
     pub fn frame(&self) -> ([f64; 2], [usize; 2]) {
         (self.origin, [self.inside.width / self.scale, self.inside.height / self.scale])
     }
 
-    /// Where a place lies in the magnified image.
+    /// Returns a place in the magnified image.
     #[inline(always)]
     pub(crate) fn magnified(&self, uv: [f64; 2]) -> [f64; 2] {
         let scale = self.scale as f64;
         [(uv[0] - self.origin[0] + 0.5) * scale - 0.5, (uv[1] - self.origin[1] + 0.5) * scale - 0.5]
     }
 
-    /// The original column and row of a pixel of the magnified image.
+    /// Returns the original column and row of a pixel of the magnified image.
     #[inline(always)]
     pub(crate) fn original(&self, x: usize, y: usize) -> [f64; 2] {
         let scale = self.scale as f64;
@@ -246,15 +259,15 @@ impl Silhouette {
     }
 }
 
-/// The mask without specks, cut to what is left of it, with a margin; the column and row of its corner; and how ragged it is,
-/// from 0 to 1.
-fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
+/// Removes specks and cuts the mask to what remains, with a margin. Returns the corner's column and row, the mask, and
+/// how ragged it is, 0 to 1.
+fn remove_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2], Image<f32>, f64)> {
     if width == 0 || mask.len() < width {
         return None;
     }
     let whole = Image { width, height: mask.len() / width, values: mask.to_vec() };
-    let found = blobs(&whole, true, true);
-    let kept = |run: &Run| found.sizes[run.blob] as f64 >= SPECK * square;
+    let found = find_blobs(&whole, true, true);
+    let kept = |run: &Run| found.sizes[run.blob] as f64 >= MAX_SPECK * square;
     let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
     let mut counts = [0usize; 2];
     for run in &found.runs {
@@ -273,17 +286,17 @@ fn without_specks(mask: &[bool], width: usize, square: f64) -> Option<([f64; 2],
         let start = (run.row - low[1] + PAD) * w + PAD - low[0];
         cut.values[start + run.begin..start + run.end].fill(true);
     }
-    let holes = blobs(&cut, false, false);
-    let lost: usize = compact(&holes).filter(|&size| (size as f64) < square).sum();
+    let holes = find_blobs(&cut, false, false);
+    let lost: usize = find_compact(&holes).filter(|&size| (size as f64) < square).sum();
     let ragged = ((counts[0] + lost) as f64 / counts[1] as f64 / RAGGED).min(1.0);
     let values = cut.values.iter().map(|&m| f32::from(u8::from(m))).collect();
     let origin = [low[0] as f64 - PAD as f64, low[1] as f64 - PAD as f64];
     Some((origin, Image { width: w, height: h, values }, ragged))
 }
 
-/// Sizes of blobs that are about as wide as long: what is narrow is a gap between strands rather than a bit that a
-/// segmenter lost.
-fn compact(found: &Blobs) -> impl Iterator<Item = usize> {
+/// Returns the sizes of blobs that are about as wide as long. Narrow ones are gaps between strands, not holes that a
+/// segmenter left.
+fn find_compact(found: &Blobs) -> impl Iterator<Item = usize> {
     let mut boxes = vec![[usize::MAX, 0, usize::MAX, 0]; found.sizes.len()];
     for run in &found.runs {
         let [left, right, top, bottom] = boxes[run.blob];
@@ -292,7 +305,7 @@ fn compact(found: &Blobs) -> impl Iterator<Item = usize> {
     }
     boxes.into_iter().zip(&found.sizes).filter_map(|([left, right, top, bottom], &size)| {
         let long = (right - left).max(bottom - top);
-        (size >= LEAST_HOLE && 2 * long * long <= 5 * size).then_some(size)
+        (size >= MIN_HOLE && 2 * long * long <= 5 * size).then_some(size)
     })
 }
 
@@ -333,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_strip_has_its_width_and_the_length_of_its_edges() {
-        // 12 pixels wide, aslant
+        // 12 pixels wide, oblique
         let (cos, sin) = (0.8, 0.6);
         let strip = mask(|u, v| {
             let (along, across) = (cos * (u - 60.0) + sin * (v - 45.0), cos * (v - 45.0) - sin * (u - 60.0));
@@ -352,7 +365,7 @@ mod tests {
             })
             .map(|e| e.weight)
             .sum();
-        // a place for each pixel column that an edge crosses, and more
+        // at least one place for each pixel column that an edge crosses
         assert!(sides > 0.7 * 120.0 && sides < 1.8 * 120.0, "{sides}");
         let inside = strip
             .iter()

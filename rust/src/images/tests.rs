@@ -1,6 +1,6 @@
 //! Surroundings and mended masks of a rope on a table.
 
-use super::mending::mended;
+use super::mending::mend;
 use super::silhouette::Silhouette;
 use super::surroundings::{Shown, Surroundings};
 
@@ -9,7 +9,7 @@ const RR: f64 = 8.0;
 const WIDTH: usize = 200;
 const HEIGHT: usize = 120;
 
-/// A straight rope at row 60 on a table that is tilted, seen with some noise: depth and mask.
+/// Returns the depth and the mask of a straight rope at row 60 on a tilted table, with some noise.
 fn rope() -> (Vec<f64>, Vec<bool>) {
     let inside = |k: usize| ((k / WIDTH) as f64 - 60.0).abs() < RR && (20..180).contains(&(k % WIDTH));
     let depth = (0..WIDTH * HEIGHT)
@@ -28,7 +28,7 @@ fn surroundings(depth: &[f64], mask: &[bool]) -> (Silhouette, Surroundings) {
     (silhouette, found)
 }
 
-/// The silhouette of a rope of which a bar, 50 mm before it, hides the middle.
+/// Returns the silhouette of a rope whose middle is hidden by a bar 50 mm in front of it.
 pub fn behind_a_bar() -> Silhouette {
     let (mut depth, mut mask) = rope();
     for k in (0..WIDTH * HEIGHT).filter(|k| (80..120).contains(&(k % WIDTH))) {
@@ -79,15 +79,15 @@ fn bits_that_a_segmenter_lost_or_took_are_told_by_depth() {
     let taken = |k: usize| disc(k, 100.0, 70.0, 4.0) || disc(k, 60.0, 90.0, 7.0);
     let rough: Vec<bool> = (0..mask.len()).map(|k| mask[k] && !lost(k) || taken(k)).collect();
     let (silhouette, found) = surroundings(&depth, &rough);
-    let better = mended(&depth, &rough, WIDTH, &silhouette, &found).unwrap();
+    let better = mend(&depth, &rough, WIDTH, &silhouette, &found).unwrap();
     let wrong = |m: &[bool]| m.iter().zip(&mask).filter(|(a, b)| a != b).count();
     assert!(wrong(&rough) > 200 && wrong(&better) < 60, "{} of {}", wrong(&better), wrong(&rough));
-    // noise as wide as a rope tells nothing
+    // with noise as wide as a rope, depth does not decide
     let wide: Vec<f64> = depth
         .iter()
         .enumerate()
         .map(|(k, z)| z + 2.0 * RADIUS * ((k * 7907 % 1009) as f64 / 504.0 - 1.0))
         .collect();
     let (silhouette, found) = surroundings(&wide, &rough);
-    assert!(!found.tells() && mended(&wide, &rough, WIDTH, &silhouette, &found).is_none());
+    assert!(!found.tells() && mend(&wide, &rough, WIDTH, &silhouette, &found).is_none());
 }

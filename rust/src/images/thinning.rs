@@ -1,14 +1,14 @@
-//! Masks thinned to lines a pixel wide, 64 pixels at a time.
+//! Thinning of masks to lines one pixel wide, 64 pixels at a time.
 
 use crate::images::image::Image;
 
 /// Pixels of a word.
-const MANY: usize = u64::BITS as usize;
+const WORD_PIXELS: usize = u64::BITS as usize;
 
-/// A mask, a bit for each pixel; its border is empty.
+/// A mask with one bit for each pixel; its border is empty.
 #[derive(Debug, Clone)]
 struct Bits {
-    /// Row by row, an empty one before them and after them.
+    /// Row by row, with an empty word before and after.
     words: Vec<u64>,
     width: usize,
     /// Words of a row.
@@ -17,15 +17,15 @@ struct Bits {
 
 impl Bits {
     fn new(width: usize, height: usize) -> Self {
-        let stride = width.div_ceil(MANY);
+        let stride = width.div_ceil(WORD_PIXELS);
         Self { words: vec![0; stride * height + 2], width, stride }
     }
 
-    /// The word of a pixel, and which bit of it the pixel is.
+    /// Returns the word of a pixel, and the pixel's bit in it.
     #[inline(always)]
     fn word(&self, k: usize) -> (usize, usize) {
         let (row, column) = (k / self.width, k % self.width);
-        (1 + row * self.stride + column / MANY, column % MANY)
+        (1 + row * self.stride + column / WORD_PIXELS, column % WORD_PIXELS)
     }
 
     fn set(&mut self, k: usize, value: bool) {
@@ -33,13 +33,13 @@ impl Bits {
         self.words[word] = self.words[word] & !(1 << bit) | u64::from(value) << bit;
     }
 
-    /// Whether each neighbour of the pixels of a word is set, clockwise from above.
+    /// Returns which neighbours of a word's pixels are set, clockwise from above.
     #[inline(always)]
     fn around(&self, word: usize) -> [u64; 8] {
         let row = |word: usize| {
             let own = self.words[word];
-            let west = own << 1 | self.words[word - 1] >> (MANY - 1);
-            let east = own >> 1 | self.words[word + 1] << (MANY - 1);
+            let west = own << 1 | self.words[word - 1] >> (WORD_PIXELS - 1);
+            let east = own >> 1 | self.words[word + 1] << (WORD_PIXELS - 1);
             [west, own, east]
         };
         let [[nw, n, ne], [w, _, e], [sw, s, se]] =
@@ -47,19 +47,19 @@ impl Bits {
         [n, ne, e, se, s, sw, w, nw]
     }
 
-    /// Words beside a word and itself.
+    /// Returns a word and the words around it.
     fn near(&self, word: usize) -> impl Iterator<Item = usize> {
         let stride = self.stride;
         [word - stride, word, word + stride].into_iter().flat_map(|word| word - 1..word + 2)
     }
 
-    /// Which pixels of a word may go in the first or the second half of a round.
+    /// Returns which pixels of a word may be removed in the first or the second half of a round.
     fn removable(&self, word: usize, second: bool) -> u64 {
         let p = self.around(word);
-        // from an empty neighbour to a set one: once, and more often
+        // from an empty neighbour to a set one: once, and more than once
         let (mut once, mut again) = (0, 0);
-        // two neighbours beside each other that are set, and that are empty: where the empty ones are in one piece,
-        // two to six are set
+        // pairs of adjacent neighbours that are both set, and both empty: if the empty ones are connected, two to six
+        // neighbours are set
         let (mut set, mut empty) = (0, 0);
         for i in 0..8 {
             let (a, b) = (p[i], p[(i + 1) % 8]);
@@ -74,9 +74,9 @@ impl Bits {
         self.words[word] & once & !again & set & empty & !side
     }
 
-    /// Removes what may go till nothing may.
+    /// Removes pixels until none can be removed.
     fn thin(&mut self) {
-        // words whose surroundings changed since what is looked for now was looked for last
+        // words whose surroundings changed since the last half round of this kind
         let mut open: Vec<usize> = (0..self.words.len()).filter(|&k| self.words[k] != 0).collect();
         let mut listed = vec![0; self.words.len()];
         let (mut before, mut changed) = (open.clone(), Vec::new());
@@ -105,11 +105,11 @@ impl Bits {
         }
     }
 
-    /// The pixels that are set, ascending.
+    /// Returns the set pixels, ascending.
     fn pixels(&self) -> Vec<usize> {
         let mut found = Vec::new();
         for (k, &word) in self.words[1..].iter().enumerate() {
-            let first = k / self.stride * self.width + k % self.stride * MANY;
+            let first = k / self.stride * self.width + k % self.stride * WORD_PIXELS;
             let mut left = word;
             while left != 0 {
                 found.push(first + left.trailing_zeros() as usize);
@@ -124,26 +124,26 @@ impl Bits {
         for k in self.pixels() {
             let (word, bit) = self.word(k);
             let p = self.around(word).map(|near| near >> bit & 1 != 0);
-            if p.iter().filter(|&&set| set).count() >= 2 && simple(&p) {
+            if p.iter().filter(|&&set| set).count() >= 2 && is_simple(&p) {
                 self.set(k, false);
             }
         }
     }
 }
 
-/// Whether removing a pixel parts nothing and fills no hole, by its neighbours clockwise from above.
+/// Returns whether a pixel's removal keeps connections and holes, given its neighbours clockwise from above.
 ///
-/// The connectivity number of Yokoi, Toriwaki and Fukumura, *An analysis of topological properties of digitized binary
-/// pictures using local features*, for diagonal neighbours that are connected.
-fn simple(p: &[bool; 8]) -> bool {
+/// It is the connectivity number of Yokoi, Toriwaki and Fukumura, *An analysis of topological properties of digitized
+/// binary pictures using local features*, with connected diagonals.
+fn is_simple(p: &[bool; 8]) -> bool {
     let empty = |i: usize| !p[i % 8];
     (0..8).step_by(2).filter(|&i| empty(i) && !(empty(i + 1) && empty(i + 2))).count() == 1
 }
 
-/// Thins chosen pixels of an image to lines a pixel wide that keep their connections and holes; returns what is left,
-/// ascending. Pixels of the border may not be chosen.
+/// Thins chosen pixels of an image to lines one pixel wide, which keep their connections and holes.
 ///
-/// Zhang and Suen, *A fast parallel algorithm for thinning digital patterns*.
+/// Returns the remaining pixels, ascending. No chosen pixel may be on the border. The method is that of Zhang and Suen,
+/// *A fast parallel algorithm for thinning digital patterns*.
 pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: usize) -> Vec<usize> {
     let mut bits = Bits::new(width, height);
     for k in pixels {
@@ -154,13 +154,13 @@ pub fn thinned(pixels: impl IntoIterator<Item = usize>, width: usize, height: us
     bits.pixels()
 }
 
-/// The skeleton of a mask whose border is empty: places, ascending.
-pub fn skeleton(mask: &Image<bool>) -> Vec<usize> {
+/// Returns the skeleton of a mask with an empty border: pixels, ascending.
+pub fn find_skeleton(mask: &Image<bool>) -> Vec<usize> {
     let set = (0..mask.values.len()).filter(|&k| mask.values[k]);
     thinned(set, mask.width, mask.height)
 }
 
-/// The rope's radius as a skeleton shows it, pixels: the 30th percentile of its distances from the edge.
+/// Estimates the rope's radius in the image, pixels: the 30th percentile of the skeleton's distances from the edge.
 pub fn shown_radius(skeleton: &[usize], depth: &Image<f32>) -> Option<f64> {
     let mut widths: Vec<f32> = skeleton.iter().map(|&k| depth.values[k]).collect();
     if widths.is_empty() {
@@ -175,7 +175,7 @@ pub fn shown_radius(skeleton: &[usize], depth: &Image<f32>) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Zhang and Suen's rounds, pixel by pixel.
+    /// Thins by the rounds of Zhang and Suen, pixel by pixel.
     fn by_pixel(mask: &Image<bool>) -> Vec<bool> {
         let (w, mut values) = (mask.width, mask.values.clone());
         loop {
@@ -238,7 +238,7 @@ mod tests {
         let ring: Vec<usize> = (0..width * height).filter(|&k| (16.0..24.0).contains(&away(k))).collect();
         let left = thinned(ring, width, height);
         assert!(left.iter().all(|&k| (away(k) - 20.0).abs() < 2.0));
-        // as a closed line, each pixel touches two
+        // in a closed line, each pixel touches two others
         let touching = |k: usize| {
             let near = |n: &&usize| {
                 **n != k && (**n % width).abs_diff(k % width) <= 1 && (**n / width).abs_diff(k / width) <= 1

@@ -1,4 +1,4 @@
-//! What Python hands in, checked and made into slices; what Rust hands back, made into arrays.
+//! Python arguments, checked and converted to slices.
 
 use std::borrow::Cow;
 use std::convert::Infallible;
@@ -14,14 +14,14 @@ use super::arrays::Constant;
 use crate::geometry::{Point, RigidMotion};
 use crate::normals::Viewpoints;
 
-/// A C-ordered array made of an argument.
+/// A C-ordered array argument.
 #[derive(Clone)]
 pub(super) struct Array<T> {
     values: Values<T>,
     shape: Vec<usize>,
 }
 
-/// The numbers of an argument: a copy where other threads may write to the caller's memory while kernels run.
+/// The numbers of an argument: a copy if other threads may write to the caller's memory while kernels run.
 #[derive(Clone)]
 enum Values<T> {
     Copy(Vec<T>),
@@ -39,7 +39,7 @@ impl<T: Element + Copy + 'static> Deref for Values<T> {
     }
 }
 
-/// An array of numbers in double precision, made of any kind of them.
+/// A double-precision array, converted from any kind of float.
 pub(super) type FloatArray = Array<f64>;
 
 impl<T: Element + Copy + 'static> Array<T> {
@@ -58,14 +58,14 @@ impl<T: Element + Copy + 'static> Array<T> {
         }
     }
 
-    /// Height and width of an image.
+    /// Returns the height and width of an image.
     pub(super) fn image_shape(&self, name: &str) -> PyResult<[usize; 2]> {
         self.shape[..].try_into().map_err(|_| wrong_shape(name, "(H, W)", &self.shape))
     }
 }
 
 impl<T: Element + Copy + 'static> Array<T> {
-    /// An array that has this type already, of so many dimensions.
+    /// Takes an array that already has this type, with a number of dimensions.
     pub(super) fn exactly(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
         let refuse = || {
             let (wanted, got) = (T::get_dtype(value.py()), value.get_type());
@@ -84,12 +84,12 @@ impl<T: Element + Copy + 'static> Array<T> {
 }
 
 impl Array<bool> {
-    /// A mask (H, W).
+    /// Takes a mask (H, W).
     pub(super) fn mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::flags(name, value, 2)
     }
 
-    /// An array of so many dimensions.
+    /// Takes a boolean array with a number of dimensions.
     pub(super) fn flags(name: &str, value: &Bound<'_, PyAny>, dimensions: usize) -> PyResult<Self> {
         if let Ok(array) = value.cast::<PyArrayDyn<bool>>()
             && array.ndim() == dimensions
@@ -108,12 +108,13 @@ impl Array<bool> {
     }
 }
 
-/// About how much memory a kernel works in, in parts of its argument. It is asked for before the work begins, if the argument
-/// has more bytes than some, because what Rust lacks while it works ends the process.
+/// Memory that a kernel needs, about, multiples of its argument. It is reserved before the work begins, because running
+/// out of memory inside Rust ends the process.
 const WORK: usize = 8;
+/// Smallest argument for which memory is reserved, bytes.
 const LARGE: usize = 1 << 20;
 
-/// An array's numbers, if they lie in C order.
+/// Returns an array's numbers; None if they are not in C order.
 fn taken<T: Element + Copy + 'static, D: Dimension>(
     name: &str,
     array: &Bound<'_, PyArray<T, D>>,
@@ -129,9 +130,9 @@ fn taken<T: Element + Copy + 'static, D: Dimension>(
         return Ok(Some(Values::Constant(values)));
     }
     let mut values = reserved(name, count)?;
-    // SAFETY: the array holds as many numbers from there on, and they are not freed: this holds a reference, and the lock
-    // if there is one, else the caller may not resize it without a check. No reference is made to what other threads may
-    // write. Every pattern of bits is a number of these types
+    // SAFETY: the array holds this many numbers from its first one on, and they stay allocated: this holds a reference, and
+    // the GIL if there is one; without it, the caller may not resize the array without a check. No reference is made to memory
+    // that other threads may write. Every bit pattern is a number of these types
     unsafe {
         std::ptr::copy_nonoverlapping(array.data().cast_const(), values.as_mut_ptr(), count);
         values.set_len(count);
@@ -139,7 +140,7 @@ fn taken<T: Element + Copy + 'static, D: Dimension>(
     Ok(Some(Values::Copy(values)))
 }
 
-/// Room for so many values of an argument.
+/// Reserves room for the values of an argument.
 fn reserved<T>(name: &str, count: usize) -> PyResult<Vec<T>> {
     let mut values = Vec::new();
     let short = || PyMemoryError::new_err(format!("{name}: no memory for {count} values"));
@@ -148,12 +149,12 @@ fn reserved<T>(name: &str, count: usize) -> PyResult<Vec<T>> {
 }
 
 impl FloatArray {
-    /// An array of lengths, which whole numbers are not: they have no unit.
+    /// Takes an array of lengths; refuses integers, which have no unit.
     pub(super) fn new(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::of_kind(name, value, "f")
     }
 
-    /// A small array that can mean only numbers; these may be whole.
+    /// Takes a small array of numbers without unit, which may be integers.
     pub(super) fn of_numbers(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::of_kind(name, value, "fiu")
     }
@@ -189,12 +190,12 @@ impl FloatArray {
         Ok(Self { values, shape })
     }
 
-    /// The arrays of a sequence, each with its number in errors.
+    /// Takes the arrays of a sequence; errors give an array's number.
     pub(super) fn all(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<Self>> {
         values.iter().enumerate().map(|(i, value)| Self::new(&format!("{name}[{i}]"), value)).collect()
     }
 
-    /// The array as rows of three; `shape` is what the error message asks for.
+    /// Returns the array as rows of three; error messages say that `shape` is expected.
     pub(super) fn points(self, name: &str, shape: &str) -> PyResult<Points> {
         match self.shape[..] {
             [_, 3] => Ok(Points(self.values)),
@@ -203,17 +204,17 @@ impl FloatArray {
     }
 }
 
-/// An (N, 3) array made of an argument.
+/// An (N, 3) array argument.
 #[derive(Clone)]
 pub(super) struct Points(Values<f64>);
 
 impl Points {
-    /// `shape` is what the error message asks for.
+    /// Takes an array; error messages say that `shape` is expected.
     pub(super) fn new(name: &str, value: &Bound<'_, PyAny>, shape: &str) -> PyResult<Self> {
         FloatArray::new(name, value)?.points(name, shape)
     }
 
-    /// The clouds of a sequence, each with its number in errors.
+    /// Takes the clouds of a sequence; errors give a cloud's number.
     pub(super) fn all(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<Self>> {
         let cloud = |(i, value)| Self::new(&format!("{name}[{i}]"), value, "(N, 3)");
         values.iter().enumerate().map(cloud).collect()
@@ -228,7 +229,7 @@ impl Deref for Points {
     }
 }
 
-/// The points of several clouds.
+/// Returns the points of several clouds as slices.
 pub(super) fn slices(clouds: &[Points]) -> Vec<&[Point]> {
     clouds.iter().map(|cloud| &**cloud).collect()
 }
@@ -239,7 +240,7 @@ pub(super) fn wrong_shape(name: &str, want: &str, got: &[usize]) -> PyErr {
     PyValueError::new_err(format!("{name}: expected shape {want}, got ({}{comma})", sizes.join(", ")))
 }
 
-/// An error of NumPy about an argument's value, with the argument's name.
+/// Adds the argument's name to an error of NumPy about its value.
 pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     if error.is_instance_of::<PyValueError>(py) {
         PyValueError::new_err(format!("{name}: {}", error.value(py)))
@@ -248,19 +249,19 @@ pub(super) fn named(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     }
 }
 
-/// So many numbers.
+/// Takes N numbers.
 pub(super) fn numbers<const N: usize>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
     let array = FloatArray::of_numbers(name, value)?;
     let found = array.slice().try_into().ok().filter(|_| array.shape.len() == 1);
     found.ok_or_else(|| wrong_shape(name, &format!("({N},)"), &array.shape))
 }
 
-/// A place or a vector.
+/// Takes a place or a vector.
 pub(super) fn point(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Point> {
     numbers(name, value)
 }
 
-/// A real number.
+/// Takes a real number.
 pub(super) fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     value.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(value.py()) {
         true => {
@@ -270,7 +271,7 @@ pub(super) fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     })
 }
 
-/// A whole number that is not negative.
+/// Takes a whole number that is not negative.
 pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
     let number: i64 = value
         .extract()
@@ -279,7 +280,7 @@ pub(super) fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
         .map_err(|_| PyValueError::new_err(format!("{name}: expected a number >= 0, got {number}")))
 }
 
-/// A rigid motion.
+/// Takes a rigid motion.
 pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMotion> {
     let array = FloatArray::of_numbers(name, value)?;
     let rows: Option<[[f64; 4]; 4]> = array.slice().as_chunks().0.try_into().ok();
@@ -289,12 +290,12 @@ pub(super) fn motion(name: &str, value: &Bound<'_, PyAny>) -> PyResult<RigidMoti
         .map_err(|error| PyValueError::new_err(error.to_string().replacen("pose", name, 1)))
 }
 
-/// The rigid motions of a sequence, each with its number in errors.
+/// Takes the rigid motions of a sequence; errors give a motion's number.
 pub(super) fn motions(name: &str, values: &[Bound<'_, PyAny>]) -> PyResult<Vec<RigidMotion>> {
     values.iter().enumerate().map(|(i, value)| motion(&format!("{name}[{i}]"), value)).collect()
 }
 
-/// An argument that the caller may leave out; the core says what holds then.
+/// An optional argument; the core defines its default.
 pub(super) struct Given<'py>(pub(super) Option<Bound<'py, PyAny>>);
 
 impl<'py> FromPyObject<'_, 'py> for Given<'py> {
@@ -315,16 +316,16 @@ impl<'py> Given<'py> {
     }
 }
 
-/// Which rows of the arguments a kernel sees.
+/// The rows of the arguments that a kernel sees.
 pub(super) struct Rows {
-    /// Indices of the kept rows; none if all are kept.
+    /// Indices of the kept rows; None if all are kept.
     pub(super) kept: Option<Vec<usize>>,
     total: usize,
 }
 
 impl Rows {
-    /// Decides on rows with NaN or infinity in any of `arrays`, which are of one length: `"raise"` leaves them for
-    /// the kernel to refuse, `"drop"` leaves them out.
+    /// Finds rows with NaN or infinity in any of `arrays`, which have one length. `"raise"` keeps them, for the kernel
+    /// to refuse; `"drop"` drops them.
     pub(super) fn new(nonfinite: &str, arrays: &[&[Point]]) -> PyResult<Self> {
         let total = arrays[0].len();
         let finite = |i: &usize| arrays.iter().all(|rows| rows[*i].iter().all(|x| x.is_finite()));
@@ -347,7 +348,7 @@ impl Rows {
         }
     }
 
-    /// Values of the kept rows, with `fill` at the others.
+    /// Returns values of the kept rows, with `fill` at the other rows.
     pub(super) fn scatter<T: Copy>(&self, values: Vec<T>, fill: T) -> Vec<T> {
         match &self.kept {
             None => values,
@@ -361,7 +362,7 @@ impl Rows {
         }
     }
 
-    /// Indices among the kept rows, as indices of the argument's rows.
+    /// Converts indices among the kept rows to indices of the argument's rows.
     pub(super) fn original(&self, indices: Vec<usize>) -> Vec<i64> {
         match &self.kept {
             None => indices.into_iter().map(|i| i as i64).collect(),
@@ -380,7 +381,7 @@ pub(super) fn require_same_length(name: &str, got: usize, want: usize) -> PyResu
     }
 }
 
-/// One camera's centre, or one for each of several points.
+/// The camera centre of all points, or one for each point.
 pub(super) enum Viewpoint {
     One(Point),
     Each(Points),
@@ -389,7 +390,7 @@ pub(super) enum Viewpoint {
 impl Viewpoint {
     const SHAPE: &'static str = "(3,) or (N, 3)";
 
-    /// That of `count` points.
+    /// Takes the camera centres of `count` points.
     pub(super) fn new(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Self> {
         let array = FloatArray::of_numbers("viewpoint", value)?;
         if array.shape.len() == 2 {
@@ -401,7 +402,7 @@ impl Viewpoint {
         one.map(Self::One).ok_or_else(|| wrong_shape("viewpoint", Self::SHAPE, &array.shape))
     }
 
-    /// Those of each point, if there is not one for all.
+    /// Returns the centre of each point; None if all share one.
     pub(super) fn each(&self) -> Option<&[Point]> {
         match self {
             Self::One(_) => None,
@@ -409,7 +410,7 @@ impl Viewpoint {
         }
     }
 
-    /// Runs `ask` with those of the kept rows.
+    /// Runs `ask` with the centres of the kept rows.
     pub(super) fn of<T>(&self, rows: &Rows, ask: impl FnOnce(Viewpoints) -> T) -> T {
         match self {
             Self::One(one) => ask(Viewpoints::One(*one)),

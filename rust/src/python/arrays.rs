@@ -1,4 +1,5 @@
-//! What Rust hands back, made into NumPy arrays that raise where memory is out: those of the numpy crate panic or use a null.
+//! Arrays that Rust returns to Python. They raise if memory runs out; those of the numpy crate panic or use a null
+//! pointer.
 
 use std::any::Any;
 use std::ffi::c_void;
@@ -18,23 +19,23 @@ use pyo3::prelude::*;
 
 use crate::geometry::Point;
 
-/// An (N, 3) array that is handed back.
+/// An (N, 3) array that is returned.
 pub(super) type PointsArray<'py> = Bound<'py, PyArray2<f64>>;
 
-/// Fewer bytes than this are copied into NumPy's memory, which costs less than to keep Rust's.
+/// Smaller arrays are copied into NumPy's memory, which costs less than keeping Rust's, bytes.
 const COPIED: usize = 1 << 12;
-/// An array is a part of a part of another so many times at most: NumPy itself keeps but the first and the last.
-const DEPTH: usize = 8;
+/// Bases of an array that are followed at most; NumPy itself keeps only the first and the last.
+const MAX_BASES: usize = 8;
 
-/// Keeps the memory of an array: a vector.
+/// Owns the memory of an array: a vector.
 #[pyclass(frozen, module = "strand._core")]
 struct Memory {
     values: Arc<dyn Any + Send + Sync>,
-    /// Whether nobody can write to it. NumPy makes no array of it writeable again, as this class does not lend it.
+    /// Whether nobody can write to it. NumPy cannot make such an array writeable, because this class exports no buffer.
     constant: bool,
 }
 
-/// Numbers of an array in C order to which nobody can write, shared with the array.
+/// Numbers in C order that nobody can write to, shared with their array.
 #[derive(Clone)]
 pub(super) struct Constant<T> {
     memory: Arc<Vec<T>>,
@@ -42,15 +43,15 @@ pub(super) struct Constant<T> {
 }
 
 impl<T: Element + Copy + 'static> Constant<T> {
-    /// Those of an array that `constant` made, or of a part of one.
+    /// Takes the numbers of an array that `constant` made, or of a part of one; None for other arrays.
     pub(super) fn of<D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> Option<Self> {
         if !array.is_c_contiguous() {
             return None;
         }
-        // wherever it is found, memory that holds the numbers and that nobody can write to is what is sought
+        // any base counts that owns the numbers' memory and that nobody can write to
         let base = intern!(array.py(), "base");
         let mut owner = array.getattr(base).ok()?;
-        for _ in 0..DEPTH {
+        for _ in 0..MAX_BASES {
             if !owner.is_instance_of::<PyUntypedArray>() {
                 break;
             }
@@ -69,7 +70,7 @@ impl<T: Element + Copy + 'static> Constant<T> {
     }
 }
 
-/// An array of a shape, row by row; the memory is the vector's.
+/// Makes an array of a shape, row by row, from the vector's memory.
 pub(super) fn array<T: Element + Copy + 'static, I: IntoDimension>(
     py: Python<'_>,
     values: Vec<T>,
@@ -78,7 +79,7 @@ pub(super) fn array<T: Element + Copy + 'static, I: IntoDimension>(
     made(py, values, shape, false)
 }
 
-/// The same, to which nobody can write: kernels need no copy of it.
+/// Makes an array that nobody can write to, so that kernels need no copy of it.
 pub(super) fn constant<T: Element + Copy + 'static, I: IntoDimension>(
     py: Python<'_>,
     values: Vec<T>,
@@ -98,13 +99,13 @@ fn made<T: Element + Copy + 'static, I: IntoDimension>(
     if dimension.size_checked() != Some(values.len()) {
         return Err(PyValueError::new_err("an answer does not have the shape that it should"));
     }
-    // memory of NumPy's own can be made writeable again
+    // NumPy can make its own memory writeable again
     let copied = !constant && size_of_val(&values[..]) < COPIED;
     let data = if copied { null_mut() } else { values.as_ptr().cast_mut().cast::<c_void>() };
-    // any flag would order memory of NumPy's own by columns
+    // with any flag, NumPy would order its own memory by columns
     let flags = if copied || constant { 0 } else { NPY_ARRAY_WRITEABLE };
-    // SAFETY: the shape has as many numbers as said; without data NumPy allocates its own, else the vector has as many values
-    // as the shape says, and what owns it becomes the array's base below, before anyone else has the array
+    // SAFETY: the shape has the given number of dimensions. Without data, NumPy allocates its own; else the vector has as many
+    // values as the shape, and its owner becomes the array's base below, before anyone else has the array
     let array = unsafe {
         PY_ARRAY_API.PyArray_NewFromDescr(
             py,
@@ -126,7 +127,7 @@ fn made<T: Element + Copy + 'static, I: IntoDimension>(
         unsafe { std::ptr::copy_nonoverlapping(values.as_ptr(), (*object).data.cast(), values.len()) };
     } else {
         let memory = Bound::new(py, Memory { values: Arc::new(values), constant })?;
-        // SAFETY: both are objects that live; the reference is NumPy's from here on, even where it fails
+        // SAFETY: both objects are alive; NumPy owns the reference from here on, even if the call fails
         let code = unsafe { PY_ARRAY_API.PyArray_SetBaseObject(py, object, memory.into_ptr()) };
         if code != 0 {
             return Err(PyErr::fetch(py));
@@ -136,13 +137,13 @@ fn made<T: Element + Copy + 'static, I: IntoDimension>(
     Ok(unsafe { array.cast_into_unchecked() })
 }
 
-/// Makes what the first array needs of Python and NumPy, which would panic where it is missing.
+/// Loads the parts of Python and NumPy that the first array needs; they would panic if missing.
 pub(super) fn prepare(py: Python<'_>) -> PyResult<()> {
     py.import("numpy")?;
     array(py, vec![0u8; COPIED], [COPIED]).map(drop)
 }
 
-/// An array of one dimension.
+/// Makes an array of one dimension.
 pub(super) fn list<T: Element + Copy + 'static>(
     py: Python<'_>,
     values: Vec<T>,
@@ -151,7 +152,7 @@ pub(super) fn list<T: Element + Copy + 'static>(
     array(py, values, [count])
 }
 
-/// An array of one dimension to which nobody can write.
+/// Makes an array of one dimension that nobody can write to.
 pub(super) fn constant_list<T: Element + Copy + 'static>(
     py: Python<'_>,
     values: Vec<T>,
@@ -160,13 +161,13 @@ pub(super) fn constant_list<T: Element + Copy + 'static>(
     constant(py, values, [count])
 }
 
-/// An (N, 3) array to which nobody can write.
+/// Makes an (N, 3) array that nobody can write to.
 pub(super) fn constant_points(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
     let rows = points.len();
     constant(py, points.into_flattened(), [rows, 3])
 }
 
-/// An (N, 3) array.
+/// Makes an (N, 3) array.
 pub(super) fn points_array(py: Python<'_>, points: Vec<Point>) -> PyResult<PointsArray<'_>> {
     let rows = points.len();
     array(py, points.into_flattened(), [rows, 3])

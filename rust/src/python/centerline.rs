@@ -1,5 +1,5 @@
-//! Bindings of axis points and the chains through them. Sections, equations and figures are those of *Shape Modeling of A
-//! String And Recognition Using Distance Sensor*.
+//! Bindings of axis points and chains. Sections, equations and figures are those of *Shape Modeling of A String And
+//! Recognition Using Distance Sensor*.
 
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
@@ -11,13 +11,13 @@ use super::arrays::{PointsArray, list, points_array};
 use super::released::released;
 use crate::error::Error;
 
-/// After so many chains are made arrays, signals are looked at.
+/// Chains that are converted to arrays between two checks for signals.
 const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14;
 
 /// Compute axis points from surface points and normals (section IV-D, eq. 16-18).
 ///
-/// Every surface point moves inwards by the rope's radius, c_i = p_i - r n_i; where at least
-/// `min_neighbors` points p_j lie within 2r of p_i (p_i itself is one), the axis point is the mean of their c_j.
+/// Every surface point moves inwards by the rope's radius: c_i = p_i - r n_i. Where at least `min_neighbors` points
+/// p_j, p_i included, lie within 2r of p_i, the axis point is the mean of their c_j.
 ///
 /// Parameters
 /// ----------
@@ -30,14 +30,14 @@ const CHAINS_BETWEEN_SIGNALS: usize = 1 << 14;
 /// min_neighbors : int
 ///     N_lim.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///     What to do with rows that hold NaN or infinity: refuse them, or drop them.
 ///
 /// Returns
 /// -------
 /// axis_points : (M, 3) ndarray
 ///     Averaged axis points, metres, in the order of the points they belong to.
 /// indices : (M,) ndarray of int64
-///     Which input point each was computed at.
+///     The index of the input point that each was computed at.
 ///
 /// Raises
 /// ------
@@ -71,9 +71,9 @@ pub(super) fn centerline<'py>(
 
 /// Trace ordered chains through axis points (section V-A, fig. 9-10).
 ///
-/// From a base point, all points within `near` stop being targets, the nearest target within `far` is the
-/// next node, and so on until there is none; the other side of the base grows in the same way, and the
-/// targets that remain give new chains.
+/// From a base point on, all points within `near` of the current node stop being targets, and the nearest target within
+/// `far` becomes the next node. When none is left, the other side of the base grows in the same way. The remaining
+/// targets form further chains.
 ///
 /// Parameters
 /// ----------
@@ -84,16 +84,15 @@ pub(super) fn centerline<'py>(
 /// far : float
 ///     r_f > r_n, the reach to the next node, metres.
 /// start : int, optional
-///     The first base point. If not given, and for later chains, it is the target farthest from the cloud's
-///     centroid.
+///     The first base point. By default, and for later chains, it is the target farthest from the cloud's centroid.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///     What to do with rows that hold NaN or infinity: refuse them, or drop them.
 ///
 /// Returns
 /// -------
 /// list of (K,) ndarray of int64
-///     Indices of each chain's nodes from end to end, in the order in which the chains were found. A point
-///     with no target in reach makes a chain of one node.
+///     Indices of each chain's nodes from end to end; chains are in the order in which they were found. A point without a
+///     target in reach forms a chain of one node.
 ///
 /// Raises
 /// ------
@@ -126,7 +125,7 @@ pub(super) fn trace_chains<'py>(
         let chains = crate::trace_chains(&rows.select(&points), near, far, start)?;
         Ok::<Vec<_>, Error>(chains.into_iter().map(|chain| rows.original(chain)).collect())
     })??;
-    // there may be as many as points
+    // there may be as many chains as points
     let found = PyList::empty(py);
     for (number, chain) in chains.into_iter().enumerate() {
         found.append(list(py, chain)?)?;

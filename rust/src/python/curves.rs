@@ -1,4 +1,4 @@
-//! Bindings of curves: splines, polylines and bridges between these.
+//! Bindings of curves: splines, polylines and bridges.
 
 use numpy::{Element, PyArray1, PyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -12,7 +12,7 @@ use crate::geometry::overlap::{self, Along};
 use crate::geometry::spline::Spline;
 use crate::geometry::{Point, bridge, plan, polyline, straighten};
 
-/// Numbers of both segments, shares along them, and turns.
+/// Numbers of both segments, positions along them, and turns.
 type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i8>>);
 
 /// Fit a uniform cubic B-spline through ordered nodes by least squares.
@@ -22,9 +22,9 @@ type Crossings<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>, Bou
 /// nodes : (M, 3) array_like of float
 ///     Ordered nodes, metres.
 /// spacing : float
-///     About how long the spline's spans are, metres.
+///     Approximate length of a span, metres.
 /// extension : float
-///     The curve is carried on straight by this at both ends, metres.
+///     Length by which the curve continues straight at both ends, metres.
 ///
 /// Returns
 /// -------
@@ -47,14 +47,14 @@ pub(super) fn spline_through<'py>(
     extension: f64,
 ) -> PyResult<PointsArray<'py>> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
-    // the fit is dense
+    // the fit uses dense matrices
     let spans = polyline::arc_length(&nodes).last().map_or(0.0, |length| length / spacing);
     let effort = nodes.len().saturating_add((spans * spans) as usize);
     let spline = released_if_many(py, effort, move || Spline::through(&nodes, spacing, extension))??;
     points_array(py, spline.control)
 }
 
-/// Positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
+/// Return the positions and first two derivatives of a spline at parameters; see `strand.curve.evaluate`.
 #[pyfunction]
 pub(super) fn spline_places<'py>(
     py: Python<'py>,
@@ -76,7 +76,7 @@ pub(super) fn spline_places<'py>(
     Ok((points_array(py, position)?, points_array(py, first)?, points_array(py, second)?))
 }
 
-/// Arc length from one parameter of a spline to places evenly spaced up to another, metres.
+/// Return the arc lengths from one parameter of a spline to places evenly spaced up to another, metres.
 #[pyfunction]
 pub(super) fn arc_lengths<'py>(
     py: Python<'py>,
@@ -96,9 +96,10 @@ pub(super) fn arc_lengths<'py>(
     list(py, table)
 }
 
-/// Which places of curves lie nearer than `distance` to another curve, or to their own at least `apart` along it.
+/// Return whether each place lies nearer than `distance` to another curve, or to its own curve at least `apart` along
+/// it.
 ///
-/// `curve` is the number of each place's curve, `arc_length` where along that it is, metres.
+/// `curve` holds the number of each place's curve, `arc_length` its position along the curve, metres.
 #[pyfunction]
 pub(super) fn overlapping<'py>(
     py: Python<'py>,
@@ -116,40 +117,40 @@ pub(super) fn overlapping<'py>(
     let places: Vec<Along> = (places.iter().zip(curve.slice()).zip(arc_length.slice()))
         .map(|((&position, &curve), &arc_length)| Along { curve: curve as usize, arc_length, position })
         .collect();
-    // each with each
+    // every pair
     let effort = places.len().saturating_mul(places.len() / 64);
     list(py, released_if_many(py, effort, move || overlap::find_overlaps(&places, distance, apart))?)
 }
 
 /// Find all pairs of segments that cross in a plan, exactly.
 ///
-/// A line that goes through a node of another crosses it once; one that touches it crosses it twice at the same place, or
-/// never. Segments that share a node do not cross.
+/// A line through a node of another crosses that line once. A line that touches another crosses it twice at the same
+/// place, or never. Segments that share a node do not cross.
 ///
 /// Parameters
 /// ----------
 /// nodes : (N, 2) ndarray of float64
 ///     Places in the plan.
 /// segments : (S, 2) ndarray of int64
-///     The nodes from which and to which each goes.
+///     The first and the last node of each segment.
 ///
 /// Returns
 /// -------
 /// pairs : (K, 2) ndarray of int64
-///     Numbers of the segments, the less first, sorted.
+///     Numbers of the segments, the lower first, sorted.
 /// shares : (K, 2) ndarray of float64
-///     How far along each segment they cross, from 0 to 1.
+///     Where they cross along each segment, from 0 to 1.
 /// turns : (K,) ndarray of int8
-///     1 where the second crosses the first from its right to its left, else -1.
+///     1 if the second segment crosses the first from right to left, else -1.
 ///
 /// Raises
 /// ------
 /// TypeError
-///     If an array holds anything else.
+///     If an array has another dtype.
 /// ValueError
-///     If one has another shape, `nodes` is not finite, or a segment's node is not there.
+///     If an array has another shape, `nodes` is not finite, or a segment names a node that does not exist.
 /// MemoryError
-///     If there are more pairs than memory holds.
+///     If the pairs do not fit in memory.
 #[pyfunction]
 pub(super) fn crossed_segments<'py>(
     py: Python<'py>,
@@ -179,13 +180,13 @@ pub(super) fn crossed_segments<'py>(
     ))
 }
 
-/// The rows of an array of two columns.
+/// Returns the rows of an array of two columns.
 fn in_pairs<T: Element + Copy + 'static>(name: &str, array: Array<T>) -> PyResult<Vec<[T; 2]>> {
     let [_, 2] = array.shape() else { return Err(wrong_shape(name, "(N, 2)", array.shape())) };
     Ok(array.slice().as_chunks().0.to_vec())
 }
 
-/// Arc length from the first of ordered nodes to each, metres.
+/// Return the arc length from the first of ordered nodes to each, metres.
 #[pyfunction]
 pub(super) fn path_length<'py>(
     py: Python<'py>,
@@ -195,7 +196,7 @@ pub(super) fn path_length<'py>(
     list(py, released_if_many(py, nodes.len(), move || polyline::arc_length(&nodes))?)
 }
 
-/// The unit vector out of the last of ordered nodes, over `span` of arc length, `skip` before it; metres.
+/// Return the unit vector out of the last node, over `span` of arc length that ends `skip` before it, metres.
 #[pyfunction]
 pub(super) fn end_direction<'py>(
     py: Python<'py>,
@@ -209,10 +210,10 @@ pub(super) fn end_direction<'py>(
     list(py, direction.to_vec())
 }
 
-/// Nodes of the cubic that goes on from the last node of one stretch to the first of the next, without these.
+/// Return the inner nodes of the cubic from the last node of `before` to the first node of `after`.
 ///
-/// `span` is the stretch of each over which its direction is taken, `spacing` that between nodes, metres; `reach` are the
-/// lengths of the tangents at the two ends as parts of the gap.
+/// The direction at each end is taken over `span` of its piece, metres. `spacing` is the distance between nodes,
+/// metres. `reach` holds the lengths of the tangents at the two ends, as shares of the gap.
 #[pyfunction]
 #[pyo3(name = "bridge", signature = (before, after, span, spacing, reach = [1.0, 1.0]))]
 pub(super) fn bridge_nodes<'py>(
@@ -229,9 +230,10 @@ pub(super) fn bridge_nodes<'py>(
     points_array(py, released_if_many(py, effort, bridge)??)
 }
 
-/// Undo what the average over two radii does to the bends of a chain of axis points.
+/// Move the nodes of a chain of axis points outwards in bends, by as much as the average over two radii moved them
+/// inwards.
 ///
-/// `span` is how far along the chain the bend at a node is taken from, metres.
+/// `span` is the reach along the chain over which a node's bend is measured, metres.
 #[pyfunction]
 #[pyo3(name = "straighten")]
 pub(super) fn straightened<'py>(
@@ -245,16 +247,18 @@ pub(super) fn straightened<'py>(
     points_array(py, straight)
 }
 
-/// Bending energy of a polyline, 1/m.
+/// Return the bending energy of a polyline, 1/m.
 #[pyfunction]
 pub(super) fn bending(py: Python<'_>, nodes: &Bound<'_, PyAny>) -> PyResult<f64> {
     let nodes = Points::new("nodes", nodes, "(M, 3)")?;
     released_if_many(py, nodes.len(), move || bridge::measure_bending(&nodes))
 }
 
-/// Cost of the curve that leaves the end `p` along `leave` and meets the end `q`, which points along `arrive`.
+/// Return the cost of a curve that leaves the end `p` along `leave` and arrives at the end `q`, which points along
+/// `arrive`.
 ///
-/// Grows with its bends, and with the gap over the rope's radius; infinite where the curve would have to turn back.
+/// It grows with the bends, and with the gap over the rope's radius. It is infinite if the curve would have to turn
+/// back.
 #[pyfunction]
 pub(super) fn join_cost(
     p: &Bound<'_, PyAny>,
@@ -269,7 +273,7 @@ pub(super) fn join_cost(
     guarded(|| bridge::price_join(p, leave, q, arrive, radius))
 }
 
-/// A spline of checked control points.
+/// Makes a spline of checked control points.
 pub(super) fn checked_spline(name: &str, control: &Bound<'_, PyAny>) -> PyResult<Spline> {
     let control = Points::new(name, control, "(n, 3)")?.to_vec();
     if control.len() < 4 {

@@ -1,4 +1,4 @@
-//! Bindings of how densely points lie, and how near others are.
+//! Bindings of density, and of distances between points.
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -8,14 +8,14 @@ use super::arrays::{PointsArray, list, points_array};
 use super::released::{CHEAP, released, released_if_many};
 use crate::clouds::{density, proximity};
 
-/// The median number of other points within a radius of a point; 0 for no points.
+/// Return the median number of other points within a radius of a point; 0 without points.
 #[pyfunction]
 pub(super) fn typical_neighbors(py: Python<'_>, points: &Bound<'_, PyAny>, radius: f64) -> PyResult<usize> {
     let points = Points::new("points", points, "(N, 3)")?;
     Ok(released(py, move || density::typical_neighbors(&points, radius))??)
 }
 
-/// How many voxels of a side's length hold points of some clouds.
+/// Count the voxels that hold points of some clouds; `side` is the edge of a voxel, metres.
 #[pyfunction]
 pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, side: f64) -> PyResult<usize> {
     let clouds = Points::all("points", &points)?;
@@ -23,7 +23,7 @@ pub(super) fn occupied_voxels(py: Python<'_>, points: Vec<Bound<'_, PyAny>>, sid
     Ok(released_if_many(py, count / CHEAP, move || density::occupied_voxels(&slices(&clouds), side))??)
 }
 
-/// The squared distance of each of some points from the nearest of others; infinity where there are none.
+/// Return the squared distance of each point to the nearest of others; infinity if there are none.
 #[pyfunction]
 pub(super) fn squared_distances<'py>(
     py: Python<'py>,
@@ -36,8 +36,8 @@ pub(super) fn squared_distances<'py>(
     list(py, released_if_many(py, count, move || proximity::squared_distances(&points, &others))??)
 }
 
-/// (M, 3) Variances of the points within `reach` of each of some places along their principal axes, the least first, m^2; NaN
-/// where there are fewer than `fewest`.
+/// Return (M, 3) variances along the principal axes of the points within `reach` of each place, ascending, m^2; NaN
+/// where there are fewer than `fewest` points.
 #[pyfunction]
 pub(super) fn variances_around<'py>(
     py: Python<'py>,

@@ -1,4 +1,5 @@
-//! Bindings of the outlier filter. Sections are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
+//! Bindings of the outlier filter. Sections are those of *Shape Modeling of A String And Recognition Using Distance
+//! Sensor*.
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -9,7 +10,7 @@ use super::released::released;
 use crate::error::Error;
 use crate::parallel;
 
-/// Tell outliers: which points have enough neighbours within a searching radius (section IV-A).
+/// Return which points have enough neighbours within a searching radius (section IV-A).
 ///
 /// Parameters
 /// ----------
@@ -18,11 +19,10 @@ use crate::parallel;
 /// radius : float
 ///     The searching radius, metres.
 /// min_neighbors : int
-///     How many other points must lie within `radius` (boundary included); coincident points count each
-///     other.
+///     Other points that must lie within `radius`, boundary included; coincident points count each other.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or treat them as outliers that are no
-///     one's neighbour.
+///     What to do with rows that hold NaN or infinity: refuse them, or treat them as outliers and as neighbours of no
+///     point.
 ///
 /// Returns
 /// -------
@@ -70,7 +70,7 @@ pub(super) fn radius_outlier_mask<'py>(
 /// Returns
 /// -------
 /// (N,) ndarray of int64
-///     How many other points lie within `radius` (boundary included).
+///     The number of other points within `radius`, boundary included.
 ///
 /// Raises
 /// ------

@@ -1,4 +1,4 @@
-//! Bindings of the joint fit of tubes and poses, and of what is read off it.
+//! Bindings of the joint fit of tubes and poses, and of its results.
 
 mod end_observation;
 mod outcome;
@@ -24,7 +24,7 @@ use crate::tubes::tubefit::{OnCurve, Residual, Tube, TubeFitOptions, TubeView, p
 
 const DEFAULT: &TubeFitOptions = &TubeFitOptions::DEFAULT;
 
-// the text signature of `fit_tubes` says these numbers
+// the text signature of `fit_tubes` repeats these numbers
 const _: () = {
     assert!(DEFAULT.fit_curves && DEFAULT.uncertainty && matches!(DEFAULT.residual, Residual::Distance));
     assert!(DEFAULT.band[0] == 0.6 && DEFAULT.band[1] == 0.4);
@@ -34,64 +34,60 @@ const _: () = {
 
 /// Fit tubes around curves to the points of all views, together with the views' poses.
 ///
-/// Gauss-Newton on each point's distance from the tube's surface with Tukey's loss. Opposite half-shells of a tube, which
-/// pull into each other when points are matched with points, are told apart by construction. What the data do not fix,
-/// such as sliding along a straight rope, stays at the reported poses.
+/// The method is Gauss-Newton on each point's distance from the tube's surface, with Tukey's loss. Opposite half-shells
+/// of a tube stay separate, which a matching of points with points would pull into each other. Directions that the data
+/// do not fix, such as sliding along a straight rope, stay at the reported poses.
 ///
 /// Parameters
 /// ----------
 /// points : sequence of (N_v, 3) array_like of float
-///     What each view saw, in the world frame of the reported poses, metres.
+///     Each view's points in the world frame of the reported poses, metres.
 /// viewpoints : (V, 3) array_like of float
-///     The cameras' centres as reported, metres.
+///     The cameras' centres by the reported poses, metres.
 /// curves : sequence of (n, 3) array_like of float
-///     Control points to start from, metres, n >= 4.
+///     Start: control points, metres, n >= 4.
 /// motions : (V, 4, 4) array_like of float
-///     Corrections of the poses to start from.
+///     Start: corrections of the poses.
 /// radius : float or (K,) array_like of float
-///     The ropes' radius, or one for each class of ropes, metres; the start, if it is fitted.
+///     The ropes' radius, or one for each class of ropes, metres; the start if it is fitted.
 /// radius_classes : (C,) array_like of int, optional
-///     For each curve the number of its radius; the first for all if not given.
+///     The number of each curve's radius; by default, all curves have the first radius.
 /// pose_sd : (float, float)
 ///     Standard deviations of the reported poses: rotation, radians, and translation, metres.
 /// reference : int or None
-///     The view that stays where it is; None if all stay.
+///     The view that stays in place; None holds all views.
 /// fit_curves : bool
-///     Whether curves change.
+///     Whether the fit changes curves.
 /// radius_prior : (2,) or (K, 2) array_like of float, optional
-///     What is known of each radius beforehand: mean and standard deviation, metres. Radii are held if it is not given.
+///     Mean and standard deviation of the prior on each radius, metres. By default, radii are held.
 /// along_ray : bool
-///     Measure residuals along the viewing rays, times the cosine of the angle of incidence: without bias under noise
-///     along the ray, but only near the solution.
+///     Measure residuals along the viewing rays, times the cosine of the angle of incidence: unbiased under noise along
+///     the ray, but only near the solution.
 /// band : (float, float)
-///     Tukey's limit at the first and the last iteration, in radii; never under 4.685 standard deviations of the noise,
-///     which keep 95 % of the efficiency of least squares.
+///     Tukey's limit in the first and the last iteration, radii; at least 4.685 standard deviations of the noise, which
+///     keeps 95 % of the efficiency of least squares.
 /// iterations : int
-///     Most Gauss-Newton steps. Where the fit goes on from an earlier one, the first two count as taken.
+///     Gauss-Newton steps at most. A continued fit counts the first two as taken.
 /// tolerance : float
-///     The fit ends after a step of less than this, in standard deviations of the unknowns. After one of less than 0.1,
-///     another changes nothing that the data tell.
+///     The fit ends after a step smaller than this, standard deviations of the unknowns. After a step below 0.1, further
+///     steps change nothing that the data determine.
 /// min_bend : float
-///     The tightest bend of a curve: its radius of curvature, in radii.
+///     Smallest radius of curvature of a curve, radii.
 /// noise : float, optional
-///     Standard deviation of the sensor's noise along the viewing rays, metres; estimated from the residuals if not
-///     given.
+///     Standard deviation of the sensor's noise along the viewing rays, metres; by default estimated from the residuals.
 /// shared : (float, float)
-///     How many points count as one where neighbouring pixels share their errors: for what moves a surface along the
-///     viewing rays, and across them. It widens standard deviations and covariances and changes nothing else; 1 for
-///     independent noise.
+///     Number of points that count as one because neighbouring pixels share errors: errors along the viewing rays, and
+///     across them. It only widens standard deviations and covariances; 1 means independent noise.
 /// bounds : (2, 3) array_like of float, optional
-///     The extraction range, low and high corner, metres: noise carries points out of it but none in, so points whose
-///     place on the tube lies within two standard deviations of its faces have no part.
+///     Extraction range: low and high corner, metres. Noise moves points out of it but none into it, so points are
+///     dropped whose place on the tube lies within two standard deviations of its faces.
 /// end_observations : sequence of EndObservation
-///     Where views see ropes end: these fix straight ropes along themselves.
+///     Ends of ropes that views see; they fix straight ropes along themselves.
 /// previous : TubeFit, optional
-///     An earlier fit to the same points, from whose curves this one goes on: points start at the foot points that it
-///     found for them.
+///     An earlier fit to the same points. This fit continues from its curves and foot points.
 /// uncertainty : bool
-///     Work out standard deviations and covariances, and hold views at the reported poses in directions that the data
-///     leave open: where a correction's standard deviation is over 0.71 times the reported pose's.
-///
+///     Compute standard deviations and covariances. Views are then held at the reported poses in directions that the data
+///     do not fix: those in which a correction's standard deviation is over 0.71 times the reported pose's.
 /// Returns
 /// -------
 /// strand.TubeFit
@@ -247,7 +243,7 @@ impl FootPoints {
     }
 }
 
-/// Curves, each with the number of its radius.
+/// Makes tubes of curves and the numbers of their radii.
 fn tubes(curves: &[Bound<'_, PyAny>], radius_classes: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Tube>> {
     let numbers = match radius_classes {
         None => vec![0; curves.len()],
@@ -267,7 +263,7 @@ fn tubes(curves: &[Bound<'_, PyAny>], radius_classes: Option<&Bound<'_, PyAny>>)
     curves.iter().enumerate().zip(numbers).map(tube).collect()
 }
 
-/// A mean and a standard deviation, or one of each for each radius.
+/// Takes a mean and a standard deviation, or both for each radius.
 fn priors(value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     let array = FloatArray::of_numbers("radius_prior", value)?;
     match array.shape() {
@@ -276,7 +272,7 @@ fn priors(value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
     }
 }
 
-/// The low and the high corner of a box.
+/// Takes the low and the high corner of a box.
 fn corners(value: &Bound<'_, PyAny>) -> PyResult<[Point; 2]> {
     let array = FloatArray::of_numbers("bounds", value)?;
     match (array.shape(), array.slice().as_chunks().0) {
@@ -285,7 +281,7 @@ fn corners(value: &Bound<'_, PyAny>) -> PyResult<[Point; 2]> {
     }
 }
 
-/// The end observations of each view.
+/// Groups end observations by view.
 fn by_view(all: &[Bound<'_, EndObservation>], views: usize) -> PyResult<Vec<Vec<crate::EndObservation>>> {
     let mut found = vec![Vec::new(); views];
     for (i, seen) in all.iter().enumerate() {
@@ -299,7 +295,7 @@ fn by_view(all: &[Bound<'_, EndObservation>], views: usize) -> PyResult<Vec<Vec<
     Ok(found)
 }
 
-/// The foot points of an earlier fit to the same points, from whose curves another goes on.
+/// Returns the foot points of an earlier fit to the same points.
 fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyResult<Vec<Option<OnCurve>>> {
     let (py, fit) = (previous.py(), previous.get());
     let (curves, before) = (fit.curves.len(), fit.points.bind(py).shape()[0]);
@@ -315,22 +311,23 @@ fn earlier(previous: &Bound<'_, TubeFit>, tubes: &[Tube], count: usize) -> PyRes
     fit.foot_points(py)
 }
 
-/// Cut fitted curves to the stretch that points support.
+/// Cut fitted curves to the part that points support.
 ///
-/// With n points for each metre of rope and m points past L0 - r, L0 being about where they give out, the end is at
-/// L0 - r + m / n: unbiased, where a threshold on the density is not.
+/// Let n be the number of points for each metre of rope, and m the number of points past L0 - r, where the points end
+/// at about L0. The end is at L0 - r + m / n. This estimate is unbiased, unlike a threshold on the density.
 ///
 /// Parameters
 /// ----------
 /// fit : TubeFit
 /// surface_tolerance : sequence of float, optional
-///     For each curve how far from a surface its points may lie to count as on it, metres. Points near an end that lie on
-///     another curve's surface too are left out then: they say nothing about that end. All points count if not given.
+///     For each curve, the largest distance of its points from a surface at which they count as on it, metres. Near an
+///     end, points on another curve's surface too are then skipped, because they say nothing about the end. By default all
+///     points count.
 ///
 /// Returns
 /// -------
 /// list of ((float, float) or None)
-///     The parameters from which to which each curve is rope; None where fewer than eight points support it.
+///     The first and the last parameter of each rope; None if fewer than eight points support the curve.
 ///
 /// Raises
 /// ------

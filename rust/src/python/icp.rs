@@ -11,10 +11,10 @@ use super::released::released;
 use crate::geometry::RigidMotion;
 use crate::icp::{IcpOptions, Objective, Stop};
 
-// the text signature of `icp` says these numbers
+// the text signature of `icp` repeats these numbers
 const _: () = assert!(IcpOptions::MAX_ITERATIONS == 30 && IcpOptions::TOLERANCE == 1e-6);
 
-/// What Python calls the reasons for which iterations end.
+/// The Python names of the reasons why a registration ended.
 const STOPS: [(Stop, &str); 4] = [
     (Stop::Tolerance, "tolerance"),
     (Stop::Iterations, "iterations"),
@@ -22,7 +22,7 @@ const STOPS: [(Stop, &str); 4] = [
     (Stop::Degenerate, "degenerate"),
 ];
 
-/// The outcome of `strand.icp`.
+/// The result of `strand.icp`.
 #[pyclass(frozen, module = "strand")]
 pub(super) struct IcpResult(crate::IcpResult);
 
@@ -52,7 +52,7 @@ impl IcpResult {
         }))
     }
 
-    /// What a pickle makes it of again.
+    /// Arguments from which a pickle is restored.
     #[allow(clippy::type_complexity)]
     fn __getnewargs__<'py>(
         &self,
@@ -80,7 +80,7 @@ impl IcpResult {
         self.0.inlier_rmse
     }
 
-    /// int: how often the pose was updated.
+    /// int: number of updates of the pose.
     #[getter]
     fn iterations(&self) -> usize {
         self.0.iterations
@@ -92,7 +92,7 @@ impl IcpResult {
         self.0.converged
     }
 
-    /// str: why the iterations ended: "tolerance", "iterations", "too few correspondences" or "degenerate".
+    /// str: why it ended: "tolerance", "iterations", "too few correspondences" or "degenerate".
     #[getter]
     fn stop(&self) -> &'static str {
         STOPS.iter().find(|(reason, _)| *reason == self.0.stop).map_or("", |(_, name)| name)
@@ -112,9 +112,8 @@ impl IcpResult {
 
 /// Register two clouds by iterated closest points (section IV-C, eq. 15).
 ///
-/// Minimises f(R, t) = sum |R x_i + t - y_i|^2 over the pairs of source points x_i and their nearest target
-/// points y_i, or, with normals of the target, sum ((R x_i + t - y_i) . n_i)^2, linearised about the current
-/// pose.
+/// It minimises f(R, t) = sum |R x_i + t - y_i|^2 over the pairs of source points x_i and their nearest target points
+/// y_i. With normals of the target it minimises sum ((R x_i + t - y_i) . n_i)^2, linearised at the current pose.
 ///
 /// Parameters
 /// ----------
@@ -123,24 +122,23 @@ impl IcpResult {
 /// target : (M, 3) array_like of float
 ///     The cloud that stays, metres.
 /// max_correspondence_distance : float
-///     Pairs farther apart than this do not count, metres.
+///     Largest distance between the points of a pair, metres.
 /// start : (4, 4) array_like of float, optional
-///     Rigid motion from the source's frame to the target's to start from; the identity if not given.
+///     Start: rigid motion from the source's frame to the target's; the identity by default.
 /// target_normals : (M, 3) array_like of float, optional
-///     Unit normals of the target: minimise the distance point to plane.
+///     Unit normals of the target: minimise point-to-plane distances.
 /// max_iterations : int
-///     Most updates of the pose.
+///     Updates of the pose at most.
 /// tolerance : float
-///     Ends when an update changes the fitness by no more than this, and the inlier RMSE by no more than this
+///     The registration ends when an update changes the fitness by at most this, and the inlier RMSE by at most this
 ///     times `max_correspondence_distance`.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///     What to do with rows that hold NaN or infinity: refuse them, or drop them.
 ///
 /// Returns
 /// -------
 /// strand.IcpResult
-///     With transformation, fitness, inlier_rmse, iterations, converged and stop. Where the data do not fix a
-///     pose (too few pairs, all on a line) it holds the last sound one and says so in `stop`.
+///     If the data do not fix a pose (too few pairs, all on a line), it holds the last sound pose and says so in `stop`.
 ///
 /// Raises
 /// ------
@@ -193,7 +191,7 @@ pub(super) fn icp<'py>(
 
 /// Register clouds one after the other, each to all before it; see `icp`.
 ///
-/// Gives the outcome for all but the first.
+/// Return the results for all clouds but the first.
 #[pyfunction]
 pub(super) fn register_in_turn(
     py: Python<'_>,

@@ -1,4 +1,4 @@
-//! Bindings of what a fit to images returns.
+//! Bindings of the results of a fit to images.
 
 use std::sync::Arc;
 
@@ -40,52 +40,53 @@ impl ImageFit {
         self.fit.covariances.iter().map(flat).collect()
     }
 
-    /// (V, 6) What corrects each camera's frame: rotation vector, radians, and translation, metres.
+    /// (V, 6) corrections of the cameras' frames: rotation vector, radians, and translation, metres.
     #[getter]
     fn corrections<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array(py, self.fit.corrections.concat(), [self.fit.corrections.len(), 6])
     }
 
-    /// The view that it began in.
+    /// The view in which it began.
     #[getter]
     fn reference(&self) -> usize {
         self.reference
     }
 
-    /// The depth's noise about a smooth rope, radii.
+    /// Noise of depth about a smooth rope, radii.
     #[getter]
     fn noise(&self) -> f64 {
         self.noise
     }
 
-    /// Standard deviation of depth about the curves and the stretch of rope over which it is alike, radii; None if too
-    /// little is seen.
+    /// Standard deviation of depth about the curves, and the correlation length of its errors, radii; None if there is
+    /// too little depth.
     #[getter]
     fn scatter(&self) -> Option<(f64, f64)> {
         self.fit.depth.map(|depth| (depth.sd, depth.length))
     }
 
-    /// Standard deviation of the masks' edges about the outline, pixels; None if too little is seen.
+    /// Standard deviation of the masks' edges about the outline, pixels; None if there is too little edge.
     #[getter]
     fn lateral(&self) -> Option<f64> {
         self.fit.lateral
     }
 
-    /// (V,) How much too far away each view sees the ropes, radii.
+    /// (V,) distances by which each view sees ropes too far away, radii.
     #[getter]
     fn biases<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         list(py, self.fit.biases.iter().map(|bias| -bias).collect())
     }
 
-    /// What it leaves unexplained: uncovered mask and tube outside masks, squared radii in the image; squares of depth's
-    /// residuals and how many independent ones there are; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
+    /// What it leaves unexplained: area of uncovered mask and of tube outside masks, squared image radii; sum of
+    /// squared depth residuals and number of independent ones; ∫κ² ds and ∫(dκ/ds)² ds, in radii.
     #[getter]
     fn misfit(&self) -> [f64; 6] {
         let m = self.fit.misfit;
         [m.uncovered, m.outside, m.depth, m.depths, m.bend, m.change]
     }
 
-    /// Crossings in the view that it began in: where, world frame, metres, and how much more the opposite order costs.
+    /// Crossings in the view in which it began: positions, world frame, metres, and the extra cost of the opposite
+    /// order.
     #[getter]
     fn crossings(&self) -> Vec<(Point, f64)> {
         let place = |on: OnChain| {

@@ -1,4 +1,4 @@
-//! Bindings of what images say of ropes: readings of masks, and fits to masks and depth.
+//! Bindings of ropes in images: readings of masks, and fits to masks and depth.
 
 use std::sync::Arc;
 
@@ -22,9 +22,10 @@ mod checks;
 
 /// A polyline in an image, (M, 2).
 type PlacesArray<'py> = Bound<'py, PyArray2<f64>>;
-/// The view that a reading is of, and the columns and rows of its ropes' nodes.
+/// The view of a reading, and the columns and rows of its ropes' nodes.
 type Hypothesis<'py> = (usize, Vec<Bound<'py, PyAny>>);
-/// What views with masks show of ropes of one radius.
+
+/// Views with masks of ropes of one radius.
 ///
 /// Parameters
 /// ----------
@@ -46,7 +47,7 @@ type Hypothesis<'py> = (usize, Vec<Bound<'py, PyAny>>);
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct RopeImages(Arc<Prepareds>);
 
-/// Views made ready, which work without the GIL shares.
+/// Prepared views, shared by work without the GIL.
 struct Prepareds {
     views: Vec<Prepared>,
     radius: f64,
@@ -94,28 +95,28 @@ impl RopeImages {
         Ok(Self(Arc::new(Prepareds { views, radius })))
     }
 
-    /// (V,) The rope's radius in each image as the mask shows it, pixels.
+    /// (V,) radii of the ropes in each image, corrected by the mask, pixels.
     #[getter]
     fn radii<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         list(py, self.0.views.iter().map(|v| v.silhouette.radius_px).collect())
     }
 
-    /// Likely ways of ropes through each mask.
+    /// Find likely courses of the ropes through each mask.
     ///
     /// Parameters
     /// ----------
     /// ropes : int, optional
-    ///     How many ropes there are.
+    ///     The number of ropes.
     /// most : int
-    ///     How many readings of each view to return at most.
+    ///     Readings of each view at most.
     /// views : sequence of int
-    ///     Which views to read.
+    ///     The views to read.
     ///
     /// Returns
     /// -------
     /// list of (float, int, list of (M, 2) ndarray, int)
-    ///     What each costs, its view, the columns and rows of its ropes' nodes, pixels, and how many ropes were rings; of
-    ///     each view the best first.
+    ///     For each reading: its cost, its view, the columns and rows of its ropes' nodes, pixels, and the number of ropes
+    ///     that were rings. The best of each view come first.
     #[allow(clippy::type_complexity)]
     fn readings<'py>(
         &self,
@@ -131,8 +132,8 @@ impl RopeImages {
         let found = released(py, move || {
             let found = parallel::map(&views, |&view| {
                 let view = &of.views[view];
-                let found = readings::readings(&view.silhouette, ropes, most);
-                parallel::map(&found, |r| (r.cost, readings::extended(&view.silhouette, &r.chains), r.rings))
+                let found = readings::find_readings(&view.silhouette, ropes, most);
+                parallel::map(&found, |r| (r.cost, readings::extend(&view.silhouette, &r.chains), r.rings))
             });
             views.into_iter().zip(found).collect::<Vec<_>>()
         })?;
@@ -149,7 +150,7 @@ impl RopeImages {
         Ok(answer)
     }
 
-    /// What a reading of a view costs that has these polylines, (M, 2), pixels, but for ends, kisses and gaps.
+    /// Return the cost of a view's reading with these polylines, (M, 2), pixels, without ends, kisses and gaps.
     fn reading_cost(&self, py: Python<'_>, view: usize, chains: Vec<Bound<'_, PyAny>>) -> PyResult<f64> {
         let of = self.0.clone();
         if view >= of.views.len() {
@@ -160,11 +161,11 @@ impl RopeImages {
             let seen = &of.views[view];
             let step = 0.5 * seen.silhouette.radius_px;
             let chains: Vec<_> = chains.iter().map(|c| readings::resampled(c, step)).collect();
-            readings::cost(&seen.silhouette, &chains)
+            readings::price(&seen.silhouette, &chains)
         })
     }
 
-    /// Fit ropes to masks and depth of all views, each beginning with polylines in one view's image.
+    /// Fit ropes to masks and depth of all views, starting from polylines in one view's image.
     ///
     /// Parameters
     /// ----------
@@ -177,17 +178,17 @@ impl RopeImages {
     /// pose_sd : (float, float)
     ///     Standard deviations of the other poses: radians, metres.
     /// errors : (float or None, float, float, float)
-    ///     Standard deviation of the depth that a disc of the rope's middle shows, radii, None for what the depths say; how
-    ///     far along the rope its errors are alike, radii; standard deviation of the mask's edge, pixels; how much too far
-    ///     away ropes are seen, radii.
+    ///     Standard deviation of the depth of a disc in the rope's middle, radii, None to estimate it; correlation length of
+    ///     its errors along the rope, radii; standard deviation of the mask's edge, pixels; distance by which ropes appear too
+    ///     far away, radii.
     /// iterations : int
     /// uncertainty : bool
-    ///     Whether to work out covariances.
+    ///     Whether to compute covariances.
     ///
     /// Returns
     /// -------
     /// list of (ImageFit or None)
-    ///     None where nothing has depth.
+    ///     None for a hypothesis without depth.
     #[allow(clippy::too_many_arguments)]
     fn fit(
         &self,
@@ -240,7 +241,7 @@ impl RopeImages {
         })
     }
 
-    /// Fit once more from where a fit ended, with covariances; arguments as those of `fit`. None if that fails.
+    /// Fit again from the end of a fit, with covariances; arguments as in `fit`. Return None if that fails.
     #[allow(clippy::too_many_arguments)]
     fn refit(
         &self,
@@ -278,13 +279,13 @@ impl RopeImages {
         }))
     }
 
-    /// A fit whose ropes run through other nodes; everything else is as it was.
+    /// Return a fit whose ropes have other nodes; everything else stays.
     ///
     /// Parameters
     /// ----------
     /// before : ImageFit
     /// nodes : sequence of (M, 3) ndarray
-    ///     As many ropes, world frame, metres.
+    ///     Nodes of the same number of ropes, world frame, metres.
     ///
     /// Returns
     /// -------
@@ -306,12 +307,12 @@ impl RopeImages {
         })
     }
 
-    /// How much better depth agrees with ropes on a plane than with the bare plane.
+    /// Return how much better depth agrees with ropes on a plane than with the bare plane.
     ///
     /// Parameters
     /// ----------
     /// hypotheses : sequence of (sequence of (M, 3) ndarray, (V, 6) ndarray)
-    ///     Each one's ropes' nodes, world frame, metres, and what corrects the views' camera frames.
+    ///     The nodes of each hypothesis' ropes, world frame, metres, and the corrections of the views' camera frames.
     /// plane : ((3,), float)
     ///     The table: n and n.x.
     /// noise : float
@@ -320,7 +321,7 @@ impl RopeImages {
     /// Returns
     /// -------
     /// list of float
-    ///     For each, twice the log of how much likelier the depths of all views are, if errors are independent.
+    ///     For each hypothesis, twice the log of how much more likely the depths of all views are, with independent errors.
     #[allow(clippy::type_complexity)]
     fn depth_gains(
         &self,
@@ -347,14 +348,14 @@ impl RopeImages {
         })
     }
 
-    /// The same for ropes of which one ends in each of several ways, but for what is equal for all.
+    /// Return the same for several ends of one rope, up to a common constant.
     ///
     /// Parameters
     /// ----------
     /// chains : sequence of (M, 3) ndarray
     ///     The ropes' nodes without that end.
     /// ends : sequence of (M, 3) ndarray
-    ///     Nodes of each way, from the last one before.
+    ///     Nodes of each end, from the last node before it.
     /// corrections : (V, 6) ndarray
     /// plane : ((3,), float)
     /// noise : float
@@ -385,7 +386,7 @@ impl RopeImages {
         })
     }
 
-    /// How many pixels with depth support each rope's nodes, and from how many views.
+    /// Count the pixels with depth that support each rope's nodes, and their views.
     ///
     /// Returns
     /// -------
@@ -403,13 +404,14 @@ impl RopeImages {
 }
 
 impl Prepareds {
-    /// For each rope's nodes, how many pixels with depth are nearest to them, and in how many views.
+    /// Counts for each rope's nodes the pixels with depth nearest to them, and the views of these.
     fn counted(&self, fit: &imagefit::ImageFit) -> Vec<(Vec<i64>, Vec<i64>)> {
         let mut support: Vec<(Vec<i64>, Vec<i64>)> =
             fit.nodes.iter().map(|n| (vec![0; n.len()], vec![0; n.len()])).collect();
         for ((view, prepared), correction) in self.rope_views().iter().zip(&self.views).zip(&fit.corrections)
         {
-            let counts = imagefit::seen_nodes(view, correction, &prepared.covered, &fit.nodes, self.radius);
+            let counts =
+                imagefit::count_support(view, correction, &prepared.covered, &fit.nodes, self.radius);
             for ((counts, views), own) in support.iter_mut().zip(counts) {
                 for ((count, views), own) in counts.iter_mut().zip(views).zip(own) {
                     *count += own;
@@ -420,7 +422,7 @@ impl Prepareds {
         support
     }
 
-    /// Each view's depth, which ropes are compared with.
+    /// Returns each view's depth with what it is compared with.
     fn depth_scenes<'a>(
         &'a self,
         views: &'a [RopeView<'a>],

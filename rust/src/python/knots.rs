@@ -6,13 +6,13 @@ use super::arguments::{Points, point};
 use super::released::released;
 use crate::knots::{self, Chirality, GaussCode, Laurent};
 
-/// A diagram's codes: signed Gauss, the crossings' signs, planar diagram, Dowker-Thistlethwaite.
+/// The codes of a diagram: signed Gauss, signs of the crossings, planar diagram, Dowker-Thistlethwaite.
 type Codes = (Vec<i64>, Vec<i8>, Vec<[u32; 4]>, Vec<i64>);
-/// What a closure says: the name, the chirality, the share of closures.
+/// A knot that closures give: name, chirality, share of closures.
 type Answer = (Option<&'static str>, Option<&'static str>, f64);
 type Knot = (Vec<Answer>, Option<[usize; 2]>, Option<&'static str>, Option<Vec<i64>>, Option<Laurent>, Codes);
 
-/// What is tied in ordered nodes; see `strand.knot`.
+/// Identify the knot of ordered nodes; see `strand.knot`.
 #[pyfunction]
 pub(super) fn knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> PyResult<Knot> {
     let points = Points::new("points", points, "(N, 3)")?;
@@ -21,7 +21,7 @@ pub(super) fn knot(py: Python<'_>, points: &Bound<'_, PyAny>, closed: bool) -> P
     Ok((answers.collect(), found.core, found.twin, found.alexander, found.jones, codes(&found.code)))
 }
 
-/// The codes of a diagram of ordered nodes seen from a unit vector; see `strand.knot_diagram`.
+/// Return the codes of the diagram of ordered nodes seen from a unit vector; see `strand.knot_diagram`.
 #[pyfunction]
 pub(super) fn knot_diagram(
     py: Python<'_>,
@@ -34,9 +34,10 @@ pub(super) fn knot_diagram(
     Ok(codes(&released(py, move || knots::draw(&points, closed, direction))??))
 }
 
-/// The probability that errors in the order of crossings leave a knot what it is; see `strand.knot`.
+/// Return the probability that a knot is right although crossings may have the wrong order; see `strand.knot`.
 ///
-/// `crossings` has two arc lengths and a probability each, metres; if `strict`, no more than are seen.
+/// Each of `crossings` holds two arc lengths, metres, and a probability; with `strict`, there may be at most as many as
+/// visible crossings.
 #[pyfunction]
 pub(super) fn order_probability(
     py: Python<'_>,
@@ -52,7 +53,7 @@ pub(super) fn order_probability(
     Ok(released(py, move || knots::find_order_probability(&points, closed, direction, &crossings, strict))??)
 }
 
-/// How often two chains wind round each other; see `strand.linking_number`.
+/// Return how often two chains wind around each other; see `strand.linking_number`.
 #[pyfunction]
 pub(super) fn linking_number(
     py: Python<'_>,
@@ -72,7 +73,7 @@ fn chirality(chirality: Chirality) -> Option<&'static str> {
     }
 }
 
-/// Crossings and edges are counted from 1.
+/// Returns the codes of a diagram, with crossings and edges counted from 1.
 fn codes(code: &GaussCode) -> Codes {
     let signed = |visit: &knots::Visit| {
         let number = i64::from(visit.crossing) + 1;

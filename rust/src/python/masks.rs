@@ -1,4 +1,4 @@
-//! Bindings of single images and masks: smoothing, blobs, outlines, the radius that a mask shows.
+//! Bindings of images and masks: smoothing, blobs, outlines, radii.
 
 use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
@@ -7,16 +7,16 @@ use pyo3::prelude::*;
 use super::arguments::Array;
 use super::arrays::array;
 use super::released::released;
-use crate::images::image::{Image, blobs, distances};
+use crate::images::image::{Image, find_blobs, measure_distances};
 use crate::images::outline;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Most steps of an outline: it is found in hundreds.
-const MOST_STEPS: usize = 100_000;
+/// Steps of an outline at most; it takes hundreds.
+const MAX_STEPS: usize = 100_000;
 
-/// An image (H, W) in single precision, convolved along rows and columns with a symmetric kernel that is given from its
-/// middle on; beyond the border are zeros.
+/// Convolve an image (H, W) along rows and columns with a symmetric kernel, given from its middle on, in single
+/// precision; beyond the border are zeros.
 #[pyfunction]
 pub(super) fn convolved<'py>(
     py: Python<'py>,
@@ -28,7 +28,7 @@ pub(super) fn convolved<'py>(
     if kernel.is_empty() || values.is_empty() {
         return Err(PyValueError::new_err("image, kernel: expected at least one number"));
     }
-    // what is farther away than the image is wide lies beyond the border
+    // entries farther out than the image is wide lie beyond the border
     kernel.truncate(width.max(height));
     let found = released(py, move || {
         let reach = kernel.len() - 1;
@@ -44,16 +44,16 @@ pub(super) fn convolved<'py>(
     array(py, found, [height, width])
 }
 
-/// How many pixels the largest blob of a mask has, diagonal neighbours connected.
+/// Return the number of pixels of a mask's largest blob; diagonal neighbours are connected.
 #[pyfunction]
 pub(super) fn largest_blob(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<usize> {
     let mask = Array::mask("mask", mask)?;
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
-    released(py, move || blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0))
+    released(py, move || find_blobs(&image, true, true).sizes.into_iter().max().unwrap_or(0))
 }
 
-/// The number of each pixel's blob (H, W), from 1 on, diagonal neighbours connected; 0 outside of the mask.
+/// Return (H, W) numbers of each pixel's blob, from 1 on, 0 outside the mask; diagonal neighbours are connected.
 #[pyfunction]
 pub(super) fn blob_numbers<'py>(
     py: Python<'py>,
@@ -64,7 +64,7 @@ pub(super) fn blob_numbers<'py>(
     let image = Image { width, height, values: mask.into_values() };
     let found = released(py, move || {
         let mut numbers = vec![0i64; width * height];
-        for run in blobs(&image, true, true).runs {
+        for run in find_blobs(&image, true, true).runs {
             numbers[run.row * width..][run.begin..run.end].fill(run.blob as i64 + 1);
         }
         numbers
@@ -72,8 +72,8 @@ pub(super) fn blob_numbers<'py>(
     array(py, found, [height, width])
 }
 
-/// The distance (H, W) of each pixel of a mask from the nearest one outside of it, pixels; 0 outside. What is beyond the border
-/// counts as the mask, and distances above `most` may be found wrong, but not below it.
+/// Return (H, W) distances of a mask's pixels from the nearest pixel outside it, pixels; 0 outside. Beyond the border
+/// counts as mask. Distances above `most` may be wrong, but stay above `most`.
 #[pyfunction]
 pub(super) fn edge_distances<'py>(
     py: Python<'py>,
@@ -84,12 +84,12 @@ pub(super) fn edge_distances<'py>(
     let [height, width] = mask.image_shape("mask")?;
     let image = Image { width, height, values: mask.into_values() };
     let most = most.min(width + height);
-    let found = released(py, move || distances(&image, true, most).values)?;
+    let found = released(py, move || measure_distances(&image, true, most).values)?;
     array(py, found, [height, width])
 }
 
-/// For each weight, the pixels (H, W) with the least sum of evidence against them and of the weight times the length of
-/// their outline.
+/// Return (H, W) pixels for each weight: the set with the least sum of evidence plus the weight times the length of its
+/// outline.
 #[pyfunction]
 pub(super) fn short_outlines<'py>(
     py: Python<'py>,
@@ -99,17 +99,17 @@ pub(super) fn short_outlines<'py>(
 ) -> PyResult<Vec<Bound<'py, PyArray2<bool>>>> {
     let evidence = Array::<f32>::exactly("evidence", evidence, 2)?;
     let [height, width] = evidence.image_shape("evidence")?;
-    if steps > MOST_STEPS {
-        return Err(PyValueError::new_err(format!("steps: expected at most {MOST_STEPS}, got {steps}")));
+    if steps > MAX_STEPS {
+        return Err(PyValueError::new_err(format!("steps: expected at most {MAX_STEPS}, got {steps}")));
     }
     let evidence = Image { width, height, values: evidence.into_values() };
     let found = released(py, move || {
-        parallel::map(&weights, |&weight| outline::short_outline(&evidence, weight, steps).values)
+        parallel::map(&weights, |&weight| outline::find_short_outline(&evidence, weight, steps).values)
     })?;
     found.into_iter().map(|mask| array(py, mask, [height, width])).collect()
 }
 
-/// A rope's radius as the width of a mask shows it, pixels; None if it shows no rope.
+/// Estimate a rope's radius in the image from the width of a mask, pixels; None if the mask shows no rope.
 #[pyfunction]
 pub(super) fn shown_radius(py: Python<'_>, mask: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     let mask = Array::mask("mask", mask)?;

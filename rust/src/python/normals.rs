@@ -1,5 +1,5 @@
-//! Bindings of surface normals. Sections and equations are those of *Shape Modeling of A String And
-//! Recognition Using Distance Sensor*.
+//! Bindings of surface normals. Sections and equations are those of *Shape Modeling of A String And Recognition Using
+//! Distance Sensor*.
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -13,8 +13,8 @@ use crate::parallel;
 
 /// Estimate surface normals from the plane through each point's neighbours (section IV-B, eq. 10-14).
 ///
-/// n minimises sum (n . q_i - d)^2 with d = n . mean(q): the eigenvector of the neighbours' covariance with
-/// the smallest eigenvalue, turned towards the camera that saw the point.
+/// The normal n minimises sum (n . q_i - d)^2 with d = n . mean(q). It is the eigenvector of the neighbours' covariance
+/// with the smallest eigenvalue, turned towards the camera that saw the point.
 ///
 /// Parameters
 /// ----------
@@ -25,21 +25,20 @@ use crate::parallel;
 /// radius : float, optional
 ///     Fit to all points within this distance, metres.
 /// viewpoint : (3,) or (N, 3) array_like of float, optional
-///     The camera's centre, or one for each point, metres, in the points' frame; the origin (points in the
-///     camera frame) if not given.
+///     The camera's centre, or one for each point, metres, in the points' frame; by default the origin, for points in the
+///     camera frame.
 /// variation : bool
-///     Return the surface variation too.
+///     Also return the surface variation.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out and give them no
-///     normal.
+///     What to do with rows that hold NaN or infinity: refuse them, or drop them and give them no normal.
 ///
 /// Returns
 /// -------
 /// normals : (N, 3) ndarray
-///     Outward unit normals; the zero vector where the neighbours do not span a plane (fewer than three,
-///     all on a line, or in one place).
+///     Outward unit normals; the zero vector where the neighbours do not span a plane (fewer than three, all on a line, or
+///     in one place).
 /// variation : (N,) ndarray
-///     l0 / (l0 + l1 + l2) of the covariance's ascending eigenvalues, 0 on a plane; only if asked for.
+///     l0 / (l0 + l1 + l2) of the covariance's ascending eigenvalues, 0 on a plane; only with `variation=True`.
 ///
 /// Raises
 /// ------

@@ -14,17 +14,17 @@ use crate::error::Error;
 use crate::geometry::{Point, RigidMotion};
 use crate::queries::{self, Path, Place, Sweep};
 
-/// So many points are asked about in the time of one thing of most work.
-const SHARE: usize = 4;
-/// A box is asked about at many times.
-const OF_BOX: usize = 16;
+/// Points that take the time of one item.
+const POINTS_PER_ITEM: usize = 4;
+/// Items of a moving box, which is examined at many times.
+const ITEMS_PER_BOX: usize = 16;
 
-/// The tubes of several chains, for queries. It is built once; each query then takes microseconds.
+/// The tubes of several chains. They are built once; each query then takes microseconds.
 ///
 /// Parameters
 /// ----------
 /// nodes : sequence of (M, 3) array_like of float
-///     Each chain's nodes in order, metres; of a closed chain the first again at the end.
+///     Each chain's nodes in order, metres; a closed chain repeats its first node at the end.
 /// arc_lengths : sequence of (M,) array_like of float
 ///     Each chain's arc length at its nodes, metres.
 /// radii : sequence of float
@@ -35,12 +35,12 @@ const OF_BOX: usize = 16;
 /// TypeError
 ///     If an array does not hold floating point numbers.
 /// ValueError
-///     If the sequences differ in length, a shape is wrong, a coordinate is not finite, nodes in a row are equal, or a
+///     If the sequences differ in length, a shape is wrong, a coordinate is not finite, consecutive nodes are equal, or a
 ///     radius is not positive.
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct TubeQueries {
     queries: Arc<queries::TubeQueries>,
-    /// What it was made of, for pickles.
+    /// The arguments, for pickles.
     nodes: Vec<Points>,
     arc_lengths: Vec<FloatArray>,
     radii: Vec<f64>,
@@ -48,7 +48,7 @@ pub(super) struct TubeQueries {
 
 /// Chain numbers, −1 for none, and arc lengths.
 type Places<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>);
-/// The same, places on the axis and distances from there.
+/// The same, with places on the axis and distances from it.
 type Nearest<'py> =
     (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>, PointsArray<'py>, Bound<'py, PyArray1<f64>>);
 /// Distances along rays, chain numbers, arc lengths and normals.
@@ -86,7 +86,7 @@ impl TubeQueries {
         Ok(Self { queries: Arc::new(queries), nodes, arc_lengths, radii })
     }
 
-    /// What makes the same again.
+    /// Arguments from which a pickle is restored.
     fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let nodes: Vec<_> =
             self.nodes.iter().map(|nodes| points_array(py, nodes.to_vec())).collect::<PyResult<_>>()?;
@@ -95,19 +95,22 @@ impl TubeQueries {
         (nodes, arcs, self.radii.clone()).into_pyobject(py)
     }
 
-    /// (N,) The least of each point's distances from an axis minus that tube's radius; infinite without chains.
+    /// Return (N,) least distances from a tube's surface: negative inside, infinite without chains.
     fn signed_distances<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (py, queries) = (points.py(), self.queries.clone());
         let points = Points::new("points", points, "(N, 3)")?;
-        list(py, released_if_many(py, points.len() / SHARE, move || queries.signed_distances(&points))??)
+        list(
+            py,
+            released_if_many(py, points.len() / POINTS_PER_ITEM, move || queries.signed_distances(&points))??,
+        )
     }
 
-    /// Chain number, arc length and place on the axis of the nearest tube, and the distance from there; −1, NaN and infinite
-    /// without chains.
+    /// Return chain number, arc length and place on the axis of the nearest tube, and the distance from the axis; −1,
+    /// NaN and infinite without chains.
     fn nearest<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Nearest<'py>> {
         let (py, queries) = (points.py(), self.queries.clone());
         let points = Points::new("points", points, "(N, 3)")?;
-        let found = released_if_many(py, points.len() / SHARE, move || queries.nearest(&points))??;
+        let found = released_if_many(py, points.len() / POINTS_PER_ITEM, move || queries.nearest(&points))??;
         let distances =
             found.iter().map(|near| near.map_or(f64::INFINITY, |(_, distance)| distance)).collect();
         let found: Vec<Option<Place>> = found.iter().map(|near| near.map(|(place, _)| place)).collect();
@@ -116,8 +119,8 @@ impl TubeQueries {
         Ok((chains, s, points_array(py, points)?, list(py, distances)?))
     }
 
-    /// Distance along each ray, chain number, arc length and normal where it first meets a tube; infinite, −1 and NaN where
-    /// it meets none.
+    /// Return the distance along each ray to its first tube, and that hit's chain number, arc length and normal;
+    /// infinite, −1 and NaN if it meets none.
     fn ray_hits<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -126,8 +129,9 @@ impl TubeQueries {
         let (py, queries) = (origins.py(), self.queries.clone());
         let origins = Points::new("origins", origins, "(N, 3)")?;
         let directions = FloatArray::of_numbers("directions", directions)?.points("directions", "(N, 3)")?;
-        let found =
-            released_if_many(py, origins.len() / SHARE, move || queries.ray_hits(&origins, &directions))??;
+        let found = released_if_many(py, origins.len() / POINTS_PER_ITEM, move || {
+            queries.ray_hits(&origins, &directions)
+        })??;
         let distances = found.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.distance)).collect();
         let normals = found.iter().map(|hit| hit.map_or([f64::NAN; 3], |hit| hit.normal)).collect();
         let place: Vec<Option<Place>> = found.iter().map(|hit| hit.map(|hit| hit.place)).collect();
@@ -135,7 +139,7 @@ impl TubeQueries {
         Ok((list(py, distances)?, chains, s, points_array(py, normals)?))
     }
 
-    /// Times of contact, clearances, chain numbers and arc lengths of spheres that move straight and evenly.
+    /// Return times of contact, clearances, chain numbers and arc lengths of spheres that move straight and evenly.
     fn swept_spheres<'py>(
         &self,
         starts: &Bound<'py, PyAny>,
@@ -156,7 +160,7 @@ impl TubeQueries {
         sweeps(py, &released_if_many(py, effort, work)??)
     }
 
-    /// The same of boxes that move and turn from a pose to another.
+    /// Return the same for boxes that move and turn from one pose to another.
     fn swept_boxes<'py>(
         &self,
         starts: &Bound<'py, PyAny>,
@@ -170,7 +174,7 @@ impl TubeQueries {
             [3] => vec![[halves.slice()[0], halves.slice()[1], halves.slice()[2]]; starts.len()],
             _ => halves.points("half_sizes", "(3,) or (N, 3)")?.to_vec(),
         };
-        let effort = starts.len().saturating_mul(OF_BOX);
+        let effort = starts.len().saturating_mul(ITEMS_PER_BOX);
         let work = move || queries.swept_boxes(&starts, &ends, &halves);
         sweeps(py, &released_if_many(py, effort, work)??)
     }
@@ -190,7 +194,7 @@ fn sweeps<'py>(py: Python<'py>, found: &[Option<Sweep>]) -> PyResult<Sweeps<'py>
     Ok((list(py, times)?, list(py, clearances)?, list(py, chains)?, list(py, s)?))
 }
 
-/// Rigid motions of an (N, 4, 4) array.
+/// Takes the rigid motions of an (N, 4, 4) array.
 fn poses(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<RigidMotion>> {
     let array = FloatArray::of_numbers(name, value)?;
     let [_, 4, 4] = array.shape() else { return Err(wrong_shape(name, "(N, 4, 4)", array.shape())) };

@@ -1,4 +1,4 @@
-//! Work without the GIL, which Ctrl-C ends and whose panics become errors.
+//! Work without the GIL. Ctrl-C ends it, and panics become errors.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,23 +12,23 @@ use pyo3::prelude::*;
 use super::StrandError;
 use crate::parallel::{self, Caller};
 
-/// How long a signal waits at most for its handler.
+/// Longest time that a signal waits for its handler.
 const PATIENCE: Duration = Duration::from_millis(50);
-/// Things of which most work takes less time than a signal may wait.
-const FEW: usize = 20_000;
-/// As many points are one thing where each takes some nanoseconds.
+/// Items whose work takes less time than that.
+const FEW_ITEMS: usize = 20_000;
+/// Points that count as one item, where each takes some nanoseconds.
 pub(super) const CHEAP: usize = 16;
 
-/// Where the last panic was.
+/// The place of the last panic.
 static PLACE: Mutex<String> = Mutex::new(String::new());
 
 /// Runs `work` in the pool without the GIL.
 ///
-/// Where Python's main thread calls, signal handlers run meanwhile. What they raise leaves at once: the work, which owns
-/// all that it needs, ends by itself soon after, and its answer is dropped.
+/// If Python's main thread calls, signal handlers run meanwhile. If a handler raises, the call ends at once. The work
+/// owns all its data, ends on its own soon after, and its answer is dropped.
 ///
 /// # Errors
-/// What a signal handler raises; `StrandError` if the work panics.
+/// The error of a signal handler; `StrandError` if the work panics.
 pub(super) fn released<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send + 'static,
@@ -52,7 +52,7 @@ pub(super) fn released<T: Send + 'static>(
     }
 }
 
-/// Runs `work`, whose time grows with a number of things: where there are few, at once, as to hand it over costs more.
+/// Runs `work` as [`released`] does; at once if it has few items, because handing over costs more.
 ///
 /// # Errors
 /// As [`released`].
@@ -61,7 +61,7 @@ pub(super) fn released_if_many<T: Send + 'static>(
     things: usize,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
-    if things > FEW { released(py, work) } else { guarded(work) }
+    if things > FEW_ITEMS { released(py, work) } else { guarded(work) }
 }
 
 /// Runs `work` at once.
@@ -72,7 +72,7 @@ pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> PyResult<T> {
     catch_unwind(AssertUnwindSafe(work)).map_err(internal)
 }
 
-/// Panics say where they were in an error, not on the standard error stream.
+/// Makes panics report their place in an error, not on the standard error stream.
 pub(super) fn keep_panics_quiet() {
     std::panic::set_hook(Box::new(|info| {
         let place = info.location().map(|place| format!(" at {}:{}", place.file(), place.line()));
@@ -80,7 +80,7 @@ pub(super) fn keep_panics_quiet() {
     }));
 }
 
-/// The error that a panic becomes.
+/// Converts a panic to an error.
 #[allow(clippy::needless_pass_by_value)]
 fn internal(panic: Box<dyn Any + Send>) -> PyErr {
     if parallel::was_given_up(panic.as_ref()) {
@@ -95,7 +95,7 @@ fn internal(panic: Box<dyn Any + Send>) -> PyErr {
     StrandError::new_err(format!("internal error: {text}{place}; please report this"))
 }
 
-/// Whether the calling thread is the one that runs signal handlers.
+/// Returns whether the calling thread is the one that runs signal handlers.
 fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
     let threading = py.import(intern!(py, "threading"))?;
     let main = threading.call_method0(intern!(py, "main_thread"))?.getattr(intern!(py, "ident"))?;

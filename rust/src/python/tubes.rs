@@ -1,4 +1,4 @@
-//! Bindings of tubes: how wide they look, and arcs traced through their points.
+//! Bindings of tubes: apparent radii, and traced arcs.
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -9,10 +9,10 @@ use super::released::released;
 use crate::clouds::apparent_radius;
 use crate::tubes::tracing::MIN_NODES;
 
-// the text signature of `trace_tubes` says this number
+// the text signature of `trace_tubes` repeats this number
 const _: () = assert!(MIN_NODES == 4);
 
-/// Estimate a rope's radius at places of what one camera saw, from how wide it looks.
+/// Estimate a rope's radius at places seen by one camera, from its apparent width.
 ///
 /// Parameters
 /// ----------
@@ -21,15 +21,15 @@ const _: () = assert!(MIN_NODES == 4);
 /// viewpoint : (3,) array_like of float
 ///     The camera's centre, metres, in the points' frame.
 /// largest : float
-///     Wider ropes are left out, metres.
+///     Wider ropes are skipped, metres.
 /// seeds : int
-///     At how many points at most, spread over the cloud.
+///     Number of places at most, spread over the cloud.
 ///
 /// Returns
 /// -------
 /// (K, 2) ndarray
-///     For each seed in a stretch of rope, half the width that the rope seems to have, and the side of the square that
-///     each of its points stands for, metres. Strands side by side look like one wide rope.
+///     For each seed on a stretch of rope, half the rope's apparent width, and the side of the square that each of its
+///     points stands for, metres. Strands side by side look like one wide rope.
 ///
 /// Raises
 /// ------
@@ -54,8 +54,8 @@ pub(super) fn apparent_radii<'py>(
 
 /// Trace arcs of tubes through surface points.
 ///
-/// Short bent tubes are fitted to the points that face their cameras, with none inside, and followed both ways from
-/// the best: neither bends nor strands that touch are smeared.
+/// Short bent tubes, without points inside them, are fitted to the points that face their cameras. From the best tubes
+/// on, arcs follow the rope both ways. Bends and touching strands stay sharp.
 ///
 /// Parameters
 /// ----------
@@ -66,16 +66,16 @@ pub(super) fn apparent_radii<'py>(
 /// radius : float
 ///     The ropes' radius, metres.
 /// min_nodes : int
-///     Arcs with fewer nodes are left out.
+///     Arcs with fewer nodes are dropped.
 /// nonfinite : {"raise", "drop"}
-///     What to do with rows that hold NaN or infinity: refuse them, or leave them out.
+///     What to do with rows that hold NaN or infinity: refuse them, or drop them.
 ///
 /// Returns
 /// -------
 /// list of ((M, 3) ndarray, (M,) ndarray)
-///     For each arc its nodes on the axis in order, half a radius apart, metres, and how many points support each:
-///     on the surface, facing their camera, within a radius ahead of it. Where strands cross or hide each other
-///     an arc ends; the best supported arcs come first.
+///     For each arc its nodes on the axis in order, half a radius apart, metres, and the number of points that support each
+///     node: on the surface, facing their camera, within a radius ahead of it. Arcs end where strands cross or hide each
+///     other; the best supported arcs come first.
 ///
 /// Raises
 /// ------

@@ -12,7 +12,7 @@ use crate::clouds::{crop, depth};
 use crate::geometry::Point;
 use crate::parallel;
 
-/// A copy of a depth image, and how many pixels are not finite; see `strand.View.from_depth`.
+/// Copy a depth image, and count its pixels that are not finite; see `strand.View.from_depth`.
 #[pyfunction]
 pub(super) fn copy_depth<'py>(
     py: Python<'py>,
@@ -26,7 +26,7 @@ pub(super) fn copy_depth<'py>(
     Ok((constant(py, copy, shape)?, dropped))
 }
 
-/// A copy of some points, to which nobody can write: kernels that are given it need none of their own.
+/// Copy points into an array that nobody can write to, so that kernels need no copy of their own.
 #[pyfunction]
 pub(super) fn constant_copy<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<PointsArray<'py>> {
     let points = FloatArray::new("points", points)?;
@@ -34,7 +34,7 @@ pub(super) fn constant_copy<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) ->
     constant(py, points.into_values(), [rows, 3])
 }
 
-/// The points of a depth image; see `strand.View.from_depth`.
+/// Return the points of a depth image; see `strand.View.from_depth`.
 #[pyfunction]
 pub(super) fn unproject<'py>(
     py: Python<'py>,
@@ -50,7 +50,7 @@ pub(super) fn unproject<'py>(
     constant_points(py, points)
 }
 
-/// The points of depth images in an extraction range; see `strand.view.cropped`.
+/// Return the points of depth images in an extraction range; see `strand.view.cropped`.
 #[pyfunction]
 pub(super) fn crop_images<'py>(
     py: Python<'py>,
@@ -80,8 +80,7 @@ pub(super) fn crop_images<'py>(
     found.into_iter().map(|points| constant_points(py, points)).collect()
 }
 
-/// For each view the medians of second differences of its depths, of every so many rows and at its points; see
-/// `strand.default`.
+/// Return for each view the medians of second differences of its depths, in every `every`-th row and at its points.
 #[pyfunction]
 pub(super) fn depth_bends(
     py: Python<'_>,
@@ -103,8 +102,7 @@ pub(super) fn depth_bends(
     })
 }
 
-/// How much farther along the camera's axis an image saw something than each of some points, metres; see
-/// `strand.evidence.systematic.depth_behind`.
+/// Return how much farther along the camera's axis an image saw a surface than each of some points, metres.
 #[pyfunction]
 pub(super) fn seen_behind<'py>(
     py: Python<'py>,

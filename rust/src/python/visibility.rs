@@ -13,9 +13,9 @@ use crate::clouds::visibility::{self, Observed, Occupancy, VisibilityView};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 
-/// Whether any of `others` occludes a stretch of rope from a camera.
+/// Return whether any of `others` occludes a stretch of rope from a camera.
 ///
-/// It does where it lies within `distance` of a line of sight, in front of the stretch or beside it.
+/// It does if it lies within `distance` of a line of sight, in front of the stretch or beside it.
 #[pyfunction]
 pub(super) fn occludes(
     py: Python<'_>,
@@ -27,20 +27,20 @@ pub(super) fn occludes(
     let (others, stretch) =
         (Points::new("others", others, "(N, 3)")?, Points::new("stretch", stretch, "(M, 3)")?);
     let camera = point("camera", camera)?;
-    // each with each
+    // every pair
     let effort = others.len().saturating_mul(stretch.len()) / 16;
     released_if_many(py, effort, move || visibility::occludes(&others, &stretch, camera, distance))
 }
 
-/// What all views saw of space, for questions about places.
+/// Free and occupied space as all views saw it.
 ///
 /// Parameters
 /// ----------
 /// observed : sequence of (N, 3) array_like or (depth, focal, center)
-///     What each view saw, all of it: points in the camera frame, metres, or a depth image (H, W), metres, with the
-///     focal lengths and the centre of its camera, pixels.
+///     All data of each view: points in the camera frame, metres; or a depth image (H, W), metres, with the focal lengths
+///     and the principal point of its camera, pixels.
 /// about : sequence of (M, 3) array_like of float
-///     For each view, points in the camera frame near all places that will be asked about, metres.
+///     For each view, points in the camera frame near all places that callers will ask about, metres.
 /// poses : sequence of (4, 4) array_like of float
 ///     Camera to world.
 ///
@@ -53,7 +53,7 @@ pub(super) fn occludes(
 #[pyclass(frozen, module = "strand._core")]
 pub(super) struct Visibility(Arc<visibility::Visibility>);
 
-/// What a view saw, as it is handed in.
+/// The data of a view, as passed by the caller.
 enum Saw {
     Points(Points),
     Image(FloatArray, usize, Pinhole),
@@ -61,7 +61,7 @@ enum Saw {
 
 #[pymethods]
 impl Visibility {
-    /// No points in that direction.
+    /// The view has no points in that direction.
     #[classattr]
     const UNKNOWN: i64 = 0;
     /// All points in that direction lie in front of the place.
@@ -113,7 +113,7 @@ impl Visibility {
         Ok(Self(Arc::new(found)))
     }
 
-    /// (V, N) What each view saw of tubes around places: UNKNOWN, OCCLUDED, OCCUPIED or FREE.
+    /// Return (V, N) states of tubes around places: UNKNOWN, OCCLUDED, OCCUPIED or FREE.
     fn states<'py>(
         &self,
         py: Python<'py>,
@@ -137,17 +137,17 @@ impl Visibility {
         array(py, states, shape)
     }
 
-    /// (N,) Whether the space at places is free: more views saw it free than occupied.
+    /// Return (N,) whether the space at places is free: more views saw it free than occupied.
     fn free<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
         self.each(places, move |seen, places| seen.free(places, radius))
     }
 
-    /// (N,) Whether places are occluded from all views or outside what these saw.
+    /// Return (N,) whether places are occluded in all views or outside their images.
     fn occluded<'py>(&self, places: &Bound<'py, PyAny>, radius: f64) -> PyResult<Bound<'py, PyArray1<bool>>> {
         self.each(places, move |seen, places| seen.occluded(places, radius))
     }
 
-    /// (N,) Whether some view saw through the near side of a tube along `direction`, a unit vector.
+    /// Return (N,) whether a view saw through the near side of a tube along `direction`, a unit vector.
     fn seen_through<'py>(
         &self,
         places: &Bound<'py, PyAny>,
@@ -160,7 +160,7 @@ impl Visibility {
 }
 
 impl Visibility {
-    /// An answer for each of several places.
+    /// Answers for each of several places.
     fn each<'py>(
         &self,
         places: &Bound<'py, PyAny>,

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 use super::{BATCH, Eight, LANES, Lanes, PORTABLE, Singles, Three, WIDEST, detected, kernel};
-use crate::images::readings::readings;
+use crate::images::readings::find_readings;
 use crate::images::silhouette::Silhouette;
 use crate::{
     DepthView, IcpOptions, Neighbors, Objective, Pinhole, Point, Residual, RigidMotion, Spline, Tube,
@@ -187,7 +187,7 @@ fn masks_are_read_alike() {
     let mask: Vec<bool> = (0..width * height).map(inside).collect();
     let read = || {
         let silhouette = Silhouette::of_rope(&mask, width, 5.0).unwrap();
-        let found = readings(&silhouette, Some(1), 2);
+        let found = find_readings(&silhouette, Some(1), 2);
         assert!(!found.is_empty());
         format!("{silhouette:?} {found:?}")
     };

@@ -1,9 +1,9 @@
-//! Small symmetric banded systems of scalars: smoothing splines and their fits.
+//! Small symmetric banded systems, for smoothing splines and their fits.
 
 /// The lower half of a symmetric matrix with W − 1 entries left of the diagonal.
 #[derive(Debug, Clone)]
 pub struct Band<const W: usize> {
-    /// Row i: columns i + 1 − W to i.
+    /// Row i holds columns i + 1 − W to i.
     rows: Vec<[f64; W]>,
 }
 
@@ -13,18 +13,18 @@ pub struct Factored<const W: usize> {
 }
 
 impl<const W: usize> Band<W> {
-    /// A zero matrix.
+    /// Makes a zero matrix.
     pub fn zeros(n: usize) -> Self {
         Self { rows: vec![[0.0; W]; n] }
     }
 
-    /// Adds to an entry; `row` ≥ `column` > `row` − W.
+    /// Adds to an entry, where `row` ≥ `column` > `row` − W.
     #[inline]
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         self.rows[row][column + W - 1 - row] += value;
     }
 
-    /// Adds weight · d dᵀ on and below the diagonal, d beginning at a row.
+    /// Adds weight · d dᵀ on and below the diagonal, where d begins at row `first`.
     pub fn add_square(&mut self, first: usize, d: &[f64], weight: f64) {
         for a in 0..d.len() {
             for b in 0..=a {
@@ -33,7 +33,7 @@ impl<const W: usize> Band<W> {
         }
     }
 
-    /// The factors of the matrix with a diagonal added; it has to be positive definite.
+    /// Factors the matrix with an added diagonal; the sum must be positive definite.
     pub fn factored(&self, diagonal: &[f64]) -> Factored<W> {
         let mut rows = self.rows.clone();
         for i in 0..rows.len() {
@@ -60,10 +60,10 @@ impl<const W: usize> Band<W> {
 }
 
 impl<const W: usize> Factored<W> {
-    /// Solves for K right-hand sides in place: together, as each alone waits for its own last entry.
+    /// Solves for K right-hand sides in place and together: each alone would wait for its own last entry.
     pub fn solve<const K: usize>(&self, x: &mut [[f64; K]]) {
         let n = x.len();
-        // zeros before the first other entry stay zeros
+        // leading zeros of the right-hand side stay zero
         let start = x.iter().position(|row| row.iter().any(|&v| v != 0.0)).unwrap_or(n);
         for i in start..n {
             let mut value = x[i];

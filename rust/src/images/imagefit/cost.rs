@@ -4,15 +4,16 @@ use super::curves::Curves;
 use super::evidence::Seen;
 use super::{Misfit, Place2, RopeView, STEP, Sensor};
 
-/// Mask farther from the axis than this is not covered: radius_px, and pixels more.
+/// Mask within this distance of the axis is covered, image radii, and pixels in addition.
 const COVERS: (f64, f64) = (1.2, 0.5);
-/// Tube nearer to the axis than this has to lie in the mask: radius_px, and pixels less.
+/// Tube within this distance of the axis must lie in the mask, image radii, less pixels.
 const FILLS: (f64, f64) = (0.7, 0.3);
-/// Noise that squares of depth's residuals are counted in, radii, and their limit.
+/// Noise that divides depth residuals, radii.
 const NOISE: f64 = 0.5;
+/// Limit of a squared depth residual over the noise.
 const LIMIT: f64 = 6.0;
 
-/// Adds what one view sees.
+/// Adds the misfit of one view.
 pub fn add_view(
     view: &RopeView,
     seen: &Seen,
@@ -55,12 +56,12 @@ pub fn add_view(
 struct Distances {
     low: [i64; 2],
     width: usize,
-    /// Row by row; infinite farther than the reach.
+    /// Row by row; infinite beyond the reach.
     squares: Vec<f32>,
 }
 
 impl Distances {
-    /// Over the mask's frame and the chains, as far as the image goes.
+    /// Measures over the mask's frame and the chains, within the image.
     fn new(view: &RopeView, places: &[Place2], curves: &Curves, reach: f64) -> Self {
         let (origin, size) = view.silhouette.frame();
         let mut low = origin;

@@ -1,34 +1,34 @@
-//! Where strands lie over each other in an image, and which is on top.
+//! Crossings of strands in an image, and which strand is on top.
 
 use super::smoothing::{Gap, Profile};
 use super::{APART, HIDES, OnChain, Place2, STEP, TOUCHING};
 
-/// Pairs this near in both their places along the rope are of one crossing, samples.
+/// Pairs nearer than this in both places along the rope belong to one crossing, samples.
 const TOGETHER: usize = 5;
-/// Places where strands cross nearer than this along either are one, samples: what is left of it is jitter.
+/// Crossings nearer than this along either strand are one, samples: what separates them is jitter.
 const WINDING: usize = 4;
-/// Samples of a stretch over which a long overlap is held apart.
+/// Length of the pieces in which a long overlap is kept apart, samples.
 const STRETCH: usize = 8;
-/// Flips of both of two neighbours are tried for this many crossings at most.
-const MOST_DOUBLE: usize = 24;
-/// Work of bettering the orders of all crossings together, at most: samples times crossings of each solution.
-const MOST_WORK: usize = 100_000_000;
-/// A crossing whose sides differ by more than this alone is left as it is.
+/// Pairs of neighbouring crossings at most whose orders are flipped together.
+const MAX_DOUBLE: usize = 24;
+/// Work on the orders of all crossings together at most: samples times crossings of each solution.
+const MAX_WORK: usize = 100_000_000;
+/// A crossing is not tried again if its two orders alone differ by more than this, cost.
 const CLEAR: f64 = 20.0;
 
-/// A place where two strands lie over each other in an image.
+/// A crossing of two strands in an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crossing {
-    /// Places of both strands that lie over each other: the first's, which is the earlier one, and the second's.
+    /// Places where the strands lie over each other: first the strand that comes earlier, then the other.
     pub pairs: Vec<[OnChain; 2]>,
-    /// Whether the first is nearer to the camera.
+    /// Whether the first strand is nearer to the camera.
     pub first_on_top: bool,
-    /// How much more the opposite would cost.
+    /// The extra cost of the opposite order.
     pub margin: f64,
 }
 
 impl Crossing {
-    /// The pairs with the upper strand first.
+    /// Returns the pairs with the upper strand first.
     pub fn ordered(&self) -> impl Iterator<Item = [OnChain; 2]> + '_ {
         self.pairs.iter().map(|&[a, b]| if self.first_on_top { [a, b] } else { [b, a] })
     }
@@ -37,15 +37,16 @@ impl Crossing {
 /// Samples of two strands that hide each other.
 #[derive(Debug, Clone)]
 pub struct Overlap {
-    /// Samples of the strand that comes first, and of the other.
+    /// Samples of the earlier strand, and of the other.
     pub sides: [Vec<usize>; 2],
-    /// Pairs of them whose axes all but cross, with their distance in the image, radius_px.
+    /// Pairs of them where the axes nearly cross, with their distance in the image, image radii.
     pub pairs: Vec<([usize; 2], f64)>,
 }
 
-/// Overlaps in pairs of samples i < j, sorted, with their distance in the image, radius_px. Where strands wind around each other,
-/// each place where they cross is an overlap of its own.
-pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) -> Vec<Overlap> {
+/// Groups pairs of samples i < j, sorted and with their distance in the image, into overlaps.
+///
+/// Where strands wind around each other, each crossing is an overlap of its own.
+pub fn find_overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) -> Vec<Overlap> {
     let mut group: Vec<usize> = (0..pairs.len()).collect();
     let root = |group: &mut Vec<usize>, mut i: usize| {
         while group[i] != i {
@@ -77,7 +78,7 @@ pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) 
             pairs.iter().zip(&roots).filter(|&(_, &r)| r == first).map(|(p, _)| *p).collect();
         let mut centers: Vec<[usize; 2]> = Vec::new();
         for &(pair, _) in &members {
-            if cross(pair, places, chains) && centers.iter().all(|&c| between(c, pair) > WINDING) {
+            if cross(pair, places, chains) && centers.iter().all(|&c| measure_between(c, pair) > WINDING) {
                 centers.push(pair);
             }
         }
@@ -85,7 +86,7 @@ pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) 
             found.push(Overlap::of(members));
             continue;
         }
-        let nearest = |pair| (0..centers.len()).min_by_key(|&c| between(centers[c], pair));
+        let nearest = |pair| (0..centers.len()).min_by_key(|&c| measure_between(centers[c], pair));
         for c in 0..centers.len() {
             found.push(Overlap::of(members.iter().filter(|p| nearest(p.0) == Some(c)).copied().collect()));
         }
@@ -93,12 +94,12 @@ pub fn overlaps(pairs: &[([usize; 2], f64)], places: &[Place2], chains: &[u32]) 
     found
 }
 
-/// How far pairs of samples are apart along the rope, samples.
-fn between(a: [usize; 2], b: [usize; 2]) -> usize {
+/// Returns the distance of pairs of samples along the rope, samples.
+fn measure_between(a: [usize; 2], b: [usize; 2]) -> usize {
     a[0].abs_diff(b[0]).max(a[1].abs_diff(b[1]))
 }
 
-/// Whether the pieces of the two strands that begin with a pair of samples cross.
+/// Returns whether the pieces of the two strands that begin at a pair of samples cross.
 fn cross(pair: [usize; 2], places: &[Place2], chains: &[u32]) -> bool {
     if pair.iter().any(|&i| i + 1 >= places.len() || chains[i] != chains[i + 1]) {
         return false;
@@ -111,7 +112,7 @@ fn cross(pair: [usize; 2], places: &[Place2], chains: &[u32]) -> bool {
 }
 
 impl Overlap {
-    /// Of pairs of samples.
+    /// Makes an overlap of pairs of samples.
     fn of(members: Vec<([usize; 2], f64)>) -> Self {
         let side = |k: usize| {
             let mut side: Vec<usize> = members.iter().map(|p| p.0[k]).collect();
@@ -124,7 +125,7 @@ impl Overlap {
         Self { sides: [side(0), side(1)], pairs: members.iter().filter(|p| p.1 < near).copied().collect() }
     }
 
-    /// The gaps that an order asks for.
+    /// Adds the gaps that an order requires.
     fn gaps(&self, first_on_top: bool, into: &mut Vec<Gap>) {
         let start = into.len();
         let mut at = 0;
@@ -147,20 +148,20 @@ impl Overlap {
     }
 }
 
-/// What is known of the samples' depths when no order is.
+/// Evidence about the samples' depths, before any order is known.
 pub struct Evidence<'a> {
     pub profile: &'a Profile,
     /// Weights of the depths, 0 where strands hide each other.
     pub clear: &'a [f64],
-    /// Weights where it is known whose the depth is.
+    /// Weights where it is known which strand a depth belongs to.
     pub owned: &'a [f64],
     pub sigma: f64,
-    /// Depths without any order, which the search begins with.
+    /// Depths without any order, with which the search begins.
     pub start: &'a [f64],
 }
 
 impl Evidence<'_> {
-    /// Depths and cost if the overlaps are ordered so; those without an order have no depth and no gap.
+    /// Returns depths and cost for an order of the overlaps; an overlap without an order has neither depth nor gap.
     pub fn solve(&self, overlaps: &[Overlap], order: &[Option<bool>], rounds: usize) -> (Vec<f64>, f64) {
         let mut weights = self.clear.to_vec();
         let mut gaps = Vec::new();
@@ -179,8 +180,8 @@ impl Evidence<'_> {
         self.profile.solve(&weights, self.sigma, &gaps, self.start, rounds)
     }
 
-    /// Which strand is on top at each overlap, and by how much: decided together, as one strand's depth at a crossing
-    /// bounds what it can have at the next.
+    /// Decides which strand is on top at each overlap, and by what margin. All are decided together, because a strand's
+    /// depth at one crossing bounds its depth at the next.
     pub fn decide(&self, overlaps: &[Overlap]) -> Vec<(bool, f64)> {
         let cost = |order: &[Option<bool>], rounds| self.solve(overlaps, order, rounds).1;
         let mut alone = vec![0.0; overlaps.len()];
@@ -204,11 +205,11 @@ impl Evidence<'_> {
         let each = self.start.len() * overlaps.len();
         let mut work = 0;
         for _ in 0..2 * overlaps.len() {
-            if work > MOST_WORK {
+            if work > MAX_WORK {
                 break;
             }
             let singles = (0..overlaps.len()).filter(|&k| alone[k] < CLEAR).map(|k| vec![k]);
-            let doubles = neighbours(overlaps).into_iter().take(MOST_DOUBLE);
+            let doubles = find_neighbors(overlaps).into_iter().take(MAX_DOUBLE);
             let doubles = doubles.filter(|p| p.iter().all(|&k| alone[k] < CLEAR)).map(|p| p.to_vec());
             let mut gain: Option<(f64, Vec<usize>)> = None;
             for flips in singles.chain(doubles) {
@@ -235,8 +236,8 @@ impl Evidence<'_> {
     }
 }
 
-/// Overlaps that follow each other along a rope.
-fn neighbours(overlaps: &[Overlap]) -> Vec<[usize; 2]> {
+/// Returns pairs of overlaps that follow each other along a rope.
+fn find_neighbors(overlaps: &[Overlap]) -> Vec<[usize; 2]> {
     let mut visits: Vec<(usize, usize)> = Vec::new();
     for (k, overlap) in overlaps.iter().enumerate() {
         visits.extend(overlap.sides.iter().map(|side| (side[side.len() / 2], k)));
@@ -252,14 +253,14 @@ fn neighbours(overlaps: &[Overlap]) -> Vec<[usize; 2]> {
     pairs
 }
 
-/// Whether two samples are different places of the ropes.
+/// Returns whether two samples are different places of the ropes.
 #[inline]
 pub fn apart(chain: [u32; 2], index: [usize; 2]) -> bool {
     chain[0] != chain[1] || index[0].abs_diff(index[1]) as f64 * STEP > APART
 }
 
-/// Pairs of samples that hide each other in an image, sorted, with their distance, radius_px.
-pub fn hiding(
+/// Returns pairs of samples that hide each other in an image, sorted, with their distance, image radii.
+pub fn find_hiding(
     places: &[Place2],
     chains: &[u32],
     grid: &super::grid::Grid,
@@ -284,9 +285,9 @@ mod tests {
         let pair = |i: usize, j: usize| ([i, j], 0.5);
         let pairs = [pair(10, 50), pair(11, 51), pair(14, 53), pair(30, 80), pair(31, 79)];
         let places: Vec<Place2> = (0..100).map(|i| [i as f64, 0.0]).collect();
-        let found = overlaps(&pairs, &places, &[0; 100]);
+        let found = find_overlaps(&pairs, &places, &[0; 100]);
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].sides, [vec![10, 11, 14], vec![50, 51, 53]]);
-        assert_eq!(neighbours(&found), [[0, 1]]);
+        assert_eq!(find_neighbors(&found), [[0, 1]]);
     }
 }

@@ -1,4 +1,4 @@
-//! The curves of a fit: control points, the samples on them, and what bending costs.
+//! The curves of a fit: control points, samples, and the cost of bending.
 
 use std::ops::Range;
 
@@ -11,22 +11,22 @@ use crate::geometry::{Point, advance, normalized};
 
 /// Length of a span, radii.
 const SPAN: f64 = 1.5;
-/// Samples this near an end lie in its cap, radii.
+/// Length of the cap at each end, radii.
 const CAP: f64 = 1.2;
-/// Integrals over a span of the products of the second derivatives of a uniform cubic B-spline's four pieces.
+/// Integrals over a span of products of the second derivatives of a uniform cubic B-spline's four pieces.
 const SECOND: [[f64; 4]; 4] = [
     [1.0 / 3.0, -0.5, 0.0, 1.0 / 6.0],
     [-0.5, 1.0, -0.5, 0.0],
     [0.0, -0.5, 1.0, -0.5],
     [1.0 / 6.0, 0.0, -0.5, 1.0 / 3.0],
 ];
-/// Its third derivative.
+/// Third derivatives of the four pieces.
 const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
-/// A place of a curve: its four control points' weights, in the position and in the derivative by the parameter.
+/// A sample: the weights of its four control points, for the position and for the derivative by the parameter.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// The first of the four.
+    /// The first control point.
     pub first: usize,
     pub weights: [f64; 4],
     slopes: [f64; 4],
@@ -37,10 +37,10 @@ pub struct Sample {
 /// Uniform cubic B-splines, one for each chain, with samples half a radius apart.
 #[derive(Debug, Clone)]
 pub struct Curves {
-    /// Of all chains, one behind the other.
+    /// Control points of all chains, chain by chain.
     pub control: Vec<Point>,
     pub samples: Vec<Sample>,
-    /// Which samples are those of each chain.
+    /// The samples of each chain.
     pub chains: Vec<Range<usize>>,
     /// The chain of each sample.
     pub numbers: Vec<u32>,
@@ -51,7 +51,7 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// The curves of least squares through smoothed nodes.
+    /// Fits curves to smoothed nodes by least squares.
     pub fn through(chains: &[Vec<Point>], radius: f64) -> Self {
         let mut made = Self {
             control: Vec::new(),
@@ -74,7 +74,7 @@ impl Curves {
             for (i, node) in nodes.iter().enumerate() {
                 let u = (spans * i) as f64 / (nodes.len() - 1) as f64;
                 let span = (u as usize).min(spans - 1);
-                let sample = sample(start + span, u - span as f64);
+                let sample = make_sample(start + span, u - span as f64);
                 normal.add_square(span, &sample.weights, 1.0);
                 for a in 0..4 {
                     right[span + a] = advance(right[span + a], sample.weights[a], *node);
@@ -95,18 +95,18 @@ impl Curves {
         made
     }
 
-    /// The sample nearest to a place of a chain.
+    /// Returns the sample nearest to a place on a chain.
     pub fn nearest(&self, place: OnChain) -> usize {
         let chain = &self.chains[place.chain];
         chain.start + (place.share * (chain.len() - 1) as f64).round() as usize
     }
 
-    /// First and last samples of each chain.
+    /// Returns the first and the last sample of each chain.
     pub fn ends(&self) -> impl Iterator<Item = usize> + '_ {
         self.chains.iter().flat_map(|chain| [chain.start, chain.end - 1])
     }
 
-    /// The samples in the ends' caps, each with the last one of its chain before the cap.
+    /// Returns the samples in the ends' caps, each with the last sample of its chain before the cap.
     pub fn caps(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.chains.iter().flat_map(|chain| {
             let free = |&i: &usize| !self.samples[i].capped;
@@ -116,7 +116,7 @@ impl Curves {
         })
     }
 
-    /// Where the samples are, and unit vectors along the rope.
+    /// Computes the samples' positions, and unit vectors along the rope.
     pub fn place(&self, positions: &mut Vec<Point>, tangents: &mut Vec<Point>) {
         positions.clear();
         tangents.clear();
@@ -132,8 +132,8 @@ impl Curves {
         }
     }
 
-    /// Adds what bending and its change cost, each with a weight, to a matrix over the control points' coordinates and
-    /// to half its gradient.
+    /// Adds the weighted costs of bending and of its change to the matrix of the control points' coordinates and to
+    /// half its gradient.
     pub fn stiffen(&self, bend: f64, change: f64, matrix: &mut Bordered, gradient: &mut [f64]) {
         for (controls, &span) in self.controls.iter().zip(&self.spans) {
             let second = bend / span.powi(3) / self.radius.powi(2);
@@ -154,7 +154,7 @@ impl Curves {
         }
     }
 
-    /// ∫ κ² ds and ∫ (dκ/ds)² ds, lengths in radii.
+    /// Returns ∫ κ² ds and ∫ (dκ/ds)² ds, with lengths in radii.
     pub fn bending(&self) -> (f64, f64) {
         let (mut bend, mut change) = (0.0, 0.0);
         for (controls, &span) in self.controls.iter().zip(&self.spans) {
@@ -172,14 +172,14 @@ impl Curves {
         (bend / self.radius.powi(2), change / self.radius.powi(2))
     }
 
-    /// The curves, one for each chain.
+    /// Returns the curves, one for each chain.
     pub fn splines(&self) -> Vec<Spline> {
         self.controls.iter().map(|range| Spline { control: self.control[range.clone()].to_vec() }).collect()
     }
 }
 
-/// A place of a span that begins with a control point, t running from 0 to 1.
-fn sample(first: usize, t: f64) -> Sample {
+/// Makes the sample at t, from 0 to 1, of the span that begins with a control point.
+fn make_sample(first: usize, t: f64) -> Sample {
     let s = 1.0 - t;
     Sample {
         first,
@@ -207,7 +207,7 @@ mod tests {
         let curves = Curves::through(&[straight(20.0), straight(2.0)], radius);
         let caps: Vec<(usize, usize)> = curves.caps().collect();
         let last = curves.chains[0].end - 1;
-        // three of each end, and of what is all cap none that something leads to
+        // three at each end; none where no sample lies before a cap
         assert_eq!(caps[..3], [(0, 3), (1, 3), (2, 3)]);
         assert_eq!(caps[3..6], [(last - 2, last - 3), (last - 1, last - 3), (last, last - 3)]);
         assert!(caps[6..].is_empty(), "{caps:?}");
@@ -235,7 +235,7 @@ mod tests {
         let expected = 2.0 * std::f64::consts::TAU * radius / ring;
         assert!((bend / expected - 1.0).abs() < 0.05, "{bend} for {expected}");
         assert!(change < 0.1 * bend);
-        // the same by the matrix: half the gradient times the control points
+        // the matrix gives the same: half the gradient times the control points
         let n = 3 * curves.control.len();
         let mut gradient = vec![0.0; n];
         curves.stiffen(1.0, 1.0, &mut Bordered::zeros(n, 0), &mut gradient);

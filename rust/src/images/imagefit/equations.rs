@@ -4,10 +4,10 @@ use super::curves::Curves;
 use crate::geometry::Point;
 use crate::geometry::banded::Bordered;
 
-/// Which bordering unknowns are a view's.
+/// The bordering unknowns of a view.
 #[derive(Debug, Clone, Copy)]
 pub struct Columns {
-    /// The first of its pose's six; none if the pose is held.
+    /// The first of its pose's six unknowns; None if the pose is held.
     pub pose: Option<usize>,
     /// Its bias.
     pub bias: usize,
@@ -18,28 +18,28 @@ pub struct Columns {
 pub struct Residual {
     pub value: f64,
     pub weight: f64,
-    /// How it grows as the sample moves in the world.
+    /// Its derivative by the sample's position in the world.
     pub by_place: Point,
-    /// How it grows with the view's pose and bias.
+    /// Its derivatives by the view's pose.
     pub by_pose: [f64; 6],
     pub by_bias: f64,
 }
 
-/// Sums of the products of residuals and derivatives, for each sample; those of a spline's control points follow.
+/// Sums of products of residuals and derivatives for each sample; those of the control points follow from them.
 #[derive(Debug, Default)]
 pub struct Sums {
-    /// For each sample, xx, xy, yy, xz, yz, zz.
+    /// For each sample: xx, xy, yy, xz, yz, zz.
     squares: Vec<[f64; 6]>,
     gradients: Vec<Point>,
-    /// For each sample and coordinate, those with the bordering unknowns.
+    /// For each sample and coordinate, the products with the bordering unknowns.
     border: Vec<f64>,
-    /// Lower half, row by row.
+    /// The lower half, row by row.
     corner: Vec<f64>,
     border_gradient: Vec<f64>,
 }
 
 impl Sums {
-    /// Zeros for `samples` samples and `m` bordering unknowns.
+    /// Resets to zero, for `samples` samples and `m` bordering unknowns.
     pub fn clear(&mut self, samples: usize, m: usize) {
         let zeros = |v: &mut Vec<f64>, n: usize| {
             v.clear();
@@ -54,7 +54,7 @@ impl Sums {
         zeros(&mut self.border_gradient, m);
     }
 
-    /// Adds what concerns a sample's place alone.
+    /// Adds a residual that depends only on a sample's position.
     #[inline]
     pub fn add_place(&mut self, sample: usize, by_place: Point, value: f64, weight: f64) {
         let [x, y, z] = by_place;

@@ -1,4 +1,4 @@
-//! What a view says of the samples: residuals of its mask and of its depth.
+//! The residuals of one view's mask and depth.
 
 use super::crossings::apart;
 use super::curves::Curves;
@@ -9,63 +9,65 @@ use crate::geometry::median::upper_median;
 use crate::geometry::polyline::append_directions;
 use crate::geometry::{Point, cross, dot};
 
-/// How many pixels of edge err alike, and by how much ropes are not round, radii.
-const EDGE_ALIKE: f64 = 16.0;
-const ROUND: f64 = 0.04;
-/// An edge whose normal is nearer to the rope's direction than this is another's: the cosine.
-const ALONG: f64 = 0.45;
-/// How far the samples have to lie inside the mask, radius_px, and the weight of that for each radius of length.
-const INSIDE: f64 = 0.85;
+/// Edge pixels whose errors are correlated.
+const EDGE_PIXELS: f64 = 16.0;
+/// Deviation of a rope's outline from a circle, radii.
+const ROUNDNESS: f64 = 0.04;
+/// An edge belongs to another strand if the cosine between its normal and the rope's direction is larger.
+const MAX_ALONG: f64 = 0.45;
+/// Depth of samples inside the mask at least, image radii.
+const MIN_INSIDE: f64 = 0.85;
+/// Weight of that, for each radius of length.
 const INSIDE_WEIGHT: f64 = 8.0;
-/// The weight that ends stay with.
+/// Weight with which ends stay in place.
 const END_WEIGHT: f64 = 10.0;
-/// Residuals of depth beyond this many standard deviations count as their size, not their square.
+/// Larger depth residuals count linearly, not squared, standard deviations.
 const HUBER: f64 = 1.5;
-/// A camera sees no rope nearer than this, metres.
-const NEAREST: f64 = 1e-3;
+/// Distance of a rope from a camera at least, metres.
+const MIN_DEPTH: f64 = 1e-3;
 
 /// The samples as one view sees them.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// In the camera frame, corrected.
+    /// Positions in the corrected camera frame.
     pub places: Vec<Point>,
     pub image: Vec<Place2>,
-    /// Along the rope, in the image and in the camera frame.
+    /// Directions along the rope, in the image and in the camera frame.
     directions: Vec<Place2>,
     spatial: Vec<Point>,
     /// The rope's radius in the image, pixels.
     pub radii: Vec<f64>,
-    /// Whether no other strand hides it.
+    /// Whether no other strand hides the sample.
     pub visible: Vec<bool>,
-    /// Whether other strands are near enough to change its depth.
+    /// Whether another strand is near enough to change its depth.
     pub mixed: Vec<bool>,
-    /// The residuals of depth that were last added, NaN where there is none or other strands are mixed in.
+    /// The last depth residuals; NaN without depth or with another strand mixed in.
     pub depth_errors: Vec<f64>,
-    /// How far the edges that were last added lie from the tube's outline, pixels.
+    /// The last distances of edges from the tube's outline, pixels.
     pub edge_errors: Vec<f64>,
     grid: Grid,
-    /// For each place of the edge, the sample that its radius was last taken from.
+    /// For each place on the edge, the last nearest sample.
     nearest: Vec<u32>,
 }
 
-/// What the residuals of one view need to know.
+/// The inputs of one view's residuals.
 pub struct Scene<'a> {
     pub view: &'a RopeView<'a>,
     pub columns: Columns,
     pub curves: &'a Curves,
-    /// Unit vectors along the rope in the world.
+    /// Unit vectors along the rope, world frame.
     pub tangents: &'a [Point],
     pub radius: f64,
     pub sensor: &'a Sensor,
 }
 
 impl Seen {
-    /// Places the samples in the view.
+    /// Projects the samples into the view.
     pub fn update(&mut self, view: &RopeView, correction: &[f64; 6], positions: &[Point], curves: &Curves) {
         self.places.clear();
         self.places.extend(positions.iter().map(|&x| {
             let y = view.corrected(correction, x);
-            [y[0], y[1], y[2].max(NEAREST)]
+            [y[0], y[1], y[2].max(MIN_DEPTH)]
         }));
         self.image.clear();
         self.image.extend(self.places.iter().map(|&y| view.projected(y)));
@@ -75,7 +77,7 @@ impl Seen {
             append_directions(&self.image[chain.clone()], &mut self.directions);
             append_directions(&self.places[chain.clone()], &mut self.spatial);
         }
-        // the radius is known at the mask's median depth
+        // the radius was measured at the mask's median depth
         let mut depths: Vec<f64> = self.places.iter().map(|y| y[2]).collect();
         let middle = upper_median(&mut depths);
         let radius_px = view.silhouette.radius_px;
@@ -101,7 +103,8 @@ impl Seen {
         });
     }
 
-    /// A residual that grows by `by_seen` as the sample moves in the camera frame. Data never slide it along the rope.
+    /// Makes a residual whose derivative by the sample's place in the camera frame is `by_seen`. Data never slide a
+    /// sample along the rope.
     #[inline]
     fn residual(&self, scene: &Scene, i: usize, by_seen: Point, value: f64, weight: f64) -> Residual {
         let by_world = scene.view.turned(by_seen);
@@ -117,7 +120,8 @@ impl Seen {
         }
     }
 
-    /// How a direction in the image, times the place there, grows as a sample moves in the camera frame.
+    /// Returns the derivative of a place in the image, along the direction d, by the sample's place in the camera
+    /// frame.
     #[inline]
     fn by_seen(&self, scene: &Scene, i: usize, d: Place2) -> Point {
         let [x, y, z] = self.places[i];
@@ -125,13 +129,13 @@ impl Seen {
         [fu * d[0] / z, fv * d[1] / z, -(fu * d[0] * x + fv * d[1] * y) / (z * z)]
     }
 
-    /// The mask's edge votes for axes a radius inside. Votes further off than `limit` radius_px do not count.
+    /// Adds the mask's edge, which votes for axes a radius inside. Votes farther than `limit` image radii do not count.
     pub fn add_edge(&mut self, scene: &Scene, limit: f64, sums: &mut Sums) {
         let silhouette = scene.view.silhouette;
         let radius_px = silhouette.radius_px;
         let reach = 2.5 * radius_px;
         self.nearest.resize(silhouette.boundary.len(), u32::MAX);
-        let unit = 1.0 / EDGE_ALIKE / ((scene.sensor.lateral / radius_px).powi(2) + ROUND * ROUND);
+        let unit = 1.0 / EDGE_PIXELS / ((scene.sensor.lateral / radius_px).powi(2) + ROUNDNESS * ROUNDNESS);
         self.edge_errors.clear();
         for (b, edge) in silhouette.boundary.iter().enumerate() {
             if self.nearest[b] as usize >= self.radii.len() {
@@ -154,7 +158,7 @@ impl Seen {
             let e = ((vote[0] - at[0]) * normal[0] + (vote[1] - at[1]) * normal[1]) / radius;
             let along = self.directions[k][0] * normal[0] + self.directions[k][1] * normal[1];
             let chain = &scene.curves.chains[scene.curves.numbers[k] as usize];
-            if along.abs() >= ALONG || e.abs() >= limit || k == chain.start || k + 1 == chain.end {
+            if along.abs() >= MAX_ALONG || e.abs() >= limit || k == chain.start || k + 1 == chain.end {
                 continue;
             }
             self.edge_errors.push(e * radius);
@@ -164,16 +168,16 @@ impl Seen {
         }
     }
 
-    /// The tube lies inside the mask, hidden parts too.
+    /// Keeps the tube inside the mask, hidden parts included.
     pub fn add_inside(&self, scene: &Scene, sums: &mut Sums) {
         let silhouette = scene.view.silhouette;
         for (i, sample) in scene.curves.samples.iter().enumerate() {
-            let missing = INSIDE - silhouette.distance(self.image[i]) / self.radii[i];
+            let missing = MIN_INSIDE - silhouette.distance(self.image[i]) / self.radii[i];
             if missing <= 0.0 || sample.capped || silhouette.hidden(self.image[i]) {
                 continue;
             }
             let e = missing.min(3.0);
-            // across the rope: where it runs on outside of the mask, depth would else turn it aside
+            // only across the rope: where the rope leaves the mask, a pull along it would turn it aside
             let gradient = silhouette.gradient(self.image[i]);
             let along = self.directions[i];
             let part = gradient[0] * along[0] + gradient[1] * along[1];
@@ -184,7 +188,7 @@ impl Seen {
         }
     }
 
-    /// The ends stay where they were in the image, along the rope.
+    /// Keeps the ends in place in the image, along the rope.
     pub fn add_ends(&self, scene: &Scene, ends: &[Place2], sums: &mut Sums) {
         for (i, end) in scene.curves.ends().zip(ends) {
             let along = self.directions[i].map(|d| d / self.radii[i]);
@@ -195,13 +199,13 @@ impl Seen {
         }
     }
 
-    /// Depth where no other strand hides the sample; its noise and the view's bias in radii.
+    /// Adds depth where no other strand hides the sample; its noise and the view's bias are in radii.
     pub fn add_depth(&mut self, scene: &Scene, noise: f64, bias: f64, sums: &mut Sums) {
         let unit = STEP / scene.sensor.correlation / (noise * noise);
         self.depth_errors.clear();
         self.depth_errors.resize(self.places.len(), f64::NAN);
         for i in 0..self.places.len() {
-            // beyond a rope's end there is table
+            // beyond a rope's end lies the table
             if !self.visible[i] || scene.curves.samples[i].capped {
                 continue;
             }
@@ -230,7 +234,7 @@ mod tests {
     use super::*;
     use crate::geometry::sub;
 
-    /// A residual of a sample's place in the image grows as it says with the sample's place and with the pose.
+    /// A residual's derivatives by the sample's position and by the pose equal finite differences.
     #[test]
     fn derivatives_are_those_of_finite_differences() {
         let rope = Rope::bent(0.004);
@@ -247,7 +251,7 @@ mod tests {
             radius: rope.radius,
             sensor: &Sensor::DEFAULT,
         };
-        // small turns are taken for vectors, so about none
+        // small turns are treated as vectors, so start without one
         let correction = [0.0; 6];
         let value = |correction: &[f64; 6], positions: &[Point], i: usize, d: Place2| {
             let mut seen = Seen::default();
@@ -269,7 +273,7 @@ mod tests {
                 let slope = (moved(h) - moved(-h)) / (2.0 * h);
                 assert!((found.by_pose[k] - slope).abs() < 0.01 * slope.abs().max(1.0), "{k}: {slope}");
             }
-            // across the rope; along it nothing moves
+            // only across the rope; along it, nothing moves
             assert!(dot(found.by_place, tangents[i]).abs() < 1e-9);
             let ray = sub(positions[i], view.pose.translation.into());
             let across = crate::geometry::normalized(cross(ray, tangents[i]));

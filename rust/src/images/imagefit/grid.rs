@@ -1,4 +1,4 @@
-//! Places of an image in square cells: what is near.
+//! A grid of places in an image, for searches of near places.
 
 use super::Place2;
 
@@ -8,15 +8,16 @@ pub struct Grid {
     origin: Place2,
     inverse: f64,
     size: [usize; 2],
-    /// Where each cell's places begin.
+    /// The first place of each cell.
     starts: Vec<u32>,
-    /// Numbers and places, cell by cell, in order of their numbers.
+    /// Numbers and places, cell by cell, in the order of their numbers.
     items: Vec<(u32, Place2)>,
     cells: Vec<u32>,
 }
 
 impl Grid {
-    /// Sorts places into cells of a frame: its corner and sizes. What lies outside is in the cells of its border.
+    /// Sorts places into the cells of a frame, given by its corner and size. Places outside belong to the border's
+    /// cells.
     pub fn fill(&mut self, places: &[Place2], frame: (Place2, [usize; 2]), cell: f64) {
         self.origin = frame.0;
         self.inverse = 1.0 / cell;
@@ -41,7 +42,7 @@ impl Grid {
             *end -= 1;
             self.items[*end as usize] = (i as u32, place);
         }
-        // what were ends are starts now
+        // the former ends are now starts
         self.starts.remove(0);
         self.starts.push(places.len() as u32);
     }
@@ -53,7 +54,7 @@ impl Grid {
         })
     }
 
-    /// What lies in the cells within a reach of a place, row by row of cells.
+    /// Returns the places in the cells within reach of a place, by rows of cells.
     #[inline(always)]
     pub fn around(&self, at: Place2, reach: f64) -> impl Iterator<Item = &[(u32, Place2)]> {
         let [left, top] = self.cell(at.map(|x| x - reach));
@@ -65,7 +66,7 @@ impl Grid {
         })
     }
 
-    /// The nearest place, if one is within `reach`. A place that is near, and its number, shorten the search.
+    /// Returns the nearest place within `reach`. A near place and its number, if known, shorten the search.
     #[inline]
     pub fn nearest(&self, at: Place2, reach: f64, near: Option<(usize, Place2)>) -> Option<usize> {
         let mut best = reach * reach;

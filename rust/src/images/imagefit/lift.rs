@@ -1,41 +1,41 @@
-//! The lift of polylines of one view's image into space.
+//! The lift of one view's polylines from the image into space.
 
 use std::ops::Range;
 
-use super::crossings::{Crossing, Evidence, apart, hiding, overlaps};
+use super::crossings::{Crossing, Evidence, apart, find_hiding, find_overlaps};
 use super::grid::Grid;
 use super::smoothing::Profile;
 use super::{HIDES, MIXED, MIXES, OnChain, Place2, Plane, RopeView, STEP, Sensor};
-use crate::geometry::median::median;
+use crate::geometry::median::{MEDIAN_TO_SD, median};
 use crate::geometry::polyline::{arc_length, resampled};
 use crate::geometry::{Point, advance};
 
-/// Fewest depths on their own, away from other strands, that noise is judged by.
-const FEWEST: usize = 10;
-/// Samples this near to a chain's end are its tip.
+/// Depths away from other strands, at least, that estimate the noise.
+const MIN_DEPTHS: usize = 10;
+/// Samples of a chain's tip.
 const TIP: usize = 2;
-/// An end lies over or under a strand if the opposite order costs more than this.
+/// An end lies over or under a strand only if the opposite order costs this much more.
 const LIES_OVER: f64 = 8.0;
-/// Ropes are at most this much longer than they look: else their depth is that of other things.
-const STEEPEST: f64 = 20.0;
-/// Least and most noise, radii.
+/// Length of a rope relative to its apparent length at most; beyond it, the depth is that of other things.
+const MAX_STRETCH: f64 = 20.0;
+/// Least and largest noise of depth, radii.
 const NOISE: (f64, f64) = (0.15, 2.0);
 
-/// Polylines in space, and how they lie over each other.
+/// Polylines in space, and their crossings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lifted {
-    /// For each polyline its nodes in the world frame, metres.
+    /// Nodes of each polyline, world frame, metres.
     pub nodes: Vec<Vec<Point>>,
     /// Noise of depth, radii.
     pub sigma: f64,
-    /// Where they cross in the image.
+    /// Their crossings in the image.
     pub crossings: Vec<Crossing>,
 }
 
 /// Gives polylines of a view's image their depth.
 ///
-/// A smoothing spline of median depths, which leaves out where strands hide each other until it is known which is on
-/// top. None if no polyline has a depth, or they all but run along the rays.
+/// Depth is a smoothing spline of median depths. Where strands hide each other, it skips depths until it is known which
+/// is on top. None if no polyline has depth, or all are nearly parallel to the viewing rays.
 pub fn lift(
     view: &RopeView,
     chains: &[Vec<Place2>],
@@ -59,7 +59,7 @@ pub fn lift(
     let mut grid = Grid::default();
     grid.fill(&places, view.silhouette.frame(), reach.max(HIDES * radius_px));
     let mut weights: Vec<f64> = depths.iter().map(|z| f64::from(u8::from(z.is_finite()))).collect();
-    // beyond a rope's end there is table
+    // beyond a rope's end lies the table
     for range in ranges.iter().filter(|range| range.len() > 4 * TIP) {
         weights[range.start..range.start + TIP].fill(0.0);
         weights[range.end - TIP..range.end].fill(0.0);
@@ -77,19 +77,19 @@ pub fn lift(
         owned[i] *= MIXED;
     }
     let everywhere = weights.clone();
-    let pairs = hiding(&places, &numbers, &grid, radius_px);
+    let pairs = find_hiding(&places, &numbers, &grid, radius_px);
     for &([i, j], _) in &pairs {
         weights[i] = 0.0;
         weights[j] = 0.0;
     }
-    if weights.iter().filter(|&&w| w > 0.0).count() <= FEWEST {
+    if weights.iter().filter(|&&w| w > 0.0).count() <= MIN_DEPTHS {
         weights = everywhere;
     }
     for z in &mut depths {
         *z = if z.is_finite() { *z } else { middle };
     }
 
-    let ceilings: Vec<f64> = places.iter().map(|&uv| ceiling(view, uv, radius, plane, sensor)).collect();
+    let ceilings: Vec<f64> = places.iter().map(|&uv| find_ceiling(view, uv, radius, plane, sensor)).collect();
     let none = vec![f64::INFINITY; places.len()];
     let mut profile = Profile::new(depths, none, ranges.clone(), sensor.correlation);
     let (mut sigma, mut x) = (sensor.noise.unwrap_or(0.5), Vec::new());
@@ -97,10 +97,10 @@ pub fn lift(
         x = profile.solve(&weights, sigma, &[], &x, 4).0;
         let seen = (0..x.len()).filter(|&i| weights[i] > 0.0);
         let residuals = seen.map(|i| (x[i] - profile.observed[i]).abs()).collect();
-        let found = (1.4826 * median(residuals)?).clamp(NOISE.0, NOISE.1);
+        let found = (MEDIAN_TO_SD * median(residuals)?).clamp(NOISE.0, NOISE.1);
         sigma = sensor.noise.unwrap_or(found);
     }
-    // what the table forbids to most of the rope is the view's bias
+    // if most of the rope would lie below the table, the view is biased
     let seen = (0..places.len()).filter(|&i| weights[i] > 0.0);
     let below = seen.map(|i| (profile.observed[i] - ceilings[i]).max(0.0)).collect();
     let bias = median(below)?;
@@ -108,10 +108,10 @@ pub fn lift(
         *z -= bias;
     }
     profile.ceilings = ceilings;
-    let found = overlaps(&pairs, &places, &numbers);
+    let found = find_overlaps(&pairs, &places, &numbers);
     let evidence = Evidence { profile: &profile, clear: &weights, owned: &owned, sigma, start: &x };
     let decided = evidence.decide(&found);
-    // an end beside a strand touches it rather than crosses it, unless depth says otherwise
+    // an end beside a strand touches it and does not cross it, unless depth shows otherwise
     let at_end = |i: usize| {
         let range = &ranges[numbers[i] as usize];
         i < range.start + TIP || i + TIP >= range.end
@@ -134,7 +134,7 @@ pub fn lift(
     let nodes: Vec<Vec<Point>> = ranges.iter().map(|r| r.clone().map(lifted).collect()).collect();
     let arcs: Vec<Vec<f64>> = nodes.iter().map(|nodes| arc_length(nodes)).collect();
     let length: f64 = arcs.iter().map(|arc| arc[arc.len() - 1]).sum();
-    if length > STEEPEST * STEP * radius * places.len() as f64 {
+    if length > MAX_STRETCH * STEP * radius * places.len() as f64 {
         return None;
     }
     let place = |i: usize| {
@@ -156,8 +156,8 @@ pub fn lift(
     Some(Lifted { nodes, sigma, crossings })
 }
 
-/// The depth of the surface, radii, at which the axis seen in a place is a radius above the plane.
-fn ceiling(view: &RopeView, uv: Place2, radius: f64, plane: Option<Plane>, sensor: &Sensor) -> f64 {
+/// Returns the surface depth, radii, at which the axis at a place is a radius above the plane.
+fn find_ceiling(view: &RopeView, uv: Place2, radius: f64, plane: Option<Plane>, sensor: &Sensor) -> f64 {
     let Some(plane) = plane else { return f64::INFINITY };
     let camera: Point = view.pose.translation.into();
     let ray = view.turned(view.pinhole.point(uv[0], uv[1], 1.0));

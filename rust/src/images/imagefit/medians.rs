@@ -5,29 +5,30 @@ use crate::clouds::depth::has_return;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// Radius of a disc, as part of the rope's.
+/// Radius of a disc, image radii.
 const DISC: f64 = 0.6;
-/// Fewest returns in a disc.
-const FEWEST: usize = 3;
+/// Returns in a disc at least.
+const MIN_RETURNS: usize = 3;
 
-/// Median depths around the places of an image, and its pixels inside the silhouette.
+/// Median depths on a grid over an image, and the image's pixels inside the silhouette.
 ///
-/// Worked out once for a view, as many hypotheses ask for the same places; on a grid that is fine beside the discs.
+/// They are computed once for each view, because many hypotheses ask for the same places. The grid is finer than the
+/// discs.
 #[derive(Debug, Clone)]
 pub struct Medians {
     origin: Place2,
-    /// Pixels from one place to the next.
+    /// Step of the grid, pixels.
     step: f64,
     size: [usize; 2],
     /// Row by row, metres; NaN where there are too few returns.
     values: Vec<f32>,
-    /// Columns and rows of the silhouette's frame, and which of its pixels lie inside.
+    /// Size of the silhouette's frame, and which of its pixels are inside.
     frame: [usize; 2],
     inside: Vec<bool>,
 }
 
 impl Medians {
-    /// Of the pixels of a mask, row by row, `width` to a row.
+    /// Computes medians over the pixels of a mask of `width` columns.
     pub fn new(depth: &[f64], mask: &[bool], width: usize, silhouette: &Silhouette) -> Self {
         let height = depth.len() / width.max(1);
         let reach = DISC * silhouette.radius_px;
@@ -40,7 +41,7 @@ impl Medians {
             .filter(|[a, b]| ((a * a + b * b) as f64) <= reach * reach)
             .collect();
         let corner = origin.map(|c| c as i64);
-        // what counts, over the frame
+        // the returns that count, over the frame
         let mut returns = vec![f32::NAN; frame[0] * frame[1]];
         for y in 0..frame[1] {
             for x in 0..frame[0] {
@@ -72,7 +73,7 @@ impl Medians {
                         }
                     }
                 }
-                if seen.len() >= FEWEST {
+                if seen.len() >= MIN_RETURNS {
                     *value = median(&mut seen);
                 }
             }
@@ -80,7 +81,7 @@ impl Medians {
         Self { origin, step, size, values, frame, inside: silhouette.mask.values.clone() }
     }
 
-    /// Whether a pixel lies inside the silhouette.
+    /// Returns whether a pixel is inside the silhouette.
     #[inline]
     pub fn inside(&self, pixel: [i64; 2]) -> bool {
         let [x, y]: [i64; 2] = std::array::from_fn(|k| pixel[k] - self.origin[k] as i64);
@@ -88,7 +89,7 @@ impl Medians {
         within(x, 0) && within(y, 1) && self.inside[y as usize * self.frame[0] + x as usize]
     }
 
-    /// The median around the nearest place; NaN if there is none.
+    /// Returns the median at the nearest place of the grid; NaN if there is none.
     #[inline]
     pub fn at(&self, uv: Place2) -> f64 {
         let cell: [f64; 2] = std::array::from_fn(|k| ((uv[k] - self.origin[k]) / self.step).round());
@@ -103,7 +104,7 @@ impl Medians {
     }
 }
 
-/// The middle value, or the mean of the middle two.
+/// Returns the middle value, or the mean of the two middle ones.
 fn median(values: &mut [f32]) -> f32 {
     let half = values.len() / 2;
     let odd = values.len() % 2 == 1;

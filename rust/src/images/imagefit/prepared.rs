@@ -1,22 +1,22 @@
-//! One view made ready: its mask, mended where depth says so, and its depth, without what hides the ropes.
+//! A prepared view: its mask, mended by depth, and its depth, without things that hide the ropes.
 
 use super::{Medians, RopeView};
 use crate::clouds::depth::Pinhole;
 use crate::geometry::RigidMotion;
 use crate::geometry::median::upper_median;
 use crate::images::image::Image;
-use crate::images::mending::mended;
+use crate::images::mending::mend;
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Surroundings;
 use crate::parallel;
 
-/// Masks more ragged than this are mended by depth.
+/// More ragged masks are mended by depth, 0 to 1.
 const RAGGED: f64 = 0.25;
 
-/// Ropes of a smaller radius show no axis, pixels.
-const THINNEST: f64 = 0.2;
+/// Thinner ropes show no axis, pixels.
+const MIN_RADIUS: f64 = 0.2;
 
-/// What one camera saw of ropes, made ready for readings and fits.
+/// One camera's data, prepared for readings and fits.
 pub struct Prepared {
     pub silhouette: Silhouette,
     pub medians: Medians,
@@ -25,12 +25,12 @@ pub struct Prepared {
     pub size: [usize; 2],
     /// Columns and rows of the mask's pixels with depth.
     pub covered: Vec<[f64; 2]>,
-    /// Metres, of all pixels.
+    /// Depth of all pixels, metres.
     pub depth: Image<f32>,
 }
 
 impl Prepared {
-    /// One view's silhouette and depths; none if its mask shows no rope with depth.
+    /// Prepares a view; None if its mask shows no rope with depth.
     pub fn new(
         depth: &[f64],
         mask: &[bool],
@@ -48,7 +48,7 @@ impl Prepared {
         let covered = pixels.iter().map(|&k| [(k % size[0]) as f64, (k / size[0]) as f64]).collect();
         let radius_px = pinhole.focal[0] * radius / upper_median(&mut seen);
         let silhouette = Silhouette::of_rope(mask, size[0], radius_px)?;
-        if silhouette.radius_px < THINNEST {
+        if silhouette.radius_px < MIN_RADIUS {
             return None;
         }
         let (around, medians) = parallel::both(
@@ -56,14 +56,14 @@ impl Prepared {
             || Medians::new(depth, mask, size[0], &silhouette),
         );
         let ragged = around.as_ref().filter(|_| silhouette.ragged > RAGGED);
-        let mended = ragged.and_then(|around| mended(depth, mask, size[0], &silhouette, around));
+        let mended = ragged.and_then(|around| mend(depth, mask, size[0], &silhouette, around));
         let silhouette = match &mended {
             Some(mask) => Silhouette::of_rope(mask, size[0], radius_px)?,
             None => silhouette,
         };
         let rope = mended.as_deref().unwrap_or(mask);
         let medians = match around.as_ref().filter(|around| around.hides()) {
-            // what hides the ropes is no part of them where a mask is too wide
+            // things that hide the ropes are no part of them where a mask is too wide
             Some(around) => {
                 let at = |k: usize| [(k % size[0]) as f64, (k / size[0]) as f64];
                 let own = |k: usize| !(rope[k] && around.before(at(k), depth[k]));
@@ -80,7 +80,7 @@ impl Prepared {
         Some(Self { silhouette, medians, pinhole, pose, size, covered, depth })
     }
 
-    /// What fits ask of it.
+    /// The view as fits need it.
     pub fn rope_view(&self) -> RopeView<'_> {
         RopeView {
             silhouette: &self.silhouette,

@@ -1,17 +1,17 @@
-//! How much better depth agrees with ropes on a plane than with the bare plane.
+//! Agreement of depth with ropes on a plane, compared with the bare plane.
 
 use super::{Plane, RopeView};
 use crate::geometry::{Point, cross, dot, normalized, squared_distance, sub};
 use crate::images::image::Image;
 
-/// Squares of residuals over the noise count up to this.
+/// Limit of a squared residual over the noise.
 const LIMIT: f64 = 9.0;
-/// Balls that stand for a tube are so far apart, radii.
-const APART: f64 = 0.25;
-/// A camera sees nothing nearer than this, metres.
-const NEAREST: f64 = 1e-3;
+/// Distance between the balls that a tube is drawn with, radii.
+const SPACING: f64 = 0.25;
+/// Depth of what a camera sees at least, metres.
+const MIN_DEPTH: f64 = 1e-3;
 
-/// What one view's depth is compared with.
+/// One view's depth, and what it is compared with.
 pub struct DepthScene<'a> {
     pub view: &'a RopeView<'a>,
     pub depth: &'a Image<f32>,
@@ -25,14 +25,16 @@ pub struct DepthScene<'a> {
 }
 
 impl DepthScene<'_> {
-    /// The sum over the view's pixels of how much smaller the squared residual over the noise is with ropes, each square
-    /// limited: twice the log of how much likelier the depths are, for errors that are independent from pixel to pixel.
+    /// Returns twice the log of how much more likely the depths are with the ropes than with the bare plane.
+    ///
+    /// It sums over the pixels how much smaller the squared residual over the noise is with ropes. Each square is
+    /// limited, and errors count as independent.
     pub fn gain(&self, chains: &[Vec<Point>]) -> f64 {
         let (shown, part) = self.rendered(chains);
         self.gain_within(&shown, part)
     }
 
-    /// The same for ropes of which one ends in each of several ways, but for what is equal for all.
+    /// As [`DepthScene::gain`], for several ends of one rope, up to a common constant.
     pub fn gains_of_ends(&self, chains: &[Vec<Point>], ends: &[Vec<Point>]) -> Vec<f64> {
         let (shown, _) = self.rendered(chains);
         let drawn: Vec<(Image<f32>, Part)> = ends
@@ -66,7 +68,7 @@ impl DepthScene<'_> {
         gain
     }
 
-    /// The depth that the view would see of ropes alone, infinite where there are none; and the part that shows them.
+    /// Renders the depth of ropes alone, infinite where there are none; also returns the part of the image with ropes.
     fn rendered(&self, chains: &[Vec<Point>]) -> (Image<f32>, Part) {
         let [w, h] = self.view.size;
         let mut shown = Image::filled(w, h, f32::INFINITY);
@@ -74,7 +76,7 @@ impl DepthScene<'_> {
         (shown, part)
     }
 
-    /// Draws a rope before what is shown already, as balls side by side that are cut flat at its ends.
+    /// Draws a rope in front of the image so far, as balls in a row, cut flat at its ends.
     fn draw(&self, shown: &mut Image<f32>, nodes: &[Point]) -> Part {
         let Self { view, correction, radius, .. } = *self;
         let [w, h] = view.size;
@@ -89,17 +91,17 @@ impl DepthScene<'_> {
         for pair in places.windows(2) {
             let [a, b] = [pair[0], pair[1]];
             let d: Point = std::array::from_fn(|k| b[k] - a[k]);
-            let parts = (dot(d, d).sqrt() / (APART * radius)).ceil().max(1.0);
+            let parts = (dot(d, d).sqrt() / (SPACING * radius)).ceil().max(1.0);
             for i in 0..=parts as usize {
                 let ball: Point = std::array::from_fn(|k| a[k] + d[k] * i as f64 / parts);
-                if ball[2] < radius + NEAREST {
+                if ball[2] < radius + MIN_DEPTH {
                     continue;
                 }
-                // the outline of a ball is a little wider than its radius
+                // the outline of a ball is slightly wider than its radius
                 let near = ball[2] - radius;
                 let [u, v] = view.projected(ball);
                 let (du, dv) = (fu * radius / near, fv * radius / near);
-                let (columns, rows) = (span(u - du, u + du, w), span(v - dv, v + dv, h));
+                let (columns, rows) = (clip_span(u - du, u + du, w), clip_span(v - dv, v + dv, h));
                 if columns.is_empty() || rows.is_empty() {
                     continue;
                 }
@@ -129,7 +131,7 @@ impl DepthScene<'_> {
     }
 }
 
-/// A part of an image: the first column and the one after the last, and so for rows.
+/// A part of an image: the first column and the one after the last, and the same for rows.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     columns: [usize; 2],
@@ -139,22 +141,22 @@ struct Part {
 impl Part {
     const NONE: Self = Self { columns: [usize::MAX, 0], rows: [usize::MAX, 0] };
 
-    /// The smallest that holds both.
+    /// Returns the smallest part that holds both.
     fn with(self, other: Self) -> Self {
         let both = |a: [usize; 2], b: [usize; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         Self { columns: both(self.columns, other.columns), rows: both(self.rows, other.rows) }
     }
 }
 
-/// The pixels from one place to another that are in the image.
-fn span(from: f64, to: f64, count: usize) -> std::ops::Range<usize> {
+/// Returns the pixels between two coordinates that are in the image.
+fn clip_span(from: f64, to: f64, count: usize) -> std::ops::Range<usize> {
     let first = from.ceil().max(0.0) as usize;
     let last = (to.floor() + 1.0).clamp(0.0, count as f64) as usize;
     first.min(last)..last
 }
 
 impl RopeView<'_> {
-    /// The ray through a pixel's centre, camera frame, to a depth of one.
+    /// Returns the ray through a pixel's centre to a depth of one, camera frame.
     #[inline]
     fn ray(&self, [u, v]: [f64; 2]) -> Point {
         let [fu, fv] = self.pinhole.focal;
@@ -162,7 +164,7 @@ impl RopeView<'_> {
         [(u - cu) / fu, (v - cv) / fv, 1.0]
     }
 
-    /// A direction of the world in the corrected camera frame.
+    /// Turns a direction of the world to the corrected camera frame.
     fn untwisted(&self, correction: &[f64; 6], n: Point) -> Point {
         let r = &self.pose.rotation;
         let y: Point = std::array::from_fn(|k| r[(0, k)] * n[0] + r[(1, k)] * n[1] + r[(2, k)] * n[2]);
@@ -170,9 +172,9 @@ impl RopeView<'_> {
         std::array::from_fn(|k| y[k] + turn[k])
     }
 
-    /// How far the corrected camera is above a plane.
+    /// Returns the height of the corrected camera above a plane.
     fn height(&self, correction: &[f64; 6], plane: Plane) -> f64 {
-        // the plane's point nearest to the camera, and where that lies in the corrected frame
+        // the plane's point nearest to the camera, moved to the corrected frame
         let centre: Point = self.pose.translation.into();
         let away = plane.height(centre);
         let foot: Point = std::array::from_fn(|k| centre[k] - away * plane.normal[k]);
@@ -187,7 +189,7 @@ mod tests {
 
     const STILL: [f64; 6] = [0.0; 6];
 
-    /// A rope, what sees it, and the table that it lies on.
+    /// Returns a rope, its image, and the table that it lies on.
     fn rope_on_a_table() -> (Rope, View, Plane) {
         let rope = Rope::bent(0.004);
         let seen_by = view(std::slice::from_ref(&rope), [0.02, -0.15, 0.5], 0.3);
@@ -199,7 +201,7 @@ mod tests {
         DepthScene { view, depth, correction: &STILL, radius: 0.004, plane, noise: 0.002 }
     }
 
-    /// The depth of a rope on a plane.
+    /// Returns the depth of a rope on a plane.
     fn depth_of(rope: &Rope, view: &RopeView<'_>, plane: Plane) -> Image<f32> {
         let nothing = Image::filled(0, 0, 0.0f32);
         let (mut depth, _) = scene(view, &nothing, plane).rendered(std::slice::from_ref(&rope.nodes));
@@ -211,7 +213,7 @@ mod tests {
         depth
     }
 
-    /// Depth that was made of a rope on a plane agrees with that rope more than with the rope moved aside.
+    /// Depth made of a rope on a plane agrees more with that rope than with the rope moved aside.
     #[test]
     fn the_rope_that_made_the_depth_gains_most() {
         let (rope, seen_by, plane) = rope_on_a_table();
@@ -229,7 +231,7 @@ mod tests {
         }
     }
 
-    /// An end that goes on as the rope did gains most; all that is before the ends counts for none.
+    /// An end that continues as the rope did gains most; what lies before the ends does not count.
     #[test]
     fn the_end_that_made_the_depth_gains_most() {
         let (rope, seen_by, plane) = rope_on_a_table();

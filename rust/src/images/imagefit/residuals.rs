@@ -1,37 +1,36 @@
-//! How wide residuals are, and how far along the ropes they are alike.
+//! The spread of residuals, and their correlation along the ropes.
 
 use super::STEP;
 use super::curves::Curves;
-use crate::geometry::median::upper_median;
+use crate::geometry::median::{MEDIAN_TO_SD, upper_median};
 
-/// Residuals are compared up to so many samples apart; less alike than this, they count as independent.
+/// Largest distance over which residuals are compared, samples.
 const LAGS: usize = 16;
-const UNLIKE: f64 = 0.1;
-/// Residuals beyond this many standard deviations do not count.
+/// Residuals with a smaller correlation count as independent.
+const MIN_CORRELATION: f64 = 0.1;
+/// Larger residuals do not count, standard deviations.
 const OUTLIER: f64 = 4.0;
-/// Fewest residuals that say something.
-const FEWEST: usize = 20;
-/// A standard deviation by a median of sizes.
-const NORMAL: f64 = 1.4826;
+/// Residuals at least.
+const MIN_COUNT: usize = 20;
 
 /// Errors about fitted curves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scatter {
     /// Their standard deviation, radii.
     pub sd: f64,
-    /// A stretch of rope that counts as one observation, radii.
+    /// Length of rope that counts as one observation, radii.
     pub length: f64,
 }
 
-/// The scatter of samples' residuals of depth in some views, NaN where there is none. None if they are too few.
-pub fn depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves) -> Option<Scatter> {
+/// Measures the spread of samples' depth residuals in some views, NaN where there is none; None if there are too few.
+pub fn measure_depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves) -> Option<Scatter> {
     let views: Vec<&[f64]> = views.collect();
     let mut sizes: Vec<f64> =
         views.iter().copied().flatten().map(|e| e.abs()).filter(|e| !e.is_nan()).collect();
-    if sizes.len() < FEWEST {
+    if sizes.len() < MIN_COUNT {
         return None;
     }
-    let limit = OUTLIER * NORMAL * upper_median(&mut sizes);
+    let limit = OUTLIER * MEDIAN_TO_SD * upper_median(&mut sizes);
     let mut sums = [(0.0, 0usize); LAGS + 1];
     for view in views.iter().filter(|view| !view.is_empty()) {
         for chain in &curves.chains {
@@ -48,30 +47,33 @@ pub fn depth_scatter<'a>(views: impl Iterator<Item = &'a [f64]>, curves: &Curves
     }
     let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
     let power = mean(sums[0]);
-    let alike = sums[1..].iter().map(|&sum| mean(sum) / power).take_while(|&alike| alike > UNLIKE);
-    let length = STEP * (1.0 + 2.0 * alike.sum::<f64>());
+    let correlations = sums[1..]
+        .iter()
+        .map(|&sum| mean(sum) / power)
+        .take_while(|&correlation| correlation > MIN_CORRELATION);
+    let length = STEP * (1.0 + 2.0 * correlations.sum::<f64>());
     (power > 0.0).then(|| Scatter { sd: power.sqrt(), length })
 }
 
-/// The standard deviation of edges' residuals about their median: a mask that is grown or eaten errs on both sides of a
-/// rope alike. None if they are too few.
-pub fn edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option<f64> {
+/// Measures the standard deviation of edges' residuals about their median; a mask that is too wide or too narrow errs
+/// equally on both sides of a rope. None if there are too few residuals.
+pub fn measure_edge_scatter<'a>(errors: impl Iterator<Item = &'a f64>) -> Option<f64> {
     let mut errors: Vec<f64> = errors.copied().collect();
-    if errors.len() < FEWEST {
+    if errors.len() < MIN_COUNT {
         return None;
     }
     let middle = upper_median(&mut errors);
     for e in &mut errors {
         *e = (*e - middle).abs();
     }
-    Some(NORMAL * upper_median(&mut errors))
+    Some(MEDIAN_TO_SD * upper_median(&mut errors))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Numbers that are spread as a normal distribution's, by a linear congruential generator.
+    /// Returns normally distributed numbers from a linear congruential generator.
     fn normal(count: usize) -> Vec<f64> {
         let mut state = 1u64;
         let mut uniform = || {
@@ -91,17 +93,17 @@ mod tests {
         let curves = straight(4000);
         let count = curves.samples.len();
         let alone = normal(count + 4);
-        // sums of five are alike over five samples
+        // sums of five are correlated over five samples
         let mut long: Vec<f64> =
             alone.windows(5).map(|w| 0.2 * w.iter().sum::<f64>() / 5f64.sqrt()).collect();
         long.iter_mut().step_by(97).for_each(|e| *e = f64::NAN);
         long[1234] = 50.0;
-        let found = depth_scatter([long.as_slice()].into_iter(), &curves).unwrap();
+        let found = measure_depth_scatter([long.as_slice()].into_iter(), &curves).unwrap();
         assert!((found.sd - 0.2).abs() < 0.02, "{found:?}");
         assert!((found.length - 5.0 * STEP).abs() < 0.5, "{found:?}");
         let alone: Vec<f64> = alone[..count].iter().map(|e| 0.3 * e).collect();
-        // a view that shows nothing changes nothing
-        let found = depth_scatter([&[][..], &alone].into_iter(), &curves).unwrap();
+        // a view without residuals changes nothing
+        let found = measure_depth_scatter([&[][..], &alone].into_iter(), &curves).unwrap();
         assert!((found.sd - 0.3).abs() < 0.03 && found.length < 2.0 * STEP, "{found:?}");
     }
 
@@ -109,16 +111,19 @@ mod tests {
     fn too_few_errors_say_nothing() {
         let curves = straight(100);
         let mut errors = vec![f64::NAN; curves.samples.len()];
-        errors[..FEWEST - 1].fill(0.1);
-        assert_eq!(depth_scatter([errors.as_slice()].into_iter(), &curves), None);
-        assert_eq!(depth_scatter([vec![0.0; curves.samples.len()].as_slice()].into_iter(), &curves), None);
-        assert_eq!(edge_scatter([0.1; FEWEST - 1].iter()), None);
+        errors[..MIN_COUNT - 1].fill(0.1);
+        assert_eq!(measure_depth_scatter([errors.as_slice()].into_iter(), &curves), None);
+        assert_eq!(
+            measure_depth_scatter([vec![0.0; curves.samples.len()].as_slice()].into_iter(), &curves),
+            None
+        );
+        assert_eq!(measure_edge_scatter([0.1; MIN_COUNT - 1].iter()), None);
     }
 
     #[test]
     fn a_mask_that_is_grown_is_no_error_of_its_edge() {
         let grown: Vec<f64> = normal(4000).into_iter().map(|e| 0.7 + 0.25 * e).collect();
-        let found = edge_scatter(grown.iter()).unwrap();
+        let found = measure_edge_scatter(grown.iter()).unwrap();
         assert!((found - 0.25).abs() < 0.03, "{found}");
     }
 }

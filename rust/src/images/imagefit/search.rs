@@ -4,39 +4,43 @@ use super::cost;
 use super::curves::Curves;
 use super::equations::{Columns, Sums};
 use super::evidence::{Scene, Seen};
-use super::residuals::{depth_scatter, edge_scatter};
+use super::residuals::{measure_depth_scatter, measure_edge_scatter};
 use super::{ImageFit, ImageFitOptions, Misfit, OnChain, Place2, Plane, RopeView, STEP, Sensor, TOUCHING};
 use crate::geometry::banded::{Bordered, Factor, WIDTH};
 use crate::geometry::{Point, advance, dot, normalized, sub};
 
-/// What bending and its change cost: of ∫ κ² ds and ∫ (dκ/ds)² ds, lengths in radii.
+/// Cost of bending, for each ∫ κ² ds with lengths in radii.
 const BEND: f64 = 2.0;
+/// Cost of changes of bending, for each ∫ (dκ/ds)² ds with lengths in radii.
 const CHANGE: f64 = 200.0;
-/// Limits beyond which the mask's edge does not count, radius_px: far from the solution and near it.
+/// Limits of the mask's votes far from the solution and near it, image radii.
 const LIMITS: [f64; 2] = [1.6, 0.9];
-/// The part of the steps that take the first.
+/// Share of the steps with the first limit.
 const FAR: f64 = 0.4;
-/// Weights of the table and of order at crossings, for each radius of length.
+/// Weight of the table, for each radius of length.
 const TABLE: f64 = 4.0;
+/// Weight of the order at crossings, for each radius of length.
 const ORDER: f64 = 6.0;
-/// Weight with which a rope rests on the table, for each radius of length, and how far above it loses its hold, radii.
+/// Weight with which a rope rests on the table, for each radius of length.
 const REST: f64 = 2.0;
+/// Height at which that weight decreases, radii.
 const NEAR: f64 = 0.5;
-/// Weight with which an end that nothing carries does not rise, for each radius of length.
+/// Weight that keeps an unsupported end from rising, for each radius of length.
 const FALL: f64 = 4.0;
-/// How high an axis is that another strand carries, radii.
+/// Height of an axis that another strand carries, radii.
 const CARRIED: f64 = 3.0;
-/// How many pairs of a crossing count in full.
+/// Pairs of a crossing that count in full.
 const PAIRS: f64 = 6.0;
-/// The longest step of a control point, radii, and one after which nothing changes.
-const LONGEST: f64 = 1.0;
+/// Step of a control point at most, radii.
+const MAX_STEP: f64 = 1.0;
+/// The fit ends after a smaller step, radii.
 const SETTLED: f64 = 0.01;
-/// Keeps the matrix positive definite: of a control point's step, radii.
+/// Damping of a control point's step, which keeps the matrix positive definite, 1/radii².
 const DAMPING: f64 = 1e-2;
 
-/// Fits curves to the views, beginning with chains in space.
+/// Fits curves to the views, starting with chains in space.
 ///
-/// `crossings` are the pairs of places of each crossing, the upper strand's first, as the reference sees them. None if
+/// `crossings` holds the pairs of places of each crossing that the reference sees, the upper strand's first. None if
 /// the equations have no solution.
 pub fn fit(
     views: &[RopeView],
@@ -89,7 +93,7 @@ struct State<'a> {
     views: &'a [RopeView<'a>],
     radius: f64,
     plane: Option<Plane>,
-    /// Samples in order, the upper first, and their weights.
+    /// Pairs of samples, the upper one first, and their weights.
     pairs: Vec<([usize; 2], f64)>,
     sensor: &'a Sensor,
     options: &'a ImageFitOptions,
@@ -101,7 +105,7 @@ struct State<'a> {
     positions: Vec<Point>,
     tangents: Vec<Point>,
     seen: Vec<Seen>,
-    /// Where the reference sees the ends at first.
+    /// The ends in the reference's image at the start.
     ends: Vec<Place2>,
     sums: Sums,
 }
@@ -122,15 +126,15 @@ impl State<'_> {
             if !largest.is_finite() {
                 return None;
             }
-            self.step(&step, &rest, (LONGEST / largest.max(1e-9)).min(1.0));
+            self.step(&step, &rest, (MAX_STEP / largest.max(1e-9)).min(1.0));
             self.update();
             taken += 1;
             if largest < SETTLED && !far {
                 break;
             }
         }
-        let depth = depth_scatter(self.seen.iter().map(|s| s.depth_errors.as_slice()), &self.curves);
-        let lateral = edge_scatter(self.seen.iter().flat_map(|s| &s.edge_errors));
+        let depth = measure_depth_scatter(self.seen.iter().map(|s| s.depth_errors.as_slice()), &self.curves);
+        let lateral = measure_edge_scatter(self.seen.iter().flat_map(|s| &s.edge_errors));
         let covariances = if self.options.uncertainty {
             let (matrix, ..) = self.equations(LIMITS[1]);
             self.covariances(&matrix.factor()?)
@@ -152,7 +156,7 @@ impl State<'_> {
         })
     }
 
-    /// Places the samples anew in the world and in all views.
+    /// Updates the samples in the world and in all views.
     fn update(&mut self) {
         self.curves.place(&mut self.positions, &mut self.tangents);
         for ((view, seen), correction) in self.views.iter().zip(&mut self.seen).zip(&self.corrections) {
@@ -160,7 +164,7 @@ impl State<'_> {
         }
     }
 
-    /// The matrix, and half the gradient with its sign turned.
+    /// Returns the matrix, and minus half the gradient.
     fn equations(&mut self, limit: f64) -> (Bordered, Vec<f64>, Vec<f64>) {
         let sums = &mut self.sums;
         sums.clear(self.curves.samples.len(), self.unknowns);
@@ -182,7 +186,7 @@ impl State<'_> {
             seen.add_depth(&scene, self.options.noise, self.biases[v], sums);
         }
         for (i, &t) in self.tangents.iter().enumerate() {
-            // samples stay where they are along the rope
+            // samples do not slide along the rope
             sums.add_place(i, t.map(|x| x / self.radius), 0.0, STEP);
         }
         self.add_table();
@@ -216,7 +220,8 @@ impl State<'_> {
         (matrix, band, border)
     }
 
-    /// Nothing lies below the table, and what is near it rests on it. Ends rise no higher than what leads to them.
+    /// Adds the table: nothing lies below it, ropes near it rest on it, and ends rise no higher than the rope before
+    /// them.
     fn add_table(&mut self) {
         let Some(plane) = self.plane else { return };
         for (i, &x) in self.positions.iter().enumerate() {
@@ -229,7 +234,7 @@ impl State<'_> {
         }
         for (i, from) in self.curves.caps() {
             let [end, inner] = [i, from].map(|i| plane.height(self.positions[i]) / self.radius);
-            // a strand of the table may carry it, and what leads to it from higher up hangs from something else
+            // a strand on the table may carry the end; a rope that comes from higher up hangs from something else
             let e = end - inner.max(CARRIED);
             if e > 0.0 {
                 let weight = FALL / (1.0 + (inner - CARRIED).max(0.0).powi(2)).powi(2);
@@ -238,8 +243,10 @@ impl State<'_> {
         }
     }
 
-    /// Strands in contact keep their order, as far apart along the ray as their thickness asks. Of (a − b)² ≤ 2 (a − m)² +
-    /// 2 (b − m)², m midway, the right side is taken: it does not couple the strands, and is least where the left is.
+    /// Adds the order of touching strands, as far apart along the ray as their thickness requires.
+    ///
+    /// It uses (a − b)² ≤ 2 (a − m)² + 2 (b − m)² with m midway. The right side does not couple the strands, and has
+    /// the same minimum.
     fn add_order(&mut self) {
         let camera: Point = self.views[self.options.reference].pose.translation.into();
         let thick = (TOUCHING * self.radius).powi(2);
@@ -289,7 +296,7 @@ impl State<'_> {
         }
     }
 
-    /// Covariances of the samples.
+    /// Returns the covariances of the samples.
     fn covariances(&self, factor: &Factor) -> Vec<Vec<[Point; 3]>> {
         let (inverse, _) = factor.inverse();
         let entry = |i: usize, j: usize| inverse[i.max(j)][i.min(j) + WIDTH - 1 - i.max(j)];

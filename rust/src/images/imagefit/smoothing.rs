@@ -1,4 +1,4 @@
-//! Depth along chains: a smoothing spline of noisy depths that keeps strands apart where they cross, and above the table.
+//! Depth along chains: a smoothing spline of noisy depths that keeps crossing strands apart and above the table.
 
 use std::ops::Range;
 
@@ -7,45 +7,45 @@ use nalgebra::{DMatrix, DVector};
 use super::STEP;
 use super::band::Band;
 
-/// What bending along the viewing rays costs, beside depths of unit noise: of ∫ z″² ds, in radii.
+/// Cost of bending along the viewing rays, for each ∫ z″² ds in radii, relative to depths of unit noise.
 const STIFFNESS: f64 = 40.0;
-/// What a missing gap between strands costs, beside the same: of its square, radii.
+/// Cost of a missing gap between strands, for each squared radius.
 const GAP: f64 = 20.0;
-/// What a radius below the table costs, beside the same, for each radius of length.
+/// Cost of each squared radius below the table, for each radius of length.
 const BELOW: f64 = 4.0;
-/// Residuals beyond this many standard deviations count as their size, not their square.
+/// Larger residuals count linearly, not squared, standard deviations.
 const HUBER: f64 = 1.5;
-/// Least noise that residuals are measured by, radii.
-const LEAST_NOISE: f64 = 0.2;
+/// Noise that divides residuals at least, radii.
+const MIN_NOISE: f64 = 0.2;
 
-/// Gaps that are solved for together.
+/// Gaps that are solved together.
 const BATCH: usize = 4;
 
-/// Two stretches of rope, one before the other: the mean distance along the rays between samples of both.
+/// Two stretches of rope, one in front of the other, kept apart by the mean distance between their samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gap {
     /// Samples in front and behind.
     pub pairs: Vec<[usize; 2]>,
-    /// How far apart they have to be, radii.
+    /// Distance along the rays that they need, radii.
     pub need: f64,
-    /// Part of the cost of a whole crossing.
+    /// Share of the cost of a whole crossing.
     pub share: f64,
 }
 
 impl Gap {
-    /// How far apart depths keep them.
+    /// Returns the distance between them, given the samples' depths.
     fn of(&self, x: impl Fn(usize) -> f64) -> f64 {
         let sum: f64 = self.pairs.iter().map(|&[front, back]| x(back) - x(front)).sum();
         sum / self.pairs.len() as f64
     }
 }
 
-/// Depths of samples along chains, radii.
+/// Observations of the depths of samples along chains, radii.
 #[derive(Debug, Clone)]
 pub struct Profile {
-    /// What was observed; any finite number where nothing was.
+    /// Observed depths; any finite number where there is none.
     pub observed: Vec<f64>,
-    /// The most that the table leaves; infinite without a table.
+    /// The largest depths above the table; infinite without a table.
     pub ceilings: Vec<f64>,
     chains: Vec<Range<usize>>,
     stiffness: Band<3>,
@@ -54,7 +54,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Samples of chains, `correlation` radii of which count as one observation.
+    /// Makes a profile; `correlation` is the length that counts as one observation, radii.
     pub fn new(observed: Vec<f64>, ceilings: Vec<f64>, chains: Vec<Range<usize>>, correlation: f64) -> Self {
         let mut stiffness = Band::zeros(observed.len());
         for chain in &chains {
@@ -65,8 +65,8 @@ impl Profile {
         Self { observed, ceilings, chains, stiffness, density: STEP / correlation }
     }
 
-    /// The depths of least cost, and that cost, in so many rounds from some depths, if there are any. Observations have
-    /// weights of at most 1 and noise of `sigma` radii.
+    /// Finds the depths of least cost, and that cost, in some rounds from `start`, if given. Weights of observations
+    /// are at most 1; their noise is `sigma` radii.
     pub fn solve(
         &self,
         weights: &[f64],
@@ -77,7 +77,7 @@ impl Profile {
     ) -> (Vec<f64>, f64) {
         let n = self.observed.len();
         let unit = self.density / (sigma * sigma);
-        let noise = sigma.max(LEAST_NOISE);
+        let noise = sigma.max(MIN_NOISE);
         let (mut x, mut diagonal) = (start.to_vec(), vec![0.0; n]);
         for _ in 0..rounds {
             let begun = !x.is_empty();
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn two_strands_part_and_stay_above_the_table() {
-        // both at depth 0 but for a gap of two radii in their middles
+        // both at depth 0 except for a gap of two radii in their middles
         let n = 101;
         let open = Profile::new(vec![0.0; 2 * n], vec![f64::INFINITY; 2 * n], vec![0..n, n..2 * n], 3.0);
         let gap = Gap { pairs: vec![[50, n + 50]], need: 1.8, share: 1.0 };

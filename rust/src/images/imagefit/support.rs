@@ -1,14 +1,13 @@
-//! Which pixels support which nodes.
+//! The pixels that support each node.
 
 use super::{Place2, RopeView};
 use crate::geometry::{Point, cross};
 
-/// Pixels farther than this from every node support none, radius_px.
+/// Pixels farther than this from every node support none, image radii.
 const REACH: f64 = 1.5;
 
-/// For each rope's nodes the number of pixels that are nearest to them: of nodes that are seen over each other, to the
-/// one in front.
-pub fn seen_nodes(
+/// Counts for each node the pixels nearest to it. Where ropes lie over each other, a pixel counts for the one in front.
+pub fn count_support(
     view: &RopeView,
     correction: &[f64; 6],
     pixels: &[Place2],

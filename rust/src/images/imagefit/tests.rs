@@ -1,4 +1,4 @@
-//! Ropes with known truth, seen by cameras without noise.
+//! Fits to images of known ropes, without noise.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -6,7 +6,7 @@ use super::lift::Lifted;
 use super::*;
 use crate::geometry::{advance, squared_distance};
 
-/// A rope with its axis' nodes.
+/// A rope and the nodes of its axis.
 #[derive(Clone)]
 pub struct Rope {
     pub nodes: Vec<Point>,
@@ -26,7 +26,7 @@ impl Rope {
         Self::along(radius, |s| [0.09 * s, 0.02 * (3.0 * s).cos(), radius])
     }
 
-    /// Across the middle of the straight one, on top of it.
+    /// A rope across the middle of the straight one, on top of it.
     fn over(radius: f64) -> Self {
         Self::along(radius, |s| [0.02 * s, 0.08 * s, radius * (1.0 + 2.0 * (-(s / 0.25).powi(2)).exp())])
     }
@@ -54,7 +54,7 @@ impl Image {
     }
 }
 
-/// What a camera sees that looks down, tilted about x.
+/// Returns the image of a camera that looks down, tilted about x.
 pub fn view(ropes: &[Rope], camera: Point, tilt: f64) -> Image {
     let rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI + tilt).into_inner();
     let pose = RigidMotion { rotation, translation: Vector3::from(camera) };
@@ -87,12 +87,12 @@ pub fn view(ropes: &[Rope], camera: Point, tilt: f64) -> Image {
     Image { silhouette, medians, pinhole, pose }
 }
 
-/// The ropes' axes in an image, pixels.
+/// Returns the ropes' axes in an image, pixels.
 fn drawn(view: &RopeView, ropes: &[Rope]) -> Vec<Vec<Place2>> {
     ropes.iter().map(|rope| rope.nodes.iter().map(|&x| view.projected(view.seen(x))).collect()).collect()
 }
 
-/// The farthest that inner nodes are from a rope's axis, radii.
+/// Returns the largest distance of inner nodes from a rope's axis, radii.
 fn farthest(nodes: &[Point], rope: &Rope) -> f64 {
     let squares = nodes[3..nodes.len() - 3]
         .iter()
@@ -132,7 +132,7 @@ fn ropes_of_one_view_are_where_they_are() {
         let far = farthest(&fitted.nodes[0], &rope);
         assert!(far < 0.2, "{far}");
         assert!(fitted.misfit.uncovered < 0.1 && fitted.misfit.outside < 0.5, "{:?}", fitted.misfit);
-        // depth is known less well than the place across the rays
+        // depth is less certain than the place across the rays
         let middle = fitted.covariances[0].len() / 2;
         let covariance = fitted.covariances[0][middle];
         assert!(covariance[2][2] > 2.0 * covariance[1][1] && covariance[1][1] > 0.0, "{covariance:?}");
@@ -196,13 +196,13 @@ fn a_fit_through_other_nodes_keeps_what_it_knows() {
     for (was, is) in both {
         assert!(squared_distance(place(&before, *was), place(&now, *is)).sqrt() < 0.3 * 0.004);
     }
-    // of the rope that is shorter, each node has the covariance of the one that was there
+    // each node of the shorter rope has the covariance of the old node there
     assert_eq!(now.covariances[1].len(), now.nodes[1].len());
     assert_eq!(now.covariances[1].last(), before.covariances[1].last());
     assert_eq!(now.covariances[1][0], before.covariances[1][10]);
     assert_eq!(now.misfit, before.misfit);
     assert_eq!(now.corrections, before.corrections);
-    // a crossing that is cut off is none
+    // a crossing that is cut off is dropped
     let beyond = nodes[1].len() / 2 + 8;
     nodes[1].drain(..beyond);
     let (_, left) = before.through(&nodes, &pairs, 0.004);
@@ -225,7 +225,7 @@ fn a_wrong_pose_is_put_right() {
         fit(&views, &lifted.nodes, 0.004, None, &[], &Sensor::DEFAULT, &options(lifted.sigma)).unwrap();
     assert!(farthest(&fitted.nodes[0], &rope) < 0.3);
     assert_eq!(fitted.corrections[0], [0.0; 6]);
-    // what the second view sees is where the rope is
+    // the second view sees the rope where it is
     let seen = views[1].seen(rope.nodes[200]);
     let [a, b, c, d, e, f] = fitted.corrections[1];
     let turned = crate::geometry::cross([a, b, c], seen);

@@ -1,50 +1,55 @@
 //! Pieces of ropes joined over gaps in the mask, where something hides them or a segmenter lost them.
 
 use super::links::{BENDING, CHANGE, STEP};
-use super::planar::{Place, apart, bending, cleaned, hermite, length, resampled, unit};
+use super::planar::{Place, bending, cleaned, distance, hermite, length, resampled, unit};
 use crate::images::silhouette::Silhouette;
 use crate::images::surroundings::Shown;
 
-/// Nodes at a piece's end that turn to the mask's corners, and those before them that show its direction.
-const CUT: usize = 2;
-const HEADING: usize = 6;
-/// Speeds at which curves over a gap leave and arrive, over the distance.
+/// Last nodes of a piece that turn to the mask's corners.
+const CORNER_NODES: usize = 2;
+/// Nodes before them that show the piece's direction.
+const HEADING_NODES: usize = 6;
+/// Speeds at which curves over a gap leave and arrive, lengths of the gap.
 const SPEEDS: [f64; 3] = [1.0, 1.4, 1.8];
-/// What a gap costs, and each radius of it: where something hides it, where nothing is known of it or a rope may be, where
-/// the camera saw through.
+/// Cost of a gap.
 const GAP: f64 = 2.0;
+/// Cost of each radius of a gap where something hides it.
 const HIDDEN: f64 = 0.1;
+/// Cost of each radius of a gap without depth, or with a rope's depth.
 const UNKNOWN: f64 = 0.5;
+/// Cost of each radius of a gap where the camera saw through.
 const BARE: f64 = 3.0;
-/// Of a gap that a reading without it bridges.
-const DEAREST: f64 = 80.0;
-/// What a radius of a piece costs that is left out: mask that nothing covers.
-const LEFT: f64 = 1.6;
-/// Partners of an end that are tried, ways that are kept, and tries.
+/// Largest cost of a gap, if the number of ropes is known.
+const MAX_COST: f64 = 80.0;
+/// Cost of each radius of a dropped piece: mask that nothing covers.
+const DROPPED: f64 = 1.6;
+/// Partners of an end that are tried.
 const PARTNERS: usize = 4;
-const TRIED: usize = 3000;
+/// Combinations that are tried at most.
+const MAX_TRIED: usize = 3000;
 
-/// Chains with some of their ends joined.
+/// Chains, some of them joined.
 pub struct Joined {
     pub chains: Vec<Vec<Place>>,
-    /// What the gaps cost.
+    /// The cost of the gaps.
     pub cost: f64,
-    /// What of it is not for bending.
+    /// Its part that is not for bending.
     pub fixed: f64,
 }
 
-/// A curve from an end of a chain to an end of another.
+/// A curve from the end of one chain to the end of another.
 struct Bridge {
-    /// The chains, and which of their ends: 0 for the first node, 1 for the last.
+    /// The chains, and their ends: 0 for the first node, 1 for the last.
     ends: [(usize, usize); 2],
     curve: Vec<Place>,
     cost: f64,
     fixed: f64,
 }
 
-/// The cheapest ways to join chains over gaps, or leave some out, until `ropes` are left; as many as worth it if their
-/// number is not known, where each costs `each`.
-pub fn joined(
+/// Finds the cheapest ways to join chains over gaps, or drop some, until `ropes` are left.
+///
+/// If their number is not known, it joins as many as are worth it, where each rope costs `each`.
+pub fn join_pieces(
     silhouette: &Silhouette,
     chains: &[Vec<Place>],
     ropes: Option<usize>,
@@ -56,8 +61,8 @@ pub fn joined(
     if chains.len() < 2 || (ropes.is_some() && asked == 0) {
         return vec![Joined { chains: chains.to_vec(), cost: 0.0, fixed: 0.0 }];
     }
-    let bridges = bridges(silhouette, chains, if ropes.is_some() { DEAREST } else { each });
-    let left: Vec<f64> = chains.iter().map(|c| 1.0 + LEFT * length(c) / silhouette.radius_px).collect();
+    let bridges = find_bridges(silhouette, chains, if ropes.is_some() { MAX_COST } else { each });
+    let left: Vec<f64> = chains.iter().map(|c| 1.0 + DROPPED * length(c) / silhouette.radius_px).collect();
     let mut search = Search {
         bridges: &bridges,
         left: &left,
@@ -69,10 +74,10 @@ pub fn joined(
     };
     search.add(0, &mut Vec::new(), (0..chains.len()).collect(), 0.0);
     let found = search.found;
-    found.into_iter().map(|(_, chosen)| assembled(silhouette, chains, &bridges, &left, &chosen)).collect()
+    found.into_iter().map(|(_, chosen)| assemble(silhouette, chains, &bridges, &left, &chosen)).collect()
 }
 
-/// What is done: a bridge, or a chain that is left out.
+/// A step of a solution: a bridge, or a dropped chain.
 #[derive(Clone, Copy)]
 enum Step {
     Bridge(usize),
@@ -82,20 +87,20 @@ enum Step {
 struct Search<'a> {
     bridges: &'a [Bridge],
     left: &'a [f64],
-    /// How many steps there have to be; none if that is open.
+    /// The number of steps; None if that is open.
     asked: Option<usize>,
     gain: f64,
     most: usize,
     tried: usize,
-    /// What each costs, the cheapest first.
+    /// Solutions with their costs, the cheapest first.
     found: Vec<(f64, Vec<Step>)>,
 }
 
 impl Search<'_> {
-    /// Takes steps from the `next` on; `group`: which chains are one already.
+    /// Tries steps from number `next` on; `group` numbers the chains that are already joined.
     fn add(&mut self, next: usize, chosen: &mut Vec<Step>, group: Vec<usize>, cost: f64) {
         self.tried += 1;
-        if self.tried > TRIED {
+        if self.tried > MAX_TRIED {
             return;
         }
         if self.found.len() == self.most && cost >= self.found[self.most - 1].0 && self.gain == 0.0 {
@@ -132,7 +137,7 @@ impl Search<'_> {
                     self.bridges[b].cost - self.gain
                 }
                 Step::Leave(chain) => {
-                    // all cannot be left out
+                    // at least one chain must stay
                     let alone = group.iter().filter(|g| **g == group[chain]).count() == 1;
                     if !alone || self.asked.is_none() {
                         continue;
@@ -147,13 +152,13 @@ impl Search<'_> {
     }
 }
 
-/// Bridges between the ends of chains that cost less than `dearest`, the cheapest first.
-fn bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<Bridge> {
+/// Finds bridges between ends of chains that cost less than `dearest`, the cheapest first.
+fn find_bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<Bridge> {
     let mut found = Vec::new();
     for i in 0..chains.len() {
         for j in i + 1..chains.len() {
             for (e, f) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                found.extend(bridge(silhouette, chains, [(i, e), (j, f)], dearest));
+                found.extend(make_bridge(silhouette, chains, [(i, e), (j, f)], dearest));
             }
         }
     }
@@ -169,24 +174,24 @@ fn bridges(silhouette: &Silhouette, chains: &[Vec<Place>], dearest: f64) -> Vec<
     found
 }
 
-/// A chain's nodes from an end on, without those that turn to the mask's corners.
-fn from_end(chain: &[Place], end: usize) -> Vec<Place> {
-    let cut = if chain.len() > CUT + HEADING { CUT } else { 0 };
+/// Returns a chain's nodes from an end on, without those that turn to the mask's corners.
+fn take_from_end(chain: &[Place], end: usize) -> Vec<Place> {
+    let cut = if chain.len() > CORNER_NODES + HEADING_NODES { CORNER_NODES } else { 0 };
     let nodes = &chain[cut * usize::from(end == 0)..chain.len() - cut * usize::from(end == 1)];
     if end == 0 { nodes.to_vec() } else { nodes.iter().rev().copied().collect() }
 }
 
-/// The cheapest curve between two ends, if it costs less than `dearest`.
-fn bridge(
+/// Finds the cheapest curve between two ends; None if it costs `dearest` or more.
+fn make_bridge(
     silhouette: &Silhouette,
     chains: &[Vec<Place>],
     ends: [(usize, usize); 2],
     dearest: f64,
 ) -> Option<Bridge> {
     let radius_px = silhouette.radius_px;
-    let [p, q] = ends.map(|(chain, end)| from_end(&chains[chain], end));
+    let [p, q] = ends.map(|(chain, end)| take_from_end(&chains[chain], end));
     let heading = |p: &[Place]| {
-        let back = p[HEADING.min(p.len() - 1)];
+        let back = p[HEADING_NODES.min(p.len() - 1)];
         unit([p[0][0] - back[0], p[0][1] - back[1]])
     };
     let (a, b, out, into) = (p[0], q[0], heading(&p), heading(&q).map(|x| -x));
@@ -223,11 +228,11 @@ fn bridge(
             best = Some(Bridge { ends, curve, cost, fixed });
         }
     }
-    best.filter(|_| apart(a, b) > 1e-6)
+    best.filter(|_| distance(a, b) > 1e-6)
 }
 
-/// The chains after some steps.
-fn assembled(
+/// Applies the steps of a solution to chains.
+fn assemble(
     silhouette: &Silhouette,
     chains: &[Vec<Place>],
     bridges: &[Bridge],
@@ -270,7 +275,9 @@ fn assembled(
             if enter == 1 {
                 own.reverse();
             }
-            let cut = |linked: bool| if linked && own.len() > CUT + HEADING { CUT } else { 0 };
+            let cut = |linked: bool| {
+                if linked && own.len() > CORNER_NODES + HEADING_NODES { CORNER_NODES } else { 0 }
+            };
             let (first, last) = (cut(over[chain][enter].is_some()), cut(over[chain][leave].is_some()));
             nodes.extend(&own[first..own.len() - last]);
             let Some((k, turned)) = over[chain][leave] else { break };
@@ -299,30 +306,30 @@ mod tests {
     #[test]
     fn pieces_are_joined_behind_what_hides_them_rather_than_where_the_camera_sees_through() {
         let silhouette = behind_a_bar();
-        // the middle is hidden; another piece ends as near, straight ahead over bare table
+        // the middle is hidden; another piece ends at the same distance, straight ahead over bare table
         let pieces = [
             line([22.0, 60.0], [79.0, 60.0]),
             line([121.0, 60.0], [178.0, 60.0]),
             line([178.0, 100.0], [178.0, 118.0]),
         ];
-        let ways = joined(&silhouette, &pieces, Some(2), 5.0, 3);
+        let ways = join_pieces(&silhouette, &pieces, Some(2), 5.0, 3);
         assert_eq!(ways.len(), 3);
         let best = &ways[0];
         let longest = best.chains.iter().map(|c| length(c)).fold(0.0, f64::max);
         assert!(best.chains.len() == 2 && (longest - 156.0).abs() < 2.0, "{longest}");
         assert!(best.cost < 4.0 && ways[1].cost > best.cost + 1.0);
-        // their number is not known: the gap is worth a rope, the bare table is not
-        let open = joined(&silhouette, &pieces, None, 5.0, 3);
+        // the number of ropes is not known: joining over the hidden gap is worth a rope, over the bare table it is not
+        let open = join_pieces(&silhouette, &pieces, None, 5.0, 3);
         assert_eq!(open[0].chains.len(), 2);
         // a single piece stays
-        assert_eq!(joined(&silhouette, &pieces[..1], Some(1), 5.0, 3)[0].chains, pieces[..1]);
+        assert_eq!(join_pieces(&silhouette, &pieces[..1], Some(1), 5.0, 3)[0].chains, pieces[..1]);
     }
 
     #[test]
     fn a_short_piece_far_off_is_left_out() {
         let silhouette = behind_a_bar();
         let pieces = [line([122.0, 60.0], [178.0, 60.0]), line([130.0, 10.0], [150.0, 10.0])];
-        let ways = joined(&silhouette, &pieces, Some(1), 5.0, 2);
+        let ways = join_pieces(&silhouette, &pieces, Some(1), 5.0, 2);
         assert_eq!(ways[0].chains, pieces[..1]);
         assert!(ways[0].fixed == 0.0 && ways[0].cost > 1.0);
     }

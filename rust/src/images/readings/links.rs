@@ -1,59 +1,65 @@
-//! Curves through zones: from port to port, fitted to the mask's edge.
+//! Curves through zones, from port to port, fitted to the mask's edge.
 
 use super::lookup::Lookup;
 use super::network::{Network, Port, Skeleton};
-use super::planar::{Place, apart, bending, hermite, length, resampled, smoothed, unit};
+use super::planar::{Place, bending, distance, hermite, length, resampled, smoothed, unit};
 use crate::geometry::banded::{Bordered, PLANAR};
 use crate::images::silhouette::{Edge, Silhouette};
 
-/// Nodes of a curve are this far apart, radii.
+/// Distance between the nodes of a curve, image radii.
 pub const STEP: f64 = 0.5;
-/// Nodes of a segment that a curve through its zone is fitted together with.
+/// Nodes of a segment that are fitted together with a curve through its zone.
 pub const TAIL: usize = 8;
 /// Weights of bending and of its change in the fit.
 pub const FIT_BENDING: [f64; 2] = [3.0, 10.0];
-/// The edge's lateral deviation, radii, and the share of edge that is independent.
+/// Lateral standard deviation of the edge, image radii.
 pub const EDGE_SD: f64 = 0.25;
+/// Share of edge places that are independent.
 pub const EDGE_SHARE: f64 = 0.5;
-/// Edges that want the axis farther than this from a curve at first are not its own, radii.
-const FARTHEST: f64 = 3.0;
-/// Nodes on each side of the last nearest one that are asked.
+/// Largest distance of an edge's vote from the first curve, image radii.
+const MAX_VOTE: f64 = 3.0;
+/// Nodes on each side of the last nearest one in which the nearest one is sought.
 const NEAR: usize = 3;
-/// What bending, its change, and tube outside the mask cost.
+/// Cost of bending, for each r ∫ κ² ds.
 pub const BENDING: f64 = 3.0;
+/// Cost of changes of bending, for each r³ ∫ κ'² ds.
 pub const CHANGE: f64 = 5.0;
+/// Cost of tube outside the mask.
 const OUTSIDE: f64 = 1.5;
+/// Cost of a kink.
 const KINK: f64 = 5.0;
-/// A curve that turns more than this between nodes has a kink, radians.
-const SHARPEST: f64 = 1.0;
-/// What an end inside a zone costs, and a stub that is nothing.
+/// A larger turn between nodes is a kink, radians.
+const MAX_TURN: f64 = 1.0;
+/// Cost of an end inside a zone.
 const FREE_END: f64 = 5.0;
+/// Cost of a stub that is dropped.
 const DROPPED: f64 = 1.5;
-/// A fit is given up after so many steps if its curve then costs this many times what two ends and all the mask that it
-/// can cover do: for an end, and for each radius of the curve.
+/// Steps of a fit after which hopeless curves are given up.
 const TRIAL: usize = 3;
+/// A curve is hopeless if it costs this many times as much as two ends and the mask that it can cover.
 const HOPELESS: f64 = 2.0;
+/// Cost of uncovered mask, for each radius of the curve.
 const BARE: f64 = 2.0;
-/// A curve that costs less than this is not tried from another start.
+/// A curve that costs less needs no other start.
 const GOOD: f64 = 0.5;
-/// Longer curves through a zone are not tried, radii.
-const LONGEST: f64 = 100.0;
+/// Length of a curve through a zone at most, image radii.
+const MAX_LENGTH: f64 = 100.0;
 
-/// A curve from a port on: to another, or to a rope's end inside the zone.
+/// A curve from a port to another, or to a rope's end inside the zone.
 #[derive(Debug, Clone)]
 pub struct Link {
-    /// With the tails of the segments that it joins.
+    /// Nodes with the tails of the segments that it joins.
     pub full: Vec<Place>,
-    /// Between the ports.
+    /// Nodes between the ports.
     pub middle: Vec<Place>,
-    /// How many nodes of `full` are the first segment's tail, and the second's.
+    /// Numbers of nodes of `full` that are the first and the second segment's tail.
     pub tails: [usize; 2],
     pub cost: f64,
-    /// The segment is a stub that is left out.
+    /// Whether the segment is a stub that is dropped.
     pub dropped: bool,
 }
 
-/// Where a mask's edges want the axis of a rope: a radius inside.
+/// Votes of a mask's edges for the axis: places a radius inside.
 pub struct Votes {
     places: Vec<Place>,
     lookup: Lookup,
@@ -68,7 +74,7 @@ impl Votes {
         Self { places, lookup }
     }
 
-    /// Those near a polyline: their numbers, ascending, and the node that is nearest to each.
+    /// Returns the votes near a polyline: their numbers, ascending, and the node nearest to each.
     fn near(&self, p: &[Place], within: f64) -> Vec<(usize, usize)> {
         let mut nearest = vec![(within * within, usize::MAX); self.places.len()];
         for (i, node) in p.iter().enumerate() {
@@ -84,23 +90,23 @@ impl Votes {
     }
 }
 
-/// Moves a polyline so that the mask's edge is a radius away, its tube is in the mask and it bends little.
+/// Fits a polyline to the mask: the edge is a radius away, the tube is inside, and bending is small.
 ///
-/// `anchors`: how much each node is held, in units of 1/radius². None if the curve would be no part of a good reading.
-pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
+/// `anchors` holds each node with a weight in 1/radius². None if the curve cannot belong to a good reading.
+pub fn fit(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f64]) -> Option<Vec<Place>> {
     let radius_px = silhouette.radius_px;
     let n = p.len();
     let h = length(p) / (n - 1) as f64 / radius_px;
-    let smooth = smoothness(n, h, FIT_BENDING);
+    let smooth = make_smoothness(n, h, FIT_BENDING);
     let mut x = p.to_vec();
     let mut edges: Vec<(Place, Edge, usize)> = votes
-        .near(p, FARTHEST * radius_px)
+        .near(p, MAX_VOTE * radius_px)
         .into_iter()
         .map(|(k, nearest)| (votes.places[k], silhouette.boundary[k], nearest))
         .collect();
     for iteration in 0..8 {
         let most_cost = HOPELESS * (2.0 * FREE_END + BARE * h * (n - 1) as f64);
-        if iteration == TRIAL && curve_cost(silhouette, &x) > most_cost {
+        if iteration == TRIAL && price_curve(silhouette, &x) > most_cost {
             return None;
         }
         let reach = if iteration < 4 { 1.3 } else { 0.8 };
@@ -137,7 +143,7 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
             })
             .collect();
         for (vote, edge, last) in &mut edges {
-            // nodes move little: the nearest one is near the last nearest one
+            // nodes move little, so the nearest one is near the last nearest one
             let range = last.saturating_sub(NEAR)..(*last + NEAR + 1).min(n);
             let mut least = f64::INFINITY;
             let mut k = 0;
@@ -185,8 +191,8 @@ pub fn fitted(silhouette: &Silhouette, votes: &Votes, p: &[Place], anchors: &[f6
     Some(x)
 }
 
-/// Lower rows of the matrix of bending and its change: for each node itself and the three before it.
-pub fn smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
+/// Returns the lower rows of the matrix of bending and its change: entries for each node and the three before it.
+pub fn make_smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
     let mut rows = vec![[0.0; 4]; n];
     let mut add = |taps: &[f64], weight: f64| {
         for start in 0..(n + 1).saturating_sub(taps.len()) {
@@ -202,8 +208,8 @@ pub fn smoothness(n: usize, h: f64, weights: [f64; 2]) -> Vec<[f64; 4]> {
     rows
 }
 
-/// The nodes of a segment before a port, the port last.
-pub fn tail(network: &Network, port: Port) -> Vec<Place> {
+/// Returns the nodes of a segment before a port, the port last.
+pub fn take_tail(network: &Network, port: Port) -> Vec<Place> {
     let points = &network.segments[port.segment].points;
     let n = points.len().min(TAIL);
     if port.end == 1 {
@@ -213,14 +219,14 @@ pub fn tail(network: &Network, port: Port) -> Vec<Place> {
     }
 }
 
-/// The direction in which a tail ends.
-fn direction(tail: &[Place], nodes: usize) -> Place {
+/// Returns the direction at the end of a tail.
+fn find_direction(tail: &[Place], nodes: usize) -> Place {
     let (a, b) = (tail[tail.len().saturating_sub(nodes)], tail[tail.len() - 1]);
     if tail.len() < 2 { [0.0; 2] } else { unit([b[0] - a[0], b[1] - a[1]]) }
 }
 
-/// The best curve through a zone between two ports.
-pub fn link(
+/// Finds the best curve through a zone between two ports.
+pub fn make_link(
     silhouette: &Silhouette,
     votes: &Votes,
     skeleton: &Skeleton,
@@ -228,9 +234,9 @@ pub fn link(
     ports: [Port; 2],
 ) -> Option<Link> {
     let radius_px = silhouette.radius_px;
-    let [ta, tb] = ports.map(|p| tail(network, p));
+    let [ta, tb] = ports.map(|p| take_tail(network, p));
     let (a, b) = (ta[ta.len() - 1], tb[tb.len() - 1]);
-    let (da, db) = (direction(&ta, 5), direction(&tb, 5));
+    let (da, db) = (find_direction(&ta, 5), find_direction(&tb, 5));
     let zone = &network.zones[ports[0].zone as usize - 1];
     let mut starts = Vec::new();
     if let Some(way) = skeleton.way(zone, a, b)
@@ -241,11 +247,11 @@ pub fn link(
     starts.push(hermite(a, da, b, [-db[0], -db[1]]));
     let mut best: Option<Link> = None;
     for start in starts {
-        if length(&start) > LONGEST * radius_px || best.as_ref().is_some_and(|b| b.cost < GOOD) {
+        if length(&start) > MAX_LENGTH * radius_px || best.as_ref().is_some_and(|b| b.cost < GOOD) {
             continue;
         }
         let mut full: Vec<Place> = ta[..ta.len() - 1].to_vec();
-        if apart(start[0], a) >= radius_px {
+        if distance(start[0], a) >= radius_px {
             full.push(a);
         }
         full.extend(&start);
@@ -260,8 +266,8 @@ pub fn link(
         let anchors: Vec<f64> = (0..n)
             .map(|i| if at(i) < na - radius_px || at(i) > total - nb + radius_px { 1.0 } else { 0.0 })
             .collect();
-        let Some(full) = fitted(silhouette, votes, &full, &anchors) else { continue };
-        let cost = curve_cost(silhouette, &full);
+        let Some(full) = fit(silhouette, votes, &full, &anchors) else { continue };
+        let cost = price_curve(silhouette, &full);
         if best.as_ref().is_none_or(|b| cost < b.cost) {
             let first = (0..n).find(|&i| at(i) >= na).unwrap_or(n);
             let last = (0..n).find(|&i| at(i) >= total - nb).unwrap_or(n);
@@ -272,8 +278,8 @@ pub fn link(
     best
 }
 
-/// What a curve costs: bending, its change, tube outside the mask, kinks.
-pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
+/// Prices a curve: bending, its change, tube outside the mask, kinks.
+pub fn price_curve(silhouette: &Silhouette, p: &[Place]) -> f64 {
     let radius_px = silhouette.radius_px;
     let (bent, change) = bending(p, radius_px);
     let bare = |x: Place| {
@@ -282,21 +288,21 @@ pub fn curve_cost(silhouette: &Silhouette, p: &[Place]) -> f64 {
     let outside: f64 = p.iter().map(|&x| bare(x)).sum::<f64>() * STEP;
     let sharp = p.windows(3).any(|w| {
         let (d, e) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
-        (d[0] * e[1] - d[1] * e[0]).atan2(d[0] * e[0] + d[1] * e[1]).abs() > SHARPEST
+        (d[0] * e[1] - d[1] * e[0]).atan2(d[0] * e[0] + d[1] * e[1]).abs() > MAX_TURN
     });
     BENDING * bent + CHANGE * change + OUTSIDE * outside + if sharp { KINK } else { 0.0 }
 }
 
-/// A rope's end inside a zone: straight on from a port as far as the mask reaches; a stub may be nothing.
-pub fn free_end(silhouette: &Silhouette, network: &Network, port: Port) -> Link {
+/// Makes a rope's end inside a zone: straight from a port as far as the mask reaches. A stub may be dropped.
+pub fn make_free_end(silhouette: &Silhouette, network: &Network, port: Port) -> Link {
     let radius_px = silhouette.radius_px;
     if network.stubs[port.segment] {
         let full = network.segments[port.segment].points.clone();
         let middle = vec![full[0]];
         return Link { full, middle, tails: [0, 0], cost: DROPPED, dropped: true };
     }
-    let tail = tail(network, port);
-    let d = direction(&tail, 6);
+    let tail = take_tail(network, port);
+    let d = find_direction(&tail, 6);
     let mut middle = vec![tail[tail.len() - 1]];
     for _ in 0..24 {
         let x = middle[middle.len() - 1];

@@ -1,11 +1,11 @@
-//! Places in the image, found by where they are.
+//! Look-up of places in the image by their position.
 
 use super::planar::Place;
 
-/// Cells along a side, at most: where ropes are much thinner than a pixel.
-const MOST_CELLS: f64 = 4096.0;
+/// Cells along a side at most; matters for ropes much thinner than a pixel.
+const MAX_CELLS: f64 = 4096.0;
 
-/// Places in cells of one size.
+/// Places sorted into square cells.
 pub struct Lookup {
     low: Place,
     cell: f64,
@@ -16,7 +16,7 @@ pub struct Lookup {
 }
 
 impl Lookup {
-    /// Of these places, in cells of this size or larger.
+    /// Sorts places into cells of this size or larger.
     pub fn new(nodes: &[Place], cell: f64) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -26,8 +26,8 @@ impl Lookup {
                 high[c] = high[c].max(x[c]);
             }
         }
-        let cell = cell.max((high[0] - low[0]).max(high[1] - low[1]) / MOST_CELLS);
-        // of no places nothing is found
+        let cell = cell.max((high[0] - low[0]).max(high[1] - low[1]) / MAX_CELLS);
+        // without places nothing is found
         let width = ((high[0] - low[0]).max(0.0) / cell) as usize + 1;
         let height = ((high[1] - low[1]).max(0.0) / cell) as usize + 1;
         let cell_of =
@@ -49,7 +49,7 @@ impl Lookup {
         Self { low, cell, width, height, starts, nodes: sorted }
     }
 
-    /// Calls with the numbers of the places in the cells within a reach of a place.
+    /// Calls with the number of each place in the cells within reach of a place.
     pub fn visit(&self, at: Place, reach: f64, mut call: impl FnMut(usize)) {
         let range = |c: usize, count: usize| {
             let first = ((at[c] - reach - self.low[c]) / self.cell).floor().max(0.0) as usize;

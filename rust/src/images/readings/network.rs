@@ -1,25 +1,25 @@
-//! What a mask's skeleton says: stretches where one strand is seen, zones where strands merge, and ports between them.
+//! Segments, zones and ports of a mask's skeleton.
 
-use super::planar::{Place, apart, length, resampled, smoothed};
+use super::planar::{Place, distance, length, resampled, smoothed};
 use super::skeleton::Net;
 use crate::images::image::Image;
 use crate::images::silhouette::Silhouette;
 use crate::images::thinning::thinned;
 
-/// A skeleton is wider than one strand where its distance from the edge is above this, radii.
+/// The skeleton of more than one strand is farther than this from the edge, image radii.
 const WIDE: f64 = 1.35;
-/// Zones reach this much farther than the mask's width at a junction, radii.
+/// Margin of zones around the mask's width at a junction, image radii.
 const ZONE_PAD: f64 = 0.3;
-/// Branches of a skeleton that reach no farther than this out of the strand that they leave are spurs, radii: of most
-/// readings, and of those that look for ends beside another strand.
+/// Length of spurs out of the strand that they leave, image radii: for most readings, and for those that look for ends
+/// beside another strand.
 pub const SPURS: [f64; 2] = [0.35, -0.4];
-/// Stretches between two zones with odd numbers of ports that hide two strands are shorter than this, radii.
-const STACK: f64 = 12.0;
+/// Length of a stack of two strands between two zones at most, image radii.
+const MAX_STACK: f64 = 12.0;
 
-/// The pruned skeleton of a mask, and where strands merge.
+/// The pruned skeleton of a mask, and the zones where strands merge.
 pub struct Skeleton {
     net: Net,
-    /// Which pixels are in zones.
+    /// Whether each pixel is in a zone.
     zone: Vec<bool>,
     /// Places of the pixels in the image.
     places: Vec<Place>,
@@ -28,10 +28,10 @@ pub struct Skeleton {
     scale: f64,
 }
 
-/// A stretch where one strand is seen.
+/// A stretch with one strand.
 #[derive(Debug, Clone)]
 pub struct Segment {
-    /// Half a radius apart.
+    /// Nodes, half a radius apart.
     pub points: Vec<Place>,
     /// The zone at each end, from 1 on; 0 for none.
     pub zones: [u32; 2],
@@ -54,12 +54,12 @@ pub struct Network {
     pub ports: Vec<Port>,
     /// Pixels of each zone, ascending.
     pub zones: Vec<Vec<u32>>,
-    /// Segments so short that they may be nothing: one end at a zone, the other free.
+    /// Whether each segment is so short that it may be nothing, with one end at a zone and the other free.
     pub stubs: Vec<bool>,
 }
 
 impl Skeleton {
-    /// Thins a mask, prunes spurs that reach out no farther than `spur` radii, and finds zones.
+    /// Thins a mask, prunes spurs that reach out at most `spur` image radii, and finds zones.
     pub fn new(silhouette: &Silhouette, spur: f64) -> Self {
         let radius_px = silhouette.radius_px;
         let scale = silhouette.scale as f64;
@@ -70,7 +70,7 @@ impl Skeleton {
         let (net, junction) = loop {
             let net = Net::new(pixels, width, &mut numbers);
             let junction: Vec<bool> = (0..net.len()).map(|i| net.near(i).len() >= 3).collect();
-            let gone = spurs(&net, &junction, spur * radius_px, radius_px, scale, depth_at);
+            let gone = find_spurs(&net, &junction, spur * radius_px, radius_px, scale, depth_at);
             if gone.is_empty() {
                 break (net, junction);
             }
@@ -84,14 +84,14 @@ impl Skeleton {
         let place = |k: usize| silhouette.original(k % width, k / width);
         let places: Vec<Place> = net.pixels.iter().map(|&k| place(k)).collect();
         let depth: Vec<f64> = net.pixels.iter().map(|&k| depth_at(k)).collect();
-        let zone = zones(&net, &junction, &places, &depth, radius_px, scale);
+        let zone = find_zones(&net, &junction, &places, &depth, radius_px, scale);
         Self { net, zone, places, depth, scale }
     }
 
-    /// Reads it as segments and zones.
+    /// Divides the skeleton into segments and zones.
     ///
-    /// With `contract`, a short single strand between two zones with odd numbers of ports becomes zone: two strands may be
-    /// stacked there. Pixels of `hidden` become zone too.
+    /// Pixels of `hidden` join zones. With `contract`, so does a short stretch between two zones with odd numbers of
+    /// ports: two strands may be stacked there.
     pub fn read(&self, radius_px: f64, contract: bool, hidden: &[u32]) -> Network {
         let mut zone = self.zone.clone();
         for &i in hidden {
@@ -123,7 +123,7 @@ impl Skeleton {
                 .iter()
                 .filter(|s| s.zones[0] != s.zones[1] && odd(s.zones[0]) && odd(s.zones[1]))
                 .map(|s| (length(&s.points), s))
-                .filter(|(long, _)| contract && *long < STACK * radius_px)
+                .filter(|(long, _)| contract && *long < MAX_STACK * radius_px)
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((_, segment)) = hides {
                 for &i in &segment.path {
@@ -145,30 +145,32 @@ impl Skeleton {
         }
     }
 
-    /// Whether two are the same lines, and so the same zones.
+    /// Returns whether two skeletons have the same lines, and so the same zones.
     pub fn is_same(&self, other: &Self) -> bool {
         self.net.pixels == other.net.pixels
     }
 
-    /// The place of a pixel in the magnified image.
+    /// Returns the index of a pixel in the magnified image.
     pub fn pixel(&self, i: u32) -> usize {
         self.net.pixels[i as usize]
     }
 
-    /// Where pixels lie in the image.
+    /// Returns the place of a pixel in the image.
     pub fn place(&self, i: u32) -> Place {
         self.places[i as usize]
     }
 
-    /// How far pixels are from the mask's edge, pixels.
+    /// Returns the distance of a pixel from the mask's edge, pixels.
     pub fn depth(&self, i: u32) -> f64 {
         self.depth[i as usize]
     }
 
-    /// The shortest way through a zone's pixels between those nearest to two places.
+    /// Returns the shortest way through a zone's pixels, between the pixels nearest to two places.
     pub fn way(&self, zone: &[u32], from: Place, to: Place) -> Option<Vec<Place>> {
         let nearest = |x: Place| {
-            zone.iter().copied().min_by(|&a, &b| apart(self.place(a), x).total_cmp(&apart(self.place(b), x)))
+            zone.iter()
+                .copied()
+                .min_by(|&a, &b| distance(self.place(a), x).total_cmp(&distance(self.place(b), x)))
         };
         let (first, last) = (nearest(from)?, nearest(to)?);
         let at = |i: u32| zone.binary_search(&i).ok();
@@ -203,8 +205,9 @@ impl Skeleton {
     }
 }
 
-/// Pixels of branches that are no strands: the shortest one of each junction, so that an end's fork keeps a prong.
-fn spurs(
+/// Finds pixels of branches that are no strands: the shortest branch of each junction, so that a fork at an end keeps
+/// one.
+fn find_spurs(
     net: &Net,
     junction: &[bool],
     spur: f64,
@@ -226,13 +229,13 @@ fn spurs(
     for (k, line) in lines.iter().enumerate() {
         let [a, b] = line.ends;
         if a == 0 && b == 0 {
-            // a crumb
+            // a separate piece
             if (line.path.len() as f64) < 2.0 * radius_px * scale && lines.len() > 1 {
                 gone.extend(&line.path);
             }
         } else if a == 0 || b == 0 {
             let j = a.max(b) as usize;
-            let long = line_length(net, &line.path) / scale;
+            let long = measure_line(net, &line.path) / scale;
             if long < wide[j] + spur && shortest[j].is_none_or(|(least, _)| long < least) {
                 shortest[j] = Some((long, k));
             }
@@ -244,13 +247,13 @@ fn spurs(
     gone
 }
 
-/// The length of a line of pixels.
-fn line_length(net: &Net, path: &[u32]) -> f64 {
+/// Measures the length of a line of pixels.
+fn measure_line(net: &Net, path: &[u32]) -> f64 {
     path.windows(2).map(|w| net.step(w[0], w[1])).sum()
 }
 
-/// Which pixels are in zones: where the mask is wide, and near junctions.
-fn zones(
+/// Finds the pixels of zones: where the mask is wide, and near junctions.
+fn find_zones(
     net: &Net,
     junction: &[bool],
     places: &[Place],
@@ -264,7 +267,7 @@ fn zones(
         .map(|i| {
             let nearest = junctions
                 .iter()
-                .map(|&j| (apart(places[i], places[j]), j))
+                .map(|&j| (distance(places[i], places[j]), j))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             depth[i] > WIDE * radius_px
                 || nearest.is_some_and(|(away, j)| away < depth[j] + ZONE_PAD * radius_px)
@@ -273,14 +276,14 @@ fn zones(
     for _ in 0..2 {
         // short single strands beside a zone belong to it
         let single: Vec<bool> = zone.iter().map(|z| !z).collect();
-        for group in members(net, &single) {
+        for group in list_members(net, &single) {
             let touches = group.iter().any(|&i| net.near(i).iter().any(|&k| zone[k as usize]));
             if (group.len() as f64) < 1.2 * radius_px * scale && touches {
                 group.iter().for_each(|&i| zone[i] = true);
             }
         }
-        // short wide bits without a junction are one strand
-        for group in members(net, &zone) {
+        // short wide pieces without a junction are one strand
+        for group in list_members(net, &zone) {
             let long = group.len() as f64 / scale;
             let wide = group.iter().map(|&i| depth[i]).fold(0.0, f64::max);
             if !group.iter().any(|&i| junction[i])
@@ -290,7 +293,7 @@ fn zones(
             }
         }
     }
-    // a tip inside a zone is a rope's end: its last pixels become a segment
+    // a tip inside a zone is the end of a rope: its last pixels become a segment
     let tips: Vec<usize> = (0..n).filter(|&i| zone[i] && net.near(i).len() == 1).collect();
     for tip in tips {
         let mut stub = vec![tip];
@@ -312,8 +315,8 @@ fn zones(
     zone
 }
 
-/// Pixels of each connected group of chosen ones.
-fn members(net: &Net, chosen: &[bool]) -> Vec<Vec<usize>> {
+/// Lists the pixels of each connected group of chosen pixels.
+fn list_members(net: &Net, chosen: &[bool]) -> Vec<Vec<usize>> {
     let (numbers, count) = net.groups(chosen);
     let mut members = vec![Vec::new(); count];
     for (i, &number) in numbers.iter().enumerate() {

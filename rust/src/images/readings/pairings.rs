@@ -2,28 +2,31 @@
 
 use std::collections::HashMap;
 
-use super::links::{Link, Votes, free_end, link};
+use super::links::{Link, Votes, make_free_end, make_link};
 use super::network::{Network, Port, Skeleton};
-use super::planar::{Place, apart, cross, nearest};
+use super::planar::{Place, cross, distance, nearest};
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// What uncovered mask costs for each squared radius, and two strands that touch without crossing.
+/// Cost of uncovered mask, for each squared radius.
 pub const UNCOVERED: f64 = 0.8;
+/// Cost of two strands that touch without crossing.
 const KISS: f64 = 2.5;
-/// Most ways that are kept, and that are tried.
-const KEPT: usize = 6;
-const TRIED: usize = 20_000;
-/// Ports of a zone that are all joined with each other; of more, each is joined with so many nearest ones.
-const PORTS: usize = 24;
+/// Ways that are kept at most.
+const MAX_KEPT: usize = 6;
+/// Ways that are tried at most.
+const MAX_TRIED: usize = 20_000;
+/// Ports of a zone at most that are all joined with each other.
+const MAX_PORTS: usize = 24;
+/// Nearest partners of each port in larger zones.
 const PARTNERS: usize = 16;
-/// What trying takes, in joints that are looked at for each port that is left: as much as so many tries of as many ports.
-const WORK: usize = TRIED * PORTS * PORTS * PORTS;
+/// Joints that are examined at most: as many as that number of tries with that number of ports takes.
+const MAX_WORK: usize = MAX_TRIED * MAX_PORTS * MAX_PORTS * MAX_PORTS;
 
-/// A link between two ports of a zone, or from one to a rope's end.
+/// A link between two ports of a zone, or from a port to a rope's end.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// Numbers among the zone's ports.
+    /// Their numbers among the zone's ports.
     pub ports: (usize, Option<usize>),
     pub link: Link,
 }
@@ -32,7 +35,7 @@ pub struct Joint {
 #[derive(Debug, Clone)]
 pub struct Pairings {
     pub joints: Vec<Joint>,
-    /// The best first.
+    /// The ways, the best first.
     pub ways: Vec<Way>,
 }
 
@@ -40,27 +43,27 @@ pub struct Pairings {
 #[derive(Debug, Clone)]
 pub struct Way {
     pub cost: f64,
-    /// What of it is for ends, for what is left out and for kisses.
+    /// The part of its cost for ends, dropped stubs and kisses.
     pub fixed: f64,
     pub joints: Vec<usize>,
 }
 
-/// Pixels of the mask that the links of a zone are to cover.
+/// The mask that the links of a zone should cover.
 struct Region {
     origin: Place,
     step: f64,
     width: usize,
     height: usize,
-    /// The number of each pixel among those that are to be covered; `NONE` of others.
+    /// The number of each pixel in that mask; `NONE` elsewhere.
     numbers: Vec<u32>,
-    /// How many are to be covered.
+    /// The number of these pixels.
     count: usize,
 }
 
 const NONE: u32 = u32::MAX;
 
 impl Region {
-    /// The mask around a zone, without what segments cover.
+    /// Takes the mask around a zone, without what segments cover.
     fn new(silhouette: &Silhouette, skeleton: &Skeleton, network: &Network, zone: &[u32]) -> Self {
         let radius_px = silhouette.radius_px;
         let mut low = [f64::INFINITY; 2];
@@ -114,7 +117,7 @@ impl Region {
         });
     }
 
-    /// Calls with the pixels that may be within a distance of a polyline, and with what says whether they are.
+    /// Calls with each pixel that may be within a distance of a polyline, and with a test whether it is.
     fn visit(&self, p: &[Place], reach: f64, mut call: impl FnMut(usize, &dyn Fn() -> bool)) {
         for pair in p.windows(2) {
             let ends = |c: usize, count: usize| {
@@ -141,7 +144,7 @@ impl Region {
         }
     }
 
-    /// Which of its pixels a curve covers, by number.
+    /// Returns a bit for each of its pixels that a curve covers.
     fn covered(&self, p: &[Place], reach: f64) -> Vec<u64> {
         let mut bits = vec![0u64; self.count.div_ceil(64)];
         self.visit(p, reach, |k, is_near| {
@@ -153,8 +156,8 @@ impl Region {
         bits
     }
 
-    /// The area that none of some covers, squared pixels.
-    fn uncovered(&self, covers: &[&Vec<u64>]) -> f64 {
+    /// Returns the area that no cover covers, squared pixels.
+    fn find_uncovered(&self, covers: &[&Vec<u64>]) -> f64 {
         let covered: u32 = (0..self.count.div_ceil(64))
             .map(|word| covers.iter().fold(0, |w, c| w | c[word]).count_ones())
             .sum();
@@ -162,19 +165,19 @@ impl Region {
     }
 }
 
-/// How much two curves touch without crossing: 1 where they lie on each other, 0 where they cross or keep apart.
+/// Returns how much two curves touch without crossing: 1 if they coincide, 0 if they cross or stay apart.
 ///
-/// Strands that touch by accident are rarer than strands that cross.
-fn kiss(p: &[Place], q: &[Place], radius_px: f64) -> f64 {
+/// Strands rarely touch by accident; crossings are more common.
+fn measure_kiss(p: &[Place], q: &[Place], radius_px: f64) -> f64 {
     let away = nearest(p, q);
     if away > 1.7 * radius_px || cross(p, q) { 0.0 } else { ((1.7 - away / radius_px) / 0.7).clamp(0.0, 1.0) }
 }
 
-/// Which two of a zone's ports are worth a link: all, unless there are many.
-fn partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
+/// Returns which pairs of a zone's ports are worth a link: all, unless there are many ports.
+fn choose_partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
     let n = ports.len();
-    let mut chosen = vec![vec![n <= PORTS; n]; n];
-    if n <= PORTS {
+    let mut chosen = vec![vec![n <= MAX_PORTS; n]; n];
+    if n <= MAX_PORTS {
         return chosen;
     }
     let places: Vec<Place> = ports
@@ -187,7 +190,7 @@ fn partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
     for a in 0..n {
         let mut others: Vec<usize> = (0..n).filter(|&b| b != a).collect();
         others.sort_by(|&b, &c| {
-            apart(places[a], places[b]).total_cmp(&apart(places[a], places[c])).then(b.cmp(&c))
+            distance(places[a], places[b]).total_cmp(&distance(places[a], places[c])).then(b.cmp(&c))
         });
         for &b in &others[..PARTNERS] {
             chosen[a][b] = true;
@@ -197,8 +200,8 @@ fn partners(network: &Network, ports: &[Port]) -> Vec<Vec<bool>> {
     chosen
 }
 
-/// Ranks the ways to join the ports of a zone, of which at most `most` are tried.
-pub fn pairings(
+/// Ranks the ways to join the ports of a zone; tries at most `most` of them.
+pub fn rank_pairings(
     silhouette: &Silhouette,
     votes: &Votes,
     skeleton: &Skeleton,
@@ -208,7 +211,7 @@ pub fn pairings(
     most: usize,
 ) -> Pairings {
     let radius_px = silhouette.radius_px;
-    let partners = partners(network, ports);
+    let partners = choose_partners(network, ports);
     let pairs: Vec<(usize, usize)> = (0..ports.len())
         .flat_map(|a| (a + 1..ports.len()).map(move |b| (a, b)))
         .filter(|&(a, b)| {
@@ -216,15 +219,16 @@ pub fn pairings(
             partners[a][b] && (ports[a].segment != ports[b].segment || long)
         })
         .collect();
-    let links =
-        parallel::map(&pairs, |&(a, b)| link(silhouette, votes, skeleton, network, [ports[a], ports[b]]));
+    let links = parallel::map(&pairs, |&(a, b)| {
+        make_link(silhouette, votes, skeleton, network, [ports[a], ports[b]])
+    });
     let mut joints: Vec<Joint> = pairs
         .iter()
         .zip(links)
         .filter_map(|(&(a, b), link)| Some(Joint { ports: (a, Some(b)), link: link? }))
         .collect();
     for (a, &port) in ports.iter().enumerate() {
-        joints.push(Joint { ports: (a, None), link: free_end(silhouette, network, port) });
+        joints.push(Joint { ports: (a, None), link: make_free_end(silhouette, network, port) });
     }
     let region = Region::new(silhouette, skeleton, network, &network.zones[zone]);
     let covers: Vec<Vec<u64>> =
@@ -246,7 +250,7 @@ pub fn pairings(
         covers: &covers,
         radius_px,
         kisses: HashMap::new(),
-        left: [most.min(TRIED), WORK],
+        left: [most.min(MAX_TRIED), MAX_WORK],
         ways: Vec::new(),
     };
     let all: Vec<usize> = (0..ports.len()).collect();
@@ -264,14 +268,14 @@ struct Search<'a> {
     covers: &'a [Vec<u64>],
     radius_px: f64,
     kisses: HashMap<(usize, usize), f64>,
-    /// Tries that are left, and work.
+    /// The remaining tries and joints.
     left: [usize; 2],
-    /// The best so far, the best first.
+    /// The best ways so far, the best first.
     ways: Vec<Way>,
 }
 
 impl Search<'_> {
-    /// Joins the ports that are left, the first of them in every way that is not too dear.
+    /// Joins the remaining ports: the first of them in every way that is not too expensive.
     fn join(&mut self, rest: &[usize], chosen: &mut Vec<usize>, cost: f64) {
         let work = self.joints.len() * rest.len();
         if self.left[0] == 0 || self.left[1] < work {
@@ -279,7 +283,7 @@ impl Search<'_> {
         }
         self.left = [self.left[0] - 1, self.left[1] - work];
         let at_least = cost + rest.iter().map(|&port| self.least[port]).sum::<f64>();
-        if self.ways.len() == KEPT && at_least - 1e-9 > self.ways[KEPT - 1].cost {
+        if self.ways.len() == MAX_KEPT && at_least - 1e-9 > self.ways[MAX_KEPT - 1].cost {
             return;
         }
         let Some(&a) = rest.first() else {
@@ -287,12 +291,12 @@ impl Search<'_> {
             let ends = chosen.iter().map(|&k| &self.joints[k]).filter(|j| j.ports.1.is_none());
             let fixed = kisses + ends.map(|j| j.link.cost).sum::<f64>();
             let covers: Vec<&Vec<u64>> = chosen.iter().map(|&k| &self.covers[k]).collect();
-            let bare = UNCOVERED * self.region.uncovered(&covers) / (self.radius_px * self.radius_px);
+            let bare = UNCOVERED * self.region.find_uncovered(&covers) / (self.radius_px * self.radius_px);
             let cost = cost + kisses + bare;
             let rank = self.ways.partition_point(|way| way.cost <= cost);
-            if rank < KEPT {
+            if rank < MAX_KEPT {
                 self.ways.insert(rank, Way { cost, fixed, joints: chosen.clone() });
-                self.ways.truncate(KEPT);
+                self.ways.truncate(MAX_KEPT);
             }
             return;
         };
@@ -317,14 +321,14 @@ impl Search<'_> {
         }
     }
 
-    /// What the kisses of a way's links cost.
+    /// Prices the kisses of a way's links.
     fn kisses(&mut self, chosen: &[usize]) -> f64 {
         let mut cost = 0.0;
         for (i, &k) in chosen.iter().enumerate() {
             for &l in &chosen[i + 1..] {
                 if self.joints[k].ports.1.is_some() && self.joints[l].ports.1.is_some() {
                     let (joints, radius_px) = (self.joints, self.radius_px);
-                    let new = || kiss(&joints[k].link.full, &joints[l].link.full, radius_px);
+                    let new = || measure_kiss(&joints[k].link.full, &joints[l].link.full, radius_px);
                     cost += KISS * *self.kisses.entry((k.min(l), k.max(l))).or_insert_with(new);
                 }
             }

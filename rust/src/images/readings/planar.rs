@@ -5,43 +5,43 @@ pub use crate::geometry::polyline::{resampled, smoothed};
 /// Column and row, pixels.
 pub type Place = [f64; 2];
 
-/// The length of a vector.
+/// Returns the length of a vector.
 #[inline]
 pub fn norm(d: Place) -> f64 {
     (d[0] * d[0] + d[1] * d[1]).sqrt()
 }
 
-/// The distance between two places.
+/// Returns the distance between two places.
 #[inline]
-pub fn apart(a: Place, b: Place) -> f64 {
+pub fn distance(a: Place, b: Place) -> f64 {
     norm([a[0] - b[0], a[1] - b[1]])
 }
 
-/// The length of a polyline.
+/// Returns the length of a polyline.
 pub fn length(p: &[Place]) -> f64 {
-    p.windows(2).map(|w| apart(w[0], w[1])).sum()
+    p.windows(2).map(|w| distance(w[0], w[1])).sum()
 }
 
-/// A unit vector; zero for zero.
+/// Returns the unit vector; zero for zero.
 pub fn unit(d: Place) -> Place {
     let n = norm(d).max(1e-9);
     [d[0] / n, d[1] / n]
 }
 
-/// Without repeated nodes, evenly spaced and a little smoothed.
+/// Removes repeated nodes, resamples evenly and smooths a little.
 pub fn cleaned(p: &[Place], step: f64) -> Vec<Place> {
     let mut kept: Vec<Place> = Vec::with_capacity(p.len());
     for &x in p {
-        if kept.last().is_none_or(|&last| apart(last, x) > 1e-6) {
+        if kept.last().is_none_or(|&last| distance(last, x) > 1e-6) {
             kept.push(x);
         }
     }
     smoothed(&resampled(&kept, step), 2)
 }
 
-/// The cubic from `a` with direction `ta` to `b` with direction `tb`.
+/// Returns the cubic from `a` with direction `ta` to `b` with direction `tb`.
 pub fn hermite(a: Place, ta: Place, b: Place, tb: Place) -> Vec<Place> {
-    let long = apart(a, b);
+    let long = distance(a, b);
     (0..40)
         .map(|i| {
             let t = f64::from(i) / 39.0;
@@ -54,7 +54,7 @@ pub fn hermite(a: Place, ta: Place, b: Place, tb: Place) -> Vec<Place> {
         .collect()
 }
 
-/// r ∫ κ² ds and r³ ∫ κ'² ds.
+/// Returns r ∫ κ² ds and r³ ∫ κ'² ds.
 pub fn bending(p: &[Place], radius: f64) -> (f64, f64) {
     let h = length(p) / (p.len().max(2) - 1) as f64 / radius;
     let sum = |weights: &[f64]| -> f64 {
@@ -68,20 +68,20 @@ pub fn bending(p: &[Place], radius: f64) -> (f64, f64) {
     (sum(&[1.0, -2.0, 1.0]) / square / h.powi(3), sum(&[-1.0, 3.0, -3.0, 1.0]) / square / h.powi(5))
 }
 
-/// The longest step between nodes.
-pub fn longest_step(p: &[Place]) -> f64 {
-    p.windows(2).map(|w| apart(w[0], w[1])).fold(0.0, f64::max)
+/// Returns the longest step between nodes.
+pub fn find_longest_step(p: &[Place]) -> f64 {
+    p.windows(2).map(|w| distance(w[0], w[1])).fold(0.0, f64::max)
 }
 
-/// The node nearest to a place, and its distance; none if none is nearer than `within`.
+/// Returns the node nearest to a place, and its distance; None if there is none nearer than `within`.
 ///
-/// `step` is the longest between nodes: from one that is far, as many are left out as cannot be near.
+/// `step` is the longest step between nodes: from a far node, the search skips those that cannot be near.
 #[inline]
-pub fn nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Option<(usize, f64)> {
+pub fn find_nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Option<(usize, f64)> {
     let (mut least, mut found) = (within, None);
     let mut i = 0;
     while i < p.len() {
-        let away = apart(x, p[i]);
+        let away = distance(x, p[i]);
         if away < least {
             (least, found) = (away, Some(i));
         }
@@ -90,25 +90,25 @@ pub fn nearest_node(x: Place, p: &[Place], step: f64, within: f64) -> Option<(us
     found.map(|i| (i, least))
 }
 
-/// The least distance between the nodes of two polylines.
+/// Returns the least distance between the nodes of two polylines.
 pub fn nearest(p: &[Place], q: &[Place]) -> f64 {
-    let step = longest_step(q).max(1e-9);
+    let step = find_longest_step(q).max(1e-9);
     let mut least = f64::INFINITY;
     for &x in p {
-        if let Some((_, away)) = nearest_node(x, q, step, least) {
+        if let Some((_, away)) = find_nearest_node(x, q, step, least) {
             least = away;
         }
     }
     least
 }
 
-/// Whether two polylines cross.
+/// Returns whether two polylines cross.
 pub fn cross(p: &[Place], q: &[Place]) -> bool {
-    p.windows(2).any(|s| q.windows(2).any(|t| crossing(s[0], s[1], t[0], t[1]).is_some()))
+    p.windows(2).any(|s| q.windows(2).any(|t| cross_segments(s[0], s[1], t[0], t[1]).is_some()))
 }
 
-/// Where two line segments cross, as shares of each.
-pub fn crossing(a: Place, b: Place, c: Place, d: Place) -> Option<(f64, f64)> {
+/// Returns where two segments cross, as shares of each; None if they do not.
+pub fn cross_segments(a: Place, b: Place, c: Place, d: Place) -> Option<(f64, f64)> {
     let (x, y) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
     let (w, across) = ([c[0] - a[0], c[1] - a[1]], x[0] * y[1] - x[1] * y[0]);
     if across == 0.0 {

@@ -1,19 +1,19 @@
-//! Whole chains fitted together to the mask's edge, also to stretches of it that no chain explains yet.
+//! Whole chains fitted together to the mask's edge, including pieces of edge that no chain explains yet.
 
-use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, smoothness};
+use super::links::{EDGE_SD, EDGE_SHARE, FIT_BENDING, make_smoothness};
 use super::lookup::Lookup;
 use super::planar::{Place, length, unit};
 use crate::geometry::banded::{Bordered, PLANAR};
 use crate::images::silhouette::Silhouette;
 
-/// Reach of edges that no chain explains yet, by iteration, radii.
+/// Reach of edges that no chain explains yet, by iteration, image radii.
 const REACH: [f64; 7] = [4.0, 4.0, 3.5, 3.0, 2.0, 1.3, 0.8];
-/// Edges are asked at least this far from chains, radii.
+/// Reach of edges near chains at least, image radii.
 const NEAR: f64 = 1.2;
-/// An edge is explained by a chain that runs this near to where it wants the axis, radii.
+/// An edge is explained by a chain within this distance of its vote for the axis, image radii.
 const EXPLAINED: f64 = 0.8;
 
-/// Chains fitted together.
+/// Fits chains together to the mask.
 pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
     let radius_px = silhouette.radius_px;
     let starts: Vec<usize> = chains
@@ -27,7 +27,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
     let chain_of: Vec<usize> = chains.iter().enumerate().flat_map(|(k, c)| vec![k; c.len()]).collect();
     let steps: Vec<f64> = chains.iter().map(|c| length(c) / (c.len() - 1) as f64 / radius_px).collect();
     let smooth: Vec<Vec<[f64; 4]>> =
-        chains.iter().zip(&steps).map(|(c, &h)| smoothness(c.len(), h, FIT_BENDING)).collect();
+        chains.iter().zip(&steps).map(|(c, &h)| make_smoothness(c.len(), h, FIT_BENDING)).collect();
     let is_end = |i: usize| {
         let k = chain_of[i];
         i == starts[k] || i + 1 == starts[k] + chains[k].len()
@@ -71,7 +71,7 @@ pub fn refined(silhouette: &Silhouette, chains: &[Vec<Place>]) -> Vec<Vec<Place>
             let weight = if residual.abs() < EXPLAINED {
                 (1.0 - (residual / EXPLAINED).powi(2)).powi(2).max(0.25)
             } else if residual.abs() < reach {
-                // pulls as hard as one at the limit
+                // an edge beyond the limit pulls as hard as one at the limit
                 0.25 * EXPLAINED / residual.abs()
             } else {
                 continue;

@@ -1,53 +1,57 @@
-//! Whole readings of a mask: every way to join all its zones' ports, the likely ones first.
+//! Whole readings of a mask: all ways to join all ports of its zones, the likeliest first.
 
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::sync::Arc;
 
-use super::ends::led_on;
-use super::gaps::joined;
-use super::links::{TAIL, Votes, curve_cost};
+use super::ends::lead_on;
+use super::gaps::join_pieces;
+use super::links::{TAIL, Votes, price_curve};
 use super::network::{Network, SPURS, Skeleton};
-use super::pairings::{Pairings, UNCOVERED, pairings};
-use super::planar::{Place, apart, cleaned, length, resampled};
+use super::pairings::{Pairings, UNCOVERED, rank_pairings};
+use super::planar::{Place, cleaned, distance, length, resampled};
 use super::refine::refined;
-use crate::images::image::blobs;
+use crate::images::image::find_blobs;
 use crate::images::silhouette::Silhouette;
 use crate::parallel;
 
-/// What each rope costs if their number is not known.
+/// Cost of each rope if their number is not known.
 const ROPE: f64 = 5.0;
-/// What a ring costs, a rope too few, and a reading that takes a stretch for two strands.
+/// Cost of a ring.
 const RING: f64 = 6.0;
+/// Cost of each missing rope if their number is known.
 const TOO_FEW: f64 = 8.0;
-const HIDDEN: f64 = 1.0;
-/// Stretches of mask without a chain that are larger than this may hold a rope's end, squared radii.
-const BARE: f64 = 0.4;
-/// What a reading costs that keeps short branches of the skeleton.
+/// Cost of a reading that takes a stretch for two strands.
+const STACKED: f64 = 1.0;
+/// Larger uncovered pieces of mask may hold a rope's end, squared image radii.
+const MIN_BARE: f64 = 0.4;
+/// Cost of a reading that keeps short branches of the skeleton.
 const TIPS: f64 = 1.0;
 /// Ways to join pieces over gaps in the mask that are kept.
 const GAPS: usize = 4;
-/// Stretches that may hide two strands are shorter than this, radii, and so many are tried.
-const STACK: f64 = 25.0;
+/// Length of stretches that may hide two strands at most, image radii.
+const MAX_STACK: f64 = 25.0;
+/// Such stretches that are tried.
 const STACKS: usize = 4;
-/// Most whole ways that are put together in one reading of the skeleton, and the work that they may take: squares of how
-/// many zones there are, and of how many chains, each of which counts as so many.
-const MOST: usize = 600;
-const WORK: usize = 2_000_000;
-const CHAIN: usize = 16;
-/// More chains than this are no ropes.
-const CHAINS: usize = 100;
-/// Ways of a zone that are tried where there are many zones: so many in all.
-const TRIED: usize = 4_000_000;
+/// Whole ways that are put together in one reading of the skeleton at most.
+const MAX_WAYS: usize = 600;
+/// Work on them at most: squared numbers of zones and of chains.
+const MAX_WORK: usize = 2_000_000;
+/// Weight of a squared number of chains in that work.
+const CHAIN_WORK: usize = 16;
+/// Chains of a reading at most; more are no ropes.
+const MAX_CHAINS: usize = 100;
+/// Ways of single zones that are tried, in all zones together.
+const MAX_TRIED: usize = 4_000_000;
 
 /// A whole reading of one view.
 #[derive(Debug, Clone)]
 pub struct Reading {
     pub cost: f64,
-    /// What of it is for what chains do not show: ends inside zones, kisses, gaps.
+    /// The part of the cost that chains do not show: ends inside zones, kisses, gaps.
     fixed: f64,
-    /// Nodes half a radius apart of each rope.
+    /// Nodes of each rope, half a radius apart.
     pub chains: Vec<Vec<Place>>,
-    /// How many of them were rings and have been opened.
+    /// The number of ropes that were rings and have been opened.
     pub rings: usize,
 }
 
@@ -60,35 +64,35 @@ struct Lead {
     turned: bool,
 }
 
-/// One reading of a skeleton, and what it costs more than others.
+/// One reading of a skeleton, and its extra cost.
 struct Candidate<'a> {
     skeleton: &'a Skeleton,
     network: Network,
     more: f64,
-    /// For each zone its ports, and the number of its pairings among all that are known.
+    /// For each zone its ports, and the number of its pairings among all known ones.
     zones: Vec<(Vec<usize>, usize)>,
 }
 
-/// What a zone is known by: its pixels, and of its ports the end, the middle and the length of their segments.
+/// The key of a zone: its pixels, and for each port the end, the middle and the length of its segment.
 type ZoneName = (Vec<usize>, Vec<(usize, usize, usize)>);
 
-/// The likely readings of a mask, the best first, no two alike.
-pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
+/// Finds likely readings of a mask, the best first, all different.
+pub fn find_readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> Vec<Reading> {
     let radius_px = silhouette.radius_px;
     let votes = Votes::new(silhouette);
     let skeletons = parallel::map(&SPURS, |&spur| Skeleton::new(silhouette, spur));
     let [pruned, bushy] = [&skeletons[0], &skeletons[1]];
     let different = if bushy.is_same(pruned) { vec![] } else { vec![(bushy, TIPS)] };
     let ways = parallel::map(&[vec![(pruned, 0.0)], different].concat(), |&(skeleton, more)| {
-        candidates(skeleton, radius_px, more)
+        list_candidates(skeleton, radius_px, more)
     });
     let mut candidates: Vec<Candidate> = ways.into_iter().flatten().collect();
-    // a zone that looks the same in two of them is worked out once
+    // a zone that is equal in two candidates is solved once
     let mut numbers: BTreeMap<ZoneName, usize> = BTreeMap::new();
     let mut places: Vec<(usize, usize)> = Vec::new();
     for (number, candidate) in candidates.iter_mut().enumerate() {
         for zone in 0..candidate.network.zones.len() {
-            let (ports, name) = named(candidate.skeleton, &candidate.network, zone);
+            let (ports, name) = name_zone(candidate.skeleton, &candidate.network, zone);
             let known = *numbers.entry(name).or_insert_with(|| {
                 places.push((number, zone));
                 places.len() - 1
@@ -99,7 +103,7 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
     let pairings = parallel::map(&places, |&(number, zone)| {
         let Candidate { skeleton, network, zones, .. } = &candidates[number];
         let own: Vec<_> = zones[zone].0.iter().map(|&p| network.ports[p]).collect();
-        Arc::new(pairings(silhouette, &votes, skeleton, network, zone, &own, TRIED / places.len()))
+        Arc::new(rank_pairings(silhouette, &votes, skeleton, network, zone, &own, MAX_TRIED / places.len()))
     });
     let found = parallel::map(&candidates, |candidate| search(silhouette, candidate, &pairings, ropes, most));
     let mut found = found.concat();
@@ -110,44 +114,45 @@ pub fn readings(silhouette: &Silhouette, ropes: Option<usize>, most: usize) -> V
         if kept.len() >= most {
             break;
         }
-        let course = course(&reading.chains);
-        if !courses.iter().any(|k| alike(k, &course, radius_px)) {
+        let course = sample_courses(&reading.chains);
+        if !courses.iter().any(|k| is_alike(k, &course, radius_px)) {
             kept.push(reading);
             courses.push(course);
         }
     }
-    let mut kept = parallel::map(&kept, |reading| settled(silhouette, reading));
+    let mut kept = parallel::map(&kept, |reading| settle(silhouette, reading));
     kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
 }
 
-/// What a reading of these chains costs, but for its ends, kisses and gaps.
-pub fn cost(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
-    let bent: f64 = chains.iter().map(|c| curve_cost(silhouette, c)).sum();
-    bent + UNCOVERED * uncovered(silhouette, chains).0
+/// Prices the reading with these chains, without its ends, kisses and gaps.
+pub fn price(silhouette: &Silhouette, chains: &[Vec<Place>]) -> f64 {
+    let bent: f64 = chains.iter().map(|c| price_curve(silhouette, c)).sum();
+    bent + UNCOVERED * find_uncovered(silhouette, chains).0
 }
 
-/// A reading whose chains are led on and refined, with what it then costs.
-fn settled(silhouette: &Silhouette, reading: &Reading) -> Reading {
+/// Extends and refines the chains of a reading, and prices it again.
+fn settle(silhouette: &Silhouette, reading: &Reading) -> Reading {
     let mut chains = reading.chains.clone();
     for round in 0..2 {
-        let (_, bare) = uncovered(silhouette, &chains);
-        let led = led_on(silhouette, &chains, &bare);
+        let (_, bare) = find_uncovered(silhouette, &chains);
+        let led = lead_on(silhouette, &chains, &bare);
         if round > 0 && led == chains {
             break;
         }
         chains = refined(silhouette, &led);
     }
-    Reading { cost: reading.fixed + cost(silhouette, &chains), chains, ..*reading }
+    Reading { cost: reading.fixed + price(silhouette, &chains), chains, ..*reading }
 }
 
-/// The area of mask that no chain covers, squared radii, and of each large enough stretch of it the middle and the area.
-fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
+/// Returns the area of mask that no chain covers, squared image radii, and the middle and area of each large piece of
+/// it.
+fn find_uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place, f64)>) {
     let radius_px = silhouette.radius_px;
     let ([left, top], _) = silhouette.frame();
     let mut bare = silhouette.mask.clone();
     let reach = 1.2 * radius_px + 0.3;
-    // from the first to before the last
+    // from the first, up to the one after the last
     let range = |low: f64, high: f64, count: usize| {
         let last = (high.floor().max(-1.0) + 1.0).min(count as f64) as usize;
         (low.ceil().max(0.0) as usize).min(last)..last
@@ -161,7 +166,7 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
             bare.values[start + columns.start..start + columns.end].fill(false);
         }
     }
-    let found = blobs(&bare, true, true);
+    let found = find_blobs(&bare, true, true);
     let mut sums = vec![[0.0; 2]; found.sizes.len()];
     for run in &found.runs {
         let count = (run.end - run.begin) as f64;
@@ -173,15 +178,15 @@ fn uncovered(silhouette: &Silhouette, chains: &[Vec<Place>]) -> (f64, Vec<(Place
     for (number, &size) in found.sizes.iter().enumerate() {
         let area = size as f64 / (radius_px * radius_px);
         total += area;
-        if area > BARE {
+        if area > MIN_BARE {
             stretches.push((sums[number].map(|s| s / size as f64), area));
         }
     }
     (total, stretches)
 }
 
-/// Readings of one skeleton: as it is, and with stretches taken for two strands.
-fn candidates(skeleton: &Skeleton, radius_px: f64, tips: f64) -> Vec<Candidate<'_>> {
+/// Reads one skeleton: as it is, and with stretches taken for two strands.
+fn list_candidates(skeleton: &Skeleton, radius_px: f64, tips: f64) -> Vec<Candidate<'_>> {
     let of = |network, more| Candidate { skeleton, network, more, zones: Vec::new() };
     let plain = skeleton.read(radius_px, false, &[]);
     let mut stretches: Vec<(f64, Vec<u32>)> = plain
@@ -189,7 +194,7 @@ fn candidates(skeleton: &Skeleton, radius_px: f64, tips: f64) -> Vec<Candidate<'
         .iter()
         .filter(|s| s.zones[0] != 0 && s.zones[1] != 0 && s.zones[0] != s.zones[1])
         .map(|s| (length(&s.points), s.path.clone()))
-        .filter(|(long, _)| *long < STACK * radius_px)
+        .filter(|(long, _)| *long < MAX_STACK * radius_px)
         .collect();
     stretches.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut seen = HashSet::from([plain.zones.clone()]);
@@ -198,14 +203,14 @@ fn candidates(skeleton: &Skeleton, radius_px: f64, tips: f64) -> Vec<Candidate<'
     for path in hidden {
         let network = skeleton.read(radius_px, true, &path);
         if seen.insert(network.zones.clone()) {
-            found.push(of(network, if path.is_empty() { tips } else { HIDDEN + tips }));
+            found.push(of(network, if path.is_empty() { tips } else { STACKED + tips }));
         }
     }
     found
 }
 
-/// The ports of a zone, in an order that does not depend on the reading, and what it is known by.
-fn named(skeleton: &Skeleton, network: &Network, zone: usize) -> (Vec<usize>, ZoneName) {
+/// Returns the ports of a zone, in an order that does not depend on the reading, and the zone's key.
+fn name_zone(skeleton: &Skeleton, network: &Network, zone: usize) -> (Vec<usize>, ZoneName) {
     let key = |p: usize| {
         let port = network.ports[p];
         let path = &network.segments[port.segment].path;
@@ -220,26 +225,26 @@ fn named(skeleton: &Skeleton, network: &Network, zone: usize) -> (Vec<usize>, Zo
     (ports, (pixels, keys))
 }
 
-/// Chains by length, as places that [`alike`] compares.
-fn course(chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
+/// Sorts chains by length and samples them, for [`is_alike`].
+fn sample_courses(chains: &[Vec<Place>]) -> Vec<Vec<Place>> {
     let mut chains: Vec<(f64, &Vec<Place>)> = chains.iter().map(|c| (length(c), c)).collect();
     chains.sort_by(|x, y| x.0.total_cmp(&y.0));
     chains.iter().map(|(long, c)| resampled(c, (long / 80.0).max(1e-6))).collect()
 }
 
-/// Whether two readings run through the same places in the same order, to a radius.
-fn alike(a: &[Vec<Place>], b: &[Vec<Place>], radius_px: f64) -> bool {
+/// Returns whether two readings run through the same places in the same order, within a radius.
+fn is_alike(a: &[Vec<Place>], b: &[Vec<Place>], radius_px: f64) -> bool {
     a.len() == b.len()
         && a.iter().zip(b).all(|(p, q)| {
             let n = p.len().min(q.len());
             let near = |turned: bool| {
-                (0..n).all(|i| apart(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= radius_px)
+                (0..n).all(|i| distance(p[i], if turned { q[q.len() - 1 - i] } else { q[i] }) <= radius_px)
             };
             near(false) || near(true)
         })
 }
 
-/// Ways through all zones of one reading of the skeleton, the cheapest first.
+/// Finds ways through all zones of one reading of the skeleton, the cheapest first.
 fn search(
     silhouette: &Silhouette,
     candidate: &Candidate,
@@ -264,18 +269,21 @@ fn search(
         parallel::go_on();
         tried += 1;
         work += zones.len().pow(2);
-        if tried > MOST || work > WORK || found.len() >= 4 * most {
+        if tried > MAX_WAYS || work > MAX_WORK || found.len() >= 4 * most {
             break;
         }
-        let (mut chains, rings) = assembled(network, &zones, &choice, radius_px);
+        let (mut chains, rings) = assemble(network, &zones, &choice, radius_px);
         if chains.iter().any(|c| length(c) > 2.0 * radius_px) {
             chains.retain(|c| length(c) > 2.0 * radius_px);
         }
         let fixed: f64 =
             choice.iter().zip(&zones).map(|(&i, (_, p))| p.ways.get(i).map_or(0.0, |w| w.fixed)).sum();
-        work += CHAIN * chains.len().pow(2);
-        let ways =
-            if chains.len() > CHAINS { vec![] } else { joined(silhouette, &chains, ropes, ROPE, GAPS) };
+        work += CHAIN_WORK * chains.len().pow(2);
+        let ways = if chains.len() > MAX_CHAINS {
+            vec![]
+        } else {
+            join_pieces(silhouette, &chains, ropes, ROPE, GAPS)
+        };
         for way in ways {
             let number = match ropes {
                 Some(ropes) => TOO_FEW * ropes.saturating_sub(way.chains.len()) as f64,
@@ -322,8 +330,8 @@ impl Ord for Ordered {
     }
 }
 
-/// The chains of one choice of ways, and how many were rings.
-fn assembled(
+/// Returns the chains of one choice of ways, and the number of rings.
+fn assemble(
     network: &Network,
     zones: &[(&[usize], &Arc<Pairings>)],
     choice: &[usize],
@@ -366,22 +374,22 @@ fn assembled(
         if let Some(way) = port.and_then(|p| next[p].as_ref()) {
             points.extend(way.pairings.joints[way.joint].link.middle[1..].iter().rev());
         }
-        points.extend(walked(network, &port_of, &next, &mut used, segment, leave));
+        points.extend(walk(network, &port_of, &next, &mut used, segment, leave));
         chains.push(points);
     }
     let mut rings = 0;
     for segment in 0..network.segments.len() {
         if !used[segment] {
             rings += 1;
-            chains.push(walked(network, &port_of, &next, &mut used, segment, 1));
+            chains.push(walk(network, &port_of, &next, &mut used, segment, 1));
         }
     }
     let chains = chains.iter().filter(|c| c.len() > 1).map(|c| cleaned(c, 0.5 * radius_px)).collect();
     (chains, rings)
 }
 
-/// Walks from a segment on, leaving it at its end `leave`, till a rope's end or where it began.
-fn walked(
+/// Walks from a segment on, leaving it at its end `leave`, to a rope's end or back to the start.
+fn walk(
     network: &Network,
     port_of: &[[Option<usize>; 2]],
     next: &[Option<Lead>],
@@ -404,7 +412,7 @@ fn walked(
             points.extend(&link.middle[1..]);
             break;
         };
-        // the fitted tail takes the place of the segment's own
+        // the fitted tail replaces the segment's own
         points.truncate(points.len() - TAIL.min(own.len()));
         let far = link.tails[if way.turned { 0 } else { 1 }];
         let keep = if far < link.full.len() { link.full.len() - far } else { link.full.len() };

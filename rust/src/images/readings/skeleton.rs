@@ -1,32 +1,32 @@
-//! Skeletons of masks, as nets of pixels and their neighbours.
+//! Skeletons of masks as networks of pixels.
 
 use crate::images::image::Image;
 
-/// The pixels of a skeleton, and which of them touch.
+/// The pixels of a skeleton and their neighbours.
 pub struct Net {
-    /// Places in the image, ascending.
+    /// Indices into the image, ascending.
     pub pixels: Vec<usize>,
     near: Vec<[u32; 8]>,
     degrees: Vec<u8>,
     width: usize,
 }
 
-/// A line of pixels, and the groups at its two ends.
+/// A line of pixels, and the groups at its ends.
 pub struct Line {
-    /// Numbers of pixels, in order.
+    /// Numbers of its pixels, in order.
     pub path: Vec<u32>,
-    /// Number of the group that each end touches, from 1 on; 0 for none.
+    /// The number of the group that each end touches, from 1 on; 0 for none.
     pub ends: [u32; 2],
 }
 
-/// The eight neighbours of a pixel, clockwise from above.
+/// Returns the eight neighbours of a pixel, clockwise from above.
 #[inline(always)]
-fn ring(k: usize, w: usize) -> [usize; 8] {
+fn list_neighbors(k: usize, w: usize) -> [usize; 8] {
     [k - w, k - w + 1, k + 1, k + w + 1, k + w, k + w - 1, k - 1, k - w - 1]
 }
 
 impl Net {
-    /// The net of the set pixels.
+    /// Connects set pixels.
     pub fn new(pixels: Vec<usize>, width: usize, numbers: &mut Image<u32>) -> Self {
         for (i, &k) in pixels.iter().enumerate() {
             numbers.values[k] = i as u32 + 1;
@@ -36,7 +36,7 @@ impl Net {
         for &k in &pixels {
             let (mut list, mut count) = ([0; 8], 0);
             // straight neighbours first, so that lines do not cut corners
-            let r = ring(k, width);
+            let r = list_neighbors(k, width);
             for n in [r[2], r[4], r[6], r[0], r[3], r[5], r[1], r[7]] {
                 if numbers.values[n] != 0 {
                     list[count] = numbers.values[n] - 1;
@@ -52,24 +52,24 @@ impl Net {
         Self { pixels, near, degrees, width }
     }
 
-    /// The distance between two pixels that touch.
+    /// Returns the distance between two touching pixels.
     pub fn step(&self, i: u32, j: u32) -> f64 {
         let away = self.pixels[i as usize].abs_diff(self.pixels[j as usize]);
         if away == 1 || away == self.width { 1.0 } else { std::f64::consts::SQRT_2 }
     }
 
-    /// How many pixels there are.
+    /// The number of pixels.
     pub fn len(&self) -> usize {
         self.pixels.len()
     }
 
-    /// The pixels that touch one.
+    /// The pixels that touch a pixel.
     #[inline]
     pub fn near(&self, i: usize) -> &[u32] {
         &self.near[i][..usize::from(self.degrees[i])]
     }
 
-    /// Numbers of the connected groups of chosen pixels, from 1 on, 0 for others; and how many there are.
+    /// Numbers the connected groups of chosen pixels from 1 on, 0 for other pixels; also returns the number of groups.
     pub fn groups(&self, chosen: &[bool]) -> (Vec<u32>, usize) {
         let mut numbers = vec![0u32; self.len()];
         let mut count = 0;
@@ -94,7 +94,7 @@ impl Net {
         (numbers, count)
     }
 
-    /// Follows the chosen pixels as lines; `groups` are numbers of what they may touch at their ends.
+    /// Follows the chosen pixels as lines; `groups` numbers the groups that their ends may touch.
     pub fn lines(&self, chosen: &[bool], groups: &[u32]) -> Vec<Line> {
         let (numbers, count) = self.groups(chosen);
         let mut members = vec![Vec::new(); count];

@@ -1,27 +1,27 @@
-//! Masks that are drawn, whose ropes are known.
+//! Readings of drawn masks with known ropes.
 
-use super::ends::extended;
-use super::links::{Votes, fitted};
-use super::planar::{self, Place, apart, length, resampled};
-use super::search::{Reading, cost, readings};
-use crate::images::image::{Image, blobs};
+use super::ends::extend;
+use super::links::{Votes, fit};
+use super::planar::{self, Place, distance, length, resampled};
+use super::search::{Reading, find_readings, price};
+use crate::images::image::{Image, find_blobs};
 use crate::images::silhouette::Silhouette;
-use crate::images::thinning::skeleton;
+use crate::images::thinning::find_skeleton;
 
 /// The ropes' radius, pixels.
 const RR: f64 = 8.0;
 const WIDTH: usize = 240;
 const HEIGHT: usize = 200;
 
-/// The silhouette of ropes with flat ends.
+/// Returns the silhouette of ropes with flat ends.
 fn silhouette(ropes: &[Vec<Place>]) -> Silhouette {
     let beyond = |x: Place, end: Place, before: Place| {
         let out = [end[0] - before[0], end[1] - before[1]];
-        apart(x, end) < RR && (x[0] - end[0]) * out[0] + (x[1] - end[1]) * out[1] > 0.0
+        distance(x, end) < RR && (x[0] - end[0]) * out[0] + (x[1] - end[1]) * out[1] > 0.0
     };
     let covers = |rope: &Vec<Place>, x: Place| {
         let n = rope.len();
-        distance(x, rope) < RR && !beyond(x, rope[0], rope[1]) && !beyond(x, rope[n - 1], rope[n - 2])
+        distance_to(x, rope) < RR && !beyond(x, rope[0], rope[1]) && !beyond(x, rope[n - 1], rope[n - 2])
     };
     let mask: Vec<bool> = (0..WIDTH * HEIGHT)
         .map(|k| ropes.iter().any(|rope| covers(rope, [(k % WIDTH) as f64, (k / WIDTH) as f64])))
@@ -29,14 +29,14 @@ fn silhouette(ropes: &[Vec<Place>]) -> Silhouette {
     Silhouette::of_rope(&mask, WIDTH, RR).unwrap()
 }
 
-/// The distance of a place from a polyline's line segments.
-fn distance(x: Place, p: &[Place]) -> f64 {
+/// Returns the distance of a place from a polyline.
+fn distance_to(x: Place, p: &[Place]) -> f64 {
     p.windows(2)
         .map(|w| {
             let d = [w[1][0] - w[0][0], w[1][1] - w[0][1]];
             let e = [x[0] - w[0][0], x[1] - w[0][1]];
             let t = ((e[0] * d[0] + e[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
-            apart(e, [t * d[0], t * d[1]])
+            distance(e, [t * d[0], t * d[1]])
         })
         .fold(f64::INFINITY, f64::min)
 }
@@ -45,19 +45,19 @@ fn line(a: Place, b: Place) -> Vec<Place> {
     resampled(&[a, b], 0.5 * RR)
 }
 
-/// How far two polylines are from each other, either way round, places by their shares of the length.
+/// Returns the deviation of two polylines in either direction, with places matched by their share of the length.
 fn deviation(p: &[Place], q: &[Place]) -> f64 {
     let [p, q] = [p, q].map(|c| resampled(c, length(c) / 60.0));
     let most = |turned: bool| {
-        (0..p.len()).map(|i| apart(p[i], q[if turned { q.len() - 1 - i } else { i }])).fold(0.0, f64::max)
+        (0..p.len()).map(|i| distance(p[i], q[if turned { q.len() - 1 - i } else { i }])).fold(0.0, f64::max)
     };
     assert_eq!(p.len(), q.len());
     most(false).min(most(true))
 }
 
-/// How far a reading is from the ropes: infinite if it has not as many.
+/// Returns the deviation of a reading from the ropes; infinite for another number of ropes.
 fn away(silhouette: &Silhouette, reading: &Reading, ropes: &[Vec<Place>]) -> f64 {
-    let chains = extended(silhouette, &reading.chains);
+    let chains = extend(silhouette, &reading.chains);
     if chains.len() != ropes.len() {
         return f64::INFINITY;
     }
@@ -85,10 +85,10 @@ fn thinning_keeps_connections_and_holes() {
         // specks may vanish: silhouettes have none
         mask.turn_blobs(true, true, |size| size < 40);
         let count = |image: &Image<bool>| {
-            (blobs(image, true, true).sizes.len(), blobs(image, false, false).sizes.len() - 1)
+            (find_blobs(image, true, true).sizes.len(), find_blobs(image, false, false).sizes.len() - 1)
         };
         let mut lines = Image::filled(90, 70, false);
-        for k in skeleton(&mask) {
+        for k in find_skeleton(&mask) {
             assert!(mask.values[k]);
             lines.values[k] = true;
         }
@@ -110,9 +110,9 @@ fn polylines_have_their_lengths_bends_and_crossings() {
     let long = 50.0 * std::f64::consts::FRAC_PI_2;
     assert!((length(&quarter) - long).abs() < 1e-3 * long);
     let even = resampled(&quarter, 4.0);
-    assert!(apart(even[0], quarter[0]) + apart(even[even.len() - 1], quarter[200]) < 1e-9);
+    assert!(distance(even[0], quarter[0]) + distance(even[even.len() - 1], quarter[200]) < 1e-9);
     for pair in even.windows(2) {
-        assert!((apart(pair[0], pair[1]) - long / (even.len() - 1) as f64).abs() < 1e-2);
+        assert!((distance(pair[0], pair[1]) - long / (even.len() - 1) as f64).abs() < 1e-2);
     }
     // r ∫ κ² ds = r L / R²; the curvature does not change
     let (bent, change) = planar::bending(&even, 8.0);
@@ -121,12 +121,12 @@ fn polylines_have_their_lengths_bends_and_crossings() {
     assert!(planar::bending(&line([0.0, 0.0], [80.0, 30.0]), 8.0).0 < 1e-9);
     let (a, b) = (line([0.0, 0.0], [60.0, 0.0]), line([30.0, -30.0], [30.0, 50.0]));
     assert!(planar::cross(&a, &b) && !planar::cross(&a, &line([0.0, 9.0], [60.0, 9.0])));
-    let (t, u) = planar::crossing([0.0, 0.0], [60.0, 0.0], [30.0, -30.0], [30.0, 50.0]).unwrap();
+    let (t, u) = planar::cross_segments([0.0, 0.0], [60.0, 0.0], [30.0, -30.0], [30.0, 50.0]).unwrap();
     assert!((t - 0.5).abs() < 1e-12 && (u - 0.375).abs() < 1e-12);
-    assert_eq!(planar::crossing([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]), None);
+    assert_eq!(planar::cross_segments([0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]), None);
     assert!((planar::nearest(&a, &line([0.0, 9.0], [60.0, 9.0])) - 9.0).abs() < 1e-12);
     let cubic = planar::hermite([0.0, 0.0], [1.0, 0.0], [40.0, 20.0], [1.0, 0.0]);
-    assert!(apart(cubic[0], [0.0, 0.0]) < 1e-9 && apart(cubic[39], [40.0, 20.0]) < 1e-9);
+    assert!(distance(cubic[0], [0.0, 0.0]) < 1e-9 && distance(cubic[39], [40.0, 20.0]) < 1e-9);
     assert!((cubic[1][1] / cubic[1][0]).abs() < 0.05);
     let twice: Vec<Place> = a.iter().flat_map(|&x| [x, x]).collect();
     assert!(planar::cleaned(&twice, 4.0).iter().all(|x| x[1].abs() < 1e-12));
@@ -144,7 +144,7 @@ fn a_curve_is_fitted_to_an_arc() {
         .enumerate()
         .map(|(i, x)| [x[0] + 3.0 * (i as f64).sin(), x[1] + 3.0 * (2.0 * i as f64).cos()])
         .collect();
-    let found = fitted(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()]).unwrap();
+    let found = fit(&seen, &Votes::new(&seen), &start, &vec![0.0; start.len()]).unwrap();
     for x in &found[4..found.len() - 4] {
         let off = (x[0] - 120.0).hypot(x[1] - 60.0) - 70.0;
         assert!(off.abs() < 0.1 * RR, "{off}");
@@ -155,16 +155,16 @@ fn a_curve_is_fitted_to_an_arc() {
 fn a_strip_is_one_rope_from_end_to_end() {
     let rope = line([30.0, 60.0], [205.0, 130.0]);
     let seen = silhouette(std::slice::from_ref(&rope));
-    // a rope has its price where it is not known how many there are
+    // a rope has its price if the number of ropes is not known
     for (ropes, price) in [(None, 5.0), (Some(1), 0.0)] {
-        let found = readings(&seen, ropes, 6);
+        let found = find_readings(&seen, ropes, 6);
         assert!(away(&seen, &found[0], std::slice::from_ref(&rope)) < 0.5 * RR);
         assert_eq!(found[0].rings, 0);
         assert!(found[0].cost < price + 2.0, "{}", found[0].cost);
     }
-    // the cost is that of its chains, and moving them makes it dearer
+    // the cost is that of its chains, and moving them makes it more expensive
     let aside: Vec<Place> = rope.iter().map(|x| [x[0], x[1] + 0.7 * RR]).collect();
-    assert!(cost(&seen, &[aside]) > cost(&seen, &[rope]) + 5.0);
+    assert!(price(&seen, &[aside]) > price(&seen, &[rope]) + 5.0);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn strips_that_cross_go_straight_on() {
         let ropes = [1.0, -1.0].map(|s| line(ends(s)[0], ends(s)[1]));
         let seen = silhouette(&ropes);
         for count in [None, Some(2)] {
-            let found = readings(&seen, count, 6);
+            let found = find_readings(&seen, count, 6);
             let off = away(&seen, &found[0], &ropes);
             assert!(off < 0.6 * RR, "slope {slope}, {count:?} ropes: {off}");
         }
@@ -193,7 +193,7 @@ fn a_loop_that_crosses_itself_is_one_rope() {
         .collect();
     let seen = silhouette(std::slice::from_ref(&rope));
     for ropes in [None, Some(1)] {
-        let found = readings(&seen, ropes, 6);
+        let found = find_readings(&seen, ropes, 6);
         let off = away(&seen, &found[0], std::slice::from_ref(&rope));
         assert!(off < RR, "{ropes:?}: {off}");
         assert_eq!(found[0].rings, 0);
@@ -211,7 +211,7 @@ fn strips_that_touch_are_two_ropes() {
     };
     let ropes = [rope(1.0), rope(-1.0)];
     let seen = silhouette(&ropes);
-    let found = readings(&seen, Some(2), 6);
+    let found = find_readings(&seen, Some(2), 6);
     assert!(found[0].chains.len() == 2);
     assert!(found.iter().any(|reading| away(&seen, reading, &ropes) < 0.6 * RR));
 }
@@ -221,9 +221,9 @@ fn gaps_are_joined_where_the_ropes_are_counted() {
     let pieces = [line([25.0, 70.0], [100.0, 90.0]), line([131.0, 98.0], [215.0, 120.0])];
     let whole = line([25.0, 70.0], [215.0, 120.0]);
     let seen = silhouette(&pieces);
-    let found = readings(&seen, Some(1), 6);
+    let found = find_readings(&seen, Some(1), 6);
     assert!(away(&seen, &found[0], &[whole]) < 0.6 * RR);
-    let open = readings(&seen, None, 6);
+    let open = find_readings(&seen, None, 6);
     assert!(away(&seen, &open[0], &pieces) < 0.6 * RR);
     assert!(found[0].cost > open[0].cost + 1.0);
 }
@@ -234,11 +234,11 @@ fn an_end_under_another_strand_lies_under_it() {
     let under = line([110.0, 185.0], [123.0, 95.0]);
     let seen = silhouette(&[over.clone(), under.clone()]);
     for ropes in [None, Some(2)] {
-        let found = readings(&seen, ropes, 6);
+        let found = find_readings(&seen, ropes, 6);
         let off = away(&seen, &found[0], &[over.clone(), under.clone()]);
         assert!(off < 1.7 * RR, "{ropes:?}: {off}");
         let straight =
-            extended(&seen, &found[0].chains).iter().map(|c| deviation(c, &over)).fold(1e9, f64::min);
+            extend(&seen, &found[0].chains).iter().map(|c| deviation(c, &over)).fold(1e9, f64::min);
         assert!(straight < 0.6 * RR, "{ropes:?}: {straight}");
     }
 }

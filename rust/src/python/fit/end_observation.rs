@@ -1,4 +1,4 @@
-//! An end of a rope that one view sees, as Python hands it in.
+//! The end of a rope that one view sees, as passed by the caller.
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -8,19 +8,19 @@ use crate::geometry::Point;
 use crate::python::arguments::{count, number, point};
 use crate::python::arrays::list;
 
-/// Where one view sees a rope end.
+/// The end of a rope as one view sees it.
 ///
 /// Parameters
 /// ----------
 /// view : int
 /// end : int
-///     Which end; a view sees an end once.
+///     The number of the end; a view sees each end once.
 /// place : (3,) array_like of float
-///     In the world frame as the reported pose places it, metres.
+///     Position in the world frame, placed by the reported pose, metres.
 /// outward : (3,) array_like of float
-///     Unit vector along the rope, out of it. The place counts in this direction only.
+///     Unit vector along the rope, out of it. Only this component of the position counts.
 /// sd : float
-///     Standard deviation of the place in that direction, metres.
+///     Standard deviation of the position in that direction, metres.
 ///
 /// Raises
 /// ------
@@ -30,7 +30,7 @@ use crate::python::arrays::list;
 ///     If a number is negative or not finite, `outward` is not of unit length, or `sd` is not positive.
 #[pyclass(frozen, module = "strand._core")]
 pub(in super::super) struct EndObservation {
-    /// int: which view.
+    /// int: number of the view.
     #[pyo3(get)]
     pub(super) view: usize,
     pub(super) observation: crate::EndObservation,
@@ -58,13 +58,13 @@ impl EndObservation {
         Ok(Self { view: count("view", view)?, observation })
     }
 
-    /// int: which end.
+    /// int: number of the end.
     #[getter]
     fn end(&self) -> usize {
         self.observation.end
     }
 
-    /// (3,) ndarray: in the world frame as the reported pose places it, metres.
+    /// (3,) ndarray: position in the world frame, placed by the reported pose, metres.
     #[getter]
     fn place<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         list(py, self.observation.place.to_vec())
@@ -82,7 +82,7 @@ impl EndObservation {
         self.observation.sd
     }
 
-    /// What a pickle makes it of again.
+    /// Arguments from which a pickle is restored.
     fn __getnewargs__(&self) -> (usize, usize, Point, Point, f64) {
         let crate::EndObservation { end, place, outward, sd } = self.observation;
         (self.view, end, place, outward, sd)

@@ -1,4 +1,4 @@
-//! The outcome of the joint fit, as Python gets it.
+//! The result of the joint fit.
 
 use numpy::ndarray::Dimension;
 use numpy::{
@@ -12,48 +12,48 @@ use crate::python::arguments::{Array, FloatArray, number, require_same_length, w
 use crate::python::arrays::{Constant, array, constant};
 use crate::tubes::tubefit::{OnCurve, deviations};
 
-/// The outcome of `strand.fit_tubes`; nobody can write to its arrays.
+/// The result of `strand.fit_tubes`; its arrays are read-only.
 #[pyclass(frozen, get_all, module = "strand")]
 pub(in super::super) struct TubeFit {
     /// list of (n, 3) ndarray: control points of uniform cubic B-splines, metres.
     pub(super) curves: Vec<Py<PyArray2<f64>>>,
-    /// (V, 4, 4) ndarray: for each view the rigid motion of the world frame that corrects its reported pose.
+    /// (V, 4, 4) ndarray: for each view, the rigid motion of the world frame that corrects its reported pose.
     pub(super) motions: Py<PyArray3<f64>>,
-    /// (C,) ndarray of int64: for each curve the number of its radius.
+    /// (C,) ndarray of int64: for each curve, the number of its radius.
     pub(super) radius_classes: Py<PyArray1<i64>>,
     /// (K,) ndarray: the radii, metres.
     pub(super) radii: Py<PyArray1<f64>>,
-    /// (K,) ndarray: their standard deviations, 0 if they were held, metres; empty if not asked for.
+    /// (K,) ndarray: standard deviations of the radii, metres, 0 for held radii; empty without `uncertainty`.
     pub(super) radii_sd: Py<PyArray1<f64>>,
     /// float: robust standard deviation of the residuals, metres.
     pub(super) sigma: f64,
-    /// (K,) ndarray: for each radius the limit beyond which residuals did not count, metres.
+    /// (K,) ndarray: for each radius, Tukey's last limit, metres.
     pub(super) bands: Py<PyArray1<f64>>,
-    /// (N, 3) ndarray: all views' points where the corrected poses place them, metres.
+    /// (N, 3) ndarray: all views' points, moved by the corrections of the poses, metres.
     pub(super) points: Py<PyArray2<f64>>,
-    /// (N, 3) ndarray: the unit vectors from these to their cameras.
+    /// (N, 3) ndarray: the unit vectors from the points to their cameras.
     pub(super) to_camera: Py<PyArray2<f64>>,
-    /// (N,) ndarray of int64: which view saw each point.
+    /// (N,) ndarray of int64: the view that saw each point.
     pub(super) view: Py<PyArray1<i64>>,
-    /// (N,) ndarray of int64: which curve explains it best.
+    /// (N,) ndarray of int64: the curve that explains each point best.
     pub(super) curve: Py<PyArray1<i64>>,
-    /// (N,) ndarray: the parameter of that curve at its foot point.
+    /// (N,) ndarray: the parameter of that curve at the foot point.
     pub(super) parameter: Py<PyArray1<f64>>,
-    /// (N,) ndarray: its distance from the surface, metres; infinite if no tube is near.
+    /// (N,) ndarray: the distance from the surface, metres; infinite if no tube is near.
     pub(super) residual: Py<PyArray1<f64>>,
     /// (N,) ndarray: cosine between the surface normal and the direction to the camera.
     pub(super) facing: Py<PyArray1<f64>>,
-    /// (N,) ndarray: its weight in the fit.
+    /// (N,) ndarray: the weight in the fit.
     pub(super) weight: Py<PyArray1<f64>>,
-    /// (N,) ndarray of bool: whether it is where the tube could have been seen.
+    /// (N,) ndarray of bool: whether the camera could have seen the tube at the point.
     pub(super) explained: Py<PyArray1<bool>>,
-    /// (N,) ndarray of bool: whether it is explained, with a residual within the limit beyond which none counted.
+    /// (N,) ndarray of bool: whether the point is explained and its residual is within the last limit.
     pub(super) inlier: Py<PyArray1<bool>>,
     /// (V, 6, 6) ndarray: covariance of each correction: rotation vector, radians, and translation of the points'
-    /// centroid, metres; 0 for a view that was held; (0, 6, 6) if not asked for.
+    /// centroid, metres; 0 for a view that was held; (0, 6, 6) without `uncertainty`.
     pub(super) pose_covariance: Py<PyArray3<f64>>,
-    /// list of (n, 4, 3, 3) ndarray: covariance of each control point with itself and the next three, m^2; empty if
-    /// curves were held or it was not asked for.
+    /// list of (n, 4, 3, 3) ndarray: covariance of each control point with itself and the next three, m^2; empty for
+    /// held curves and without `uncertainty`.
     pub(super) covariances: Vec<Py<PyArray4<f64>>>,
 }
 
@@ -126,17 +126,17 @@ impl TubeFit {
         array(py, found.into_flattened(), [views, 6])
     }
 
-    /// Radius of a curve, metres.
+    /// Return the radius of a curve, metres.
     fn radius(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
         self.of_class(py, &self.radii, curve)
     }
 
-    /// Limit beyond which residuals from a curve did not count, metres.
+    /// Return Tukey's last limit for a curve, metres.
     fn band(&self, py: Python<'_>, curve: usize) -> PyResult<f64> {
         self.of_class(py, &self.bands, curve)
     }
 
-    /// The same fit with other values of some attributes.
+    /// Return the same fit with other values of some attributes.
     #[pyo3(signature = (**changes))]
     fn replace<'py>(
         slf: &Bound<'py, Self>,
@@ -149,7 +149,7 @@ impl TubeFit {
         slf.get_type().call((), Some(&fields))
     }
 
-    /// What a pickle makes it of again.
+    /// Arguments from which a pickle is restored.
     fn __getnewargs_ex__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
         let fields = PyDict::new(slf.py());
         for name in FIELDS {
@@ -193,7 +193,7 @@ const FIELDS: [&str; 19] = [
 ];
 
 impl TubeFit {
-    /// Refuses arrays that do not fit each other: numbers of curves, radii and points.
+    /// Refuses arrays that do not match: numbers of curves, radii and points.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let (curves, radii) = (self.curves.len(), self.radii.bind(py).len());
         let points = self.points.bind(py).shape()[0];
@@ -237,7 +237,7 @@ impl TubeFit {
         Ok(())
     }
 
-    /// What the class of a curve's radius has of some values.
+    /// Returns the value for the class of a curve's radius.
     fn of_class(&self, py: Python<'_>, values: &Py<PyArray1<f64>>, curve: usize) -> PyResult<f64> {
         let classes = Array::<i64>::exactly("radius_classes", self.radius_classes.bind(py), 1)?;
         let class = classes.slice().get(curve).copied();
@@ -245,7 +245,7 @@ impl TubeFit {
         Ok(FloatArray::new("radii", values.bind(py))?.slice()[class as usize])
     }
 
-    /// The foot point of each point; none where no tube is near.
+    /// Returns the foot point of each point; None where no tube is near.
     pub(super) fn foot_points(&self, py: Python<'_>) -> PyResult<Vec<Option<OnCurve>>> {
         let curve = Array::<i64>::exactly("curve", self.curve.bind(py), 1)?;
         let parameter = FloatArray::new("parameter", self.parameter.bind(py))?;
@@ -259,7 +259,7 @@ impl TubeFit {
     }
 }
 
-/// An array to which nobody can write.
+/// Makes an array read-only.
 fn own<T: Element + Copy + 'static, D: Dimension>(
     py: Python<'_>,
     name: &str,
@@ -268,12 +268,12 @@ fn own<T: Element + Copy + 'static, D: Dimension>(
     kept(py, array, |values, dimensions| Array::exactly(name, values, dimensions))
 }
 
-/// The same of flags.
+/// Makes an array of flags read-only.
 fn own_flags(py: Python<'_>, name: &str, array: Py<PyArray1<bool>>) -> PyResult<Py<PyArray1<bool>>> {
     kept(py, array, |values, dimensions| Array::flags(name, values, dimensions))
 }
 
-/// An array, if nobody can write to it, or one of what `taken` makes of its values in C order.
+/// Returns the array if nobody can write to it, or a read-only array of its values that `taken` returns in C order.
 fn kept<T: Element + Copy + 'static, D: Dimension>(
     py: Python<'_>,
     array: Py<PyArray<T, D>>,
@@ -287,7 +287,7 @@ fn kept<T: Element + Copy + 'static, D: Dimension>(
     Ok(constant(py, values.into_values(), given.dims())?.unbind())
 }
 
-/// Refuses numbers of things of which there are not as many; `things` says what, and for each of what.
+/// Refuses numbers that are negative or not below `count`; `things` names what they count.
 fn in_range(name: &str, numbers: &[i64], count: usize, things: &str) -> PyResult<()> {
     if numbers.iter().all(|number| (0..count as i64).contains(number)) {
         return Ok(());

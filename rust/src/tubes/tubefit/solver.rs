@@ -7,6 +7,7 @@ use super::foot_points::ViewTerms;
 use super::state::{State, find_least, find_twist};
 use super::{Residual, TubeFit, TubeFitOptions, Uncertainty, goes_on};
 use crate::error::Result;
+use crate::geometry::median::MEDIAN_TO_SD;
 use crate::geometry::{Point, RigidMotion, advance, dot, sub};
 
 /// Factor of the standard deviation of second differences after a step in which a curve bends too tightly.
@@ -237,5 +238,5 @@ fn move_about(step: [f64; 6], center: Point) -> RigidMotion {
 /// Returns the standard deviation of values about zero, from the median of their sizes.
 fn estimate_sd(mut sizes: Vec<f32>) -> f64 {
     let middle = sizes.len() / 2;
-    1.4826 * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
+    MEDIAN_TO_SD * f64::from(*sizes.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
