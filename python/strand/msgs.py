@@ -1,7 +1,7 @@
-"""ROS messages without ROS: chains as plain data, and views of messages.
+"""Convert chains to ROS messages, and messages to views, without ROS.
 
-Messages are nested dictionaries whose keys are the fields of the ROS 2 messages. Fields that are left out
-keep their defaults. In a node `rosidl_runtime_py.set_message_fields(message, values)` fills one in.
+Messages are nested dictionaries with the fields of the ROS 2 messages; missing fields keep their defaults.
+In a ROS node, `rosidl_runtime_py.set_message_fields(message, values)` copies the dictionary to a message.
 """
 
 from __future__ import annotations
@@ -29,31 +29,35 @@ from strand.views.view import View
 
 Message = dict[str, Any]
 
-_LINE_STRIP, _SPHERE_LIST = 4, 7  # constants of visualization_msgs/Marker
-_ADD, _DELETE_ALL = 0, 3
-_SPHERE, _CYLINDER = 2, 3  # constants of shape_msgs/SolidPrimitive
-_FLOAT32 = 7  # constant of sensor_msgs/PointField
-# messages with depth, and the fields that are read
+# constants of the message definitions
+_LINE_STRIP = 4  # visualization_msgs/Marker: type
+_SPHERE_LIST = 7  # visualization_msgs/Marker: type
+_ADD = 0  # visualization_msgs/Marker: action
+_DELETE_ALL = 3  # visualization_msgs/Marker: action
+_SPHERE = 2  # shape_msgs/SolidPrimitive: type
+_CYLINDER = 3  # shape_msgs/SolidPrimitive: type
+_FLOAT32 = 7  # sensor_msgs/PointField: datatype
 _SIZE = ("height", "width", "is_bigendian", "data")
-_DEPTH_MESSAGES = {
+_DEPTH_MESSAGES = {  # messages with depth, and the fields that strand reads
     "Image": ("encoding", "step", *_SIZE),
     "CompressedImage": ("format", "data"),
     "PointCloud2": ("fields", "point_step", "row_step", *_SIZE),
 }
-_GOLDEN = 0.618034  # of a turn of hue from rope to rope: neighbours differ
+_HUE_STEP = 0.618034  # turns of hue from rope to rope (golden ratio), so that neighbours differ
+_OPPOSITE = 1e-9  # how close a component may be to -1 before the shortest turn is not unique
 
 
 def make_path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
-    """nav_msgs/Path of a chain: a pose at each node, x along the rope.
+    """Return a nav_msgs/Path of a chain: a pose at each node, with x along the rope.
 
     Parameters
     ----------
     chain : Chain
-        A closed one ends where it starts.
+        The path of a closed chain ends at its first node.
     frame_id : str
-        The TF frame that is the world frame.
+        The TF frame that is strand's world frame.
     stamp : int
-        When it was seen, nanoseconds since 1970, such as `Frame.stamp`.
+        Time of the views, nanoseconds since 1970, such as `Frame.stamp`.
 
     Returns
     -------
@@ -62,33 +66,40 @@ def make_path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind, or `stamp` is negative.
+        If an argument is of the wrong type, or `stamp` is negative.
+
+    Examples
+    --------
+    >>> chain = strand.Chain([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], radius=0.004)
+    >>> message = strand.msgs.make_path(chain, "table")
+    >>> message["poses"][1]["pose"]["position"]
+    {'x': 0.1, 'y': 0.0, 'z': 0.0}
     """
     if not isinstance(chain, Chain):
         raise TypeError(f"chain: expected a Chain, got {type(chain).__name__}")
-    head = _header(frame_id, stamp)
+    head = _make_header(frame_id, stamp)
     poses = [
-        {"header": head, "pose": {"position": _place(node), "orientation": _along(tangent)}}
+        {"header": head, "pose": {"position": _make_point(node), "orientation": _turn_x(tangent)}}
         for node, tangent in zip(chain.points, chain.tangents, strict=True)
     ]
     return {"header": head, "poses": poses + poses[: int(chain.closed)]}
 
 
 def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace: str = "strand") -> Message:
-    """visualization_msgs/MarkerArray of a model: a line for each chain, spheres at its ends.
+    """Return a visualization_msgs/MarkerArray of a model: a line for each chain, and spheres at its ends.
 
-    Lines are as thick as the ropes. Each chain has a colour, paler the less sure the model is. The first
-    marker deletes those of the array before.
+    Lines are as thick as the ropes. Colours are paler if the confidence is lower. The first marker deletes
+    the markers of the previous array.
 
     Parameters
     ----------
     model : Model
     frame_id : str
-        The TF frame that is the world frame.
+        The TF frame that is strand's world frame.
     stamp : int
-        When it was seen, nanoseconds since 1970.
+        Time of the views, nanoseconds since 1970.
     namespace : str
-        The markers' namespace; ropes are `namespace`, ends `namespace`_ends.
+        Namespace of the lines; that of the ends has the suffix "_ends".
 
     Returns
     -------
@@ -97,42 +108,42 @@ def make_marker_array(model: Model, frame_id: str, stamp: int = 0, *, namespace:
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind, or `stamp` is negative.
+        If an argument is of the wrong type, or `stamp` is negative.
     """
     if not isinstance(model, Model):
         raise TypeError(f"model: expected a Model, got {type(model).__name__}")
-    head, name = _header(frame_id, stamp), check_text("namespace", namespace)
+    head, name = _make_header(frame_id, stamp), check_text("namespace", namespace)
     sure = 1.0 if math.isnan(model.confidence) else model.confidence
     markers: list[Message] = [{"header": head, "ns": name, "id": 0, "action": _DELETE_ALL}]
     for i, chain in enumerate(model.chains):
-        red, green, blue = colorsys.hsv_to_rgb(i * _GOLDEN % 1.0, 0.3 + 0.6 * sure, 0.95)
+        red, green, blue = colorsys.hsv_to_rgb(i * _HUE_STEP % 1.0, 0.3 + 0.6 * sure, 0.95)
         color = {"r": red, "g": green, "b": blue, "a": 1.0}
-        nodes = [_place(node) for node in chain.points]
+        nodes = [_make_point(node) for node in chain.points]
         line = nodes + nodes[: int(chain.closed)]
         width = {"x": 2.0 * chain.radius, "y": 0.0, "z": 0.0}
-        markers.append(_marker(head, name, i, _LINE_STRIP, line, width, color))
+        markers.append(_make_marker(head, name, i, _LINE_STRIP, line, width, color))
         if not chain.closed:
             ball = dict.fromkeys("xyz", 4.0 * chain.radius)
             ends = [nodes[0], nodes[-1]]
-            markers.append(_marker(head, f"{name}_ends", i, _SPHERE_LIST, ends, ball, color))
+            markers.append(_make_marker(head, f"{name}_ends", i, _SPHERE_LIST, ends, ball, color))
     return {"markers": markers}
 
 
 def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 0) -> Message:
-    """moveit_msgs/PlanningScene of a model: a difference that adds a collision object for each chain.
+    """Return a moveit_msgs/PlanningScene difference that adds one collision object for each chain.
 
-    Objects are `rope_0`, `rope_1`, ...; one that is there already is replaced. MoveIt knows no capsule: each
-    is a cylinder, with spheres at its ends.
+    The objects `rope_0`, `rope_1`, ... replace existing objects of these names. MoveIt has no capsules, so
+    each capsule becomes a cylinder with spheres at its ends.
 
     Parameters
     ----------
     model : Model
     error : float
-        How far shapes may be from the ropes, metres, as in `Model.capsules`.
+        Largest distance of the shapes from the ropes, metres, as in `Model.capsules`.
     frame_id : str
-        The TF frame that is the world frame.
+        The TF frame that is strand's world frame.
     stamp : int
-        When it was seen, nanoseconds since 1970.
+        Time of the views, nanoseconds since 1970.
 
     Returns
     -------
@@ -141,24 +152,24 @@ def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind, `error` is too small, or `stamp` is negative.
+        If an argument is of the wrong type, `error` is too small, or `stamp` is negative.
     """
     if not isinstance(model, Model):
         raise TypeError(f"model: expected a Model, got {type(model).__name__}")
-    head, capsules = _header(frame_id, stamp), model.capsules(error)
+    head, capsules = _make_header(frame_id, stamp), model.capsules(error)
     axes = capsules.stop - capsules.start
     objects = []
     for number, chain in enumerate(model.chains):
         shapes, poses = [], []
-        mine = np.flatnonzero(capsules.chain == number)
-        for i in mine:
+        own = np.flatnonzero(capsules.chain == number)
+        for i in own:
             size = [float(capsules.lengths[i]), chain.radius]
             shapes.append({"type": _CYLINDER, "dimensions": size})
             middle = 0.5 * (capsules.start[i] + capsules.stop[i])
-            poses.append({"position": _place(middle), "orientation": _upright(axes[i] / size[0])})
-        for place in np.vstack([capsules.start[mine[:1]], capsules.stop[mine]]):
+            poses.append({"position": _make_point(middle), "orientation": _turn_z(axes[i] / size[0])})
+        for place in np.vstack([capsules.start[own[:1]], capsules.stop[own]]):
             shapes.append({"type": _SPHERE, "dimensions": [chain.radius]})
-            poses.append({"position": _place(place), "orientation": _still()})
+            poses.append({"position": _make_point(place), "orientation": _make_identity()})
         objects.append(
             {"header": head, "id": f"rope_{number}", "primitives": shapes, "primitive_poses": poses}
         )
@@ -168,29 +179,29 @@ def make_planning_scene(model: Model, error: float, frame_id: str, stamp: int = 
 def make_point_cloud2(
     points: ArrayLike, frame_id: str, stamp: int = 0, *, colors: ArrayLike | None = None
 ) -> Message:
-    """sensor_msgs/PointCloud2 of points: x, y and z in single precision, and rgb if there are colours.
+    """Return a sensor_msgs/PointCloud2: x, y and z in single precision, and rgb if colours are given.
 
     Parameters
     ----------
     points : (N, 3) array_like of float
-        Metres: a chain's nodes, or `View.world_points`.
+        Metres, such as a chain's nodes or `View.world_points`.
     frame_id : str
-        The TF frame that they are in.
+        The TF frame of the points.
     stamp : int
-        When they were seen, nanoseconds since 1970.
+        Time of the points, nanoseconds since 1970.
     colors : (N, 3) array_like, optional
         Red, green and blue from 0 to 1, or uint8.
 
     Returns
     -------
     dict
-        Its `data` is of bytes.
+        With `data` as bytes.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of the wrong kind, a number is not finite or does not fit in single precision, there
-        is not one colour for each point, or `stamp` is negative.
+        If an argument is of the wrong type, a number is not finite or too large for single precision, the
+        number of colours is not that of points, or `stamp` is negative.
     """
     cloud = check_finite_array("points", points, ("N", 3))
     if cloud.size and np.abs(cloud).max() > np.finfo(np.float32).max:
@@ -205,10 +216,10 @@ def make_point_cloud2(
     fields = [
         {"name": axis, "offset": 4 * i, "datatype": _FLOAT32, "count": 1} for i, axis in enumerate("xyz")
     ]
-    if colors is not None:  # as PCL and RViz read it: four bytes that count as a float
+    if colors is not None:  # four bytes declared as a float, as PCL and RViz read them
         fields.append({"name": "rgb", "offset": 12, "datatype": _FLOAT32, "count": 1})
     return {
-        "header": _header(frame_id, stamp),
+        "header": _make_header(frame_id, stamp),
         "height": 1,
         "width": len(cloud),
         "fields": fields,
@@ -229,23 +240,23 @@ def read_view(
     depth_scale: float | None = None,
     ignore_distortion: bool = False,
 ) -> View:
-    """View of a sensor_msgs/Image, CompressedImage or PointCloud2, as rclpy, rospy or rosbags give them.
+    """Return the view of a sensor_msgs/Image, CompressedImage or PointCloud2 from rclpy, rospy or rosbags.
 
     Parameters
     ----------
     message : object
-        With a message's attributes. Depth images are 16UC1 in millimetres or 32FC1 in metres; compressed ones
-        "compressedDepth" with a PNG. Points are in the sensor's frame.
+        An object with the message's attributes. Depth images are 16UC1 in millimetres or 32FC1 in metres;
+        compressed ones are "compressedDepth" with a PNG. Points are in the sensor's frame.
     camera_info : object, optional
-        The CameraInfo; needed for images.
+        The CameraInfo, which images need.
     pose : (4, 4) array_like, optional
-        Camera-to-world rigid motion; the identity if not given.
+        Camera-to-world rigid motion; the identity by default.
     rectified : bool
-        Whether the image is rectified: P then says how it is seen, not K.
+        Whether the image is rectified; strand then uses P instead of K.
     depth_scale : float, optional
-        Metres for each unit of images of 16 bits, if these are not millimetres.
+        Metres per unit of 16-bit images; millimetres by default.
     ignore_distortion : bool
-        Take images of lenses that distort as they are. They are refused otherwise.
+        Whether to use images of lenses with distortion as they are; by default, they raise an error.
 
     Returns
     -------
@@ -254,10 +265,10 @@ def read_view(
     Raises
     ------
     TypeError, ValueError
-        If the message holds no depth or points, its sizes do not fit together, the CameraInfo is missing or
-        another image's, its lens distorts, or an argument is of the wrong kind.
+        If the message has no depth or points, its sizes do not match, its CameraInfo is missing, of another
+        image size or with distortion, or an argument is of the wrong type.
     ImportError
-        If it is compressed, and Pillow is not installed.
+        If the message is compressed and Pillow is not installed.
     """
     if not any(all(hasattr(message, name) for name in names) for names in _DEPTH_MESSAGES.values()):
         known = ", ".join(_DEPTH_MESSAGES)
@@ -275,48 +286,48 @@ def read_view(
     return make_view(message, camera, pose, depth_scale)
 
 
-def _header(frame_id: str, stamp: int) -> Message:
+def _make_header(frame_id: str, stamp: int) -> Message:
     sec, nanosec = divmod(check_integer("stamp", stamp), 10**9)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": check_text("frame_id", frame_id)}
 
 
-def _place(node: Array) -> Message:
+def _make_point(node: Array) -> Message:
     return dict(zip("xyz", node.tolist(), strict=True))
 
 
-def _along(tangent: Array) -> Message:
+def _turn_x(tangent: Array) -> Message:
     """Return the quaternion of the shortest turn from the x axis to a unit tangent."""
     x, y, z = tangent.tolist()
-    if x < -1.0 + 1e-9:
+    if x < -1.0 + _OPPOSITE:
         return {"x": 0.0, "y": 0.0, "z": 1.0, "w": 0.0}
     w = math.sqrt(0.5 * (1.0 + x))
     return {"x": 0.0, "y": -0.5 * z / w, "z": 0.5 * y / w, "w": w}
 
 
-def _upright(axis: Array) -> Message:
+def _turn_z(axis: Array) -> Message:
     """Return the quaternion of the shortest turn from the z axis to a unit vector."""
     x, y, z = axis.tolist()
-    if z < -1.0 + 1e-9:
+    if z < -1.0 + _OPPOSITE:
         return {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}
     w = math.sqrt(0.5 * (1.0 + z))
     return {"x": -0.5 * y / w, "y": 0.5 * x / w, "z": 0.0, "w": w}
 
 
-def _still() -> Message:
+def _make_identity() -> Message:
     return dict.fromkeys("xyz", 0.0) | {"w": 1.0}
 
 
-def _marker(
+def _make_marker(
     head: Message, name: str, number: int, kind: int, points: list[Message], scale: Message, color: Message
 ) -> Message:
-    still = {"position": dict.fromkeys("xyz", 0.0), "orientation": _still()}
+    identity = {"position": dict.fromkeys("xyz", 0.0), "orientation": _make_identity()}
     return {
         "header": head,
         "ns": name,
         "id": number,
         "type": kind,
         "action": _ADD,
-        "pose": still,
+        "pose": identity,
         "scale": scale,
         "color": color,
         "points": points,
