@@ -70,6 +70,7 @@ def make_path(chain: Chain, frame_id: str, stamp: int = 0) -> Message:
 
     Examples
     --------
+    >>> import strand
     >>> chain = strand.Chain([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], radius=0.004)
     >>> message = strand.msgs.make_path(chain, "table")
     >>> message["poses"][1]["pose"]["position"]
