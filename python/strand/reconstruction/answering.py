@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from strand.reconstruction.evidence.confidence import confidence, contradictions, of_chains
+from strand.reconstruction.evidence.confidence import assign_doubts, compute_confidence, find_contradictions
 from strand.reconstruction.finding.table_edge import doubt_ends_at_edge
 from strand.reconstruction.observing import Hints, Scene
 from strand.reconstruction.orientation import oriented
@@ -36,7 +36,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
     poses, pose_sd = _collect_poses(scene, found)
     stages = _collect_stages(scene, found) if keep_stages else {}
     chains = oriented(found.chains[: hints.prior.ropes], hints.previous)
-    against = contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
+    against = find_contradictions(chains, found.chains[len(chains) :], hints.prior, found.all_rings)
     if scene.tables:
         against += doubt_ends_at_edge(chains, scene.extract.whole, scene.tables)
     for doubt, about in against:
@@ -57,7 +57,7 @@ def build_model(scene: Scene, found: Found, hints: Hints, run: Run, keep_stages:
         tuple(run.warnings),
         stages,
         pose_sd,
-        confidence=float("nan") if found.doubts is None else confidence(doubts),
+        confidence=float("nan") if found.doubts is None else compute_confidence(doubts),
         joins=tuple(join for join in found.joins if max(join.chains) < len(chains)),
         doubts=tuple(doubts),
         alternatives=found.alternatives,
@@ -82,7 +82,7 @@ def _add_confidence(
     """Return chains with the confidence and the doubts of each."""
     return tuple(
         replace(chain, confidence=sure, doubts=own)
-        for chain, (sure, own) in zip(chains, of_chains(chains, doubts, against), strict=True)
+        for chain, (sure, own) in zip(chains, assign_doubts(chains, doubts, against), strict=True)
     )
 
 

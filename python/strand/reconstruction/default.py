@@ -1,112 +1,116 @@
 """The default method: tubes fitted to points and readings of images, compared by what they leave unexplained.
 
-Tubes are better where depth is good, readings where its errors are wide or alike from pixel to pixel. The
-likelier of the two is asked first, and the other only if that leaves something unexplained.
+Tubes are better where depth is exact, readings where its errors are large or correlated from pixel to
+pixel. The likelier of the two is tried first, the other only if the first leaves something unexplained.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from strand._core import NotEnoughDataError
 from strand.config import Config
-from strand.reconstruction import systematic
 from strand.reconstruction.courses import have_same_courses
-from strand.reconstruction.evidence.confidence import confidence
+from strand.reconstruction.evidence.confidence import MIN_DOUBT, compute_confidence
 from strand.reconstruction.evidence.depth_errors import MIN_CORRELATION
 from strand.reconstruction.images.above_table import add_masks, drop_unclear_views
 from strand.reconstruction.images.comparison import Reading, fit_and_rank
-from strand.reconstruction.images.depth_scatter import measure_depth_scatter
+from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
 from strand.reconstruction.images.method import Interpretation, make_answer, read_images
 from strand.reconstruction.images.noisy_depth import read_noisy_depth
 from strand.reconstruction.mistakes.diagnosis import find_mistakes
 from strand.reconstruction.stages import Found, Observed, Run
+from strand.reconstruction.systematic import doubt_shared_errors
 from strand.reconstruction.tubes.method import find_chains as find_tubes
 from strand.reconstruction.tubes.view_bias import find_bias_doubts
 from strand.reconstruction.wide_surfaces import describe_surface
-from strand.ropes.doubt import ModelWarning
 from strand.support.checks import Array
 
-# an answer this sure is not compared
-_SURE = 0.35
-# where the noise is narrower than this, in radii, as tubes find it and neighbours show it, tubes are taken at
-# their word
-_WIDE = 0.3
-# where depths scatter by more than this about their neighbours, in radii, points alone show no tubes
-_SCATTERED = 0.55
-# a reading that finds so much more noise than depths scatter by, in radii, is wrong
-_MISREAD = 0.2
-# where the noise is narrower than this, in radii, tubes are asked too; if it is independent from pixel to
-# pixel, they follow the rope more closely
-_NARROW = 0.25
-# tubes of less confidence are compared with what images show, where neighbouring pixels share their errors
-_HOPELESS = 0.1
-# doubts of less are not mentioned; more makes an answer unsure, and is warned of
-_LEAST, _WARNED = 1e-3, 0.1
+_SURE_CONFIDENCE = 0.35  # more confident answers are not compared with others
+_MIN_CONFIDENCE = 0.1  # less confident tubes are compared with readings where errors are correlated
+_MAX_SCATTER = 0.55  # radii: where depths scatter more, points alone show no tubes
+_MISREAD = 0.2  # radii: readings with this much more noise than depths scatter are wrong
+_SMALL_NOISE = 0.25  # radii: with less noise than this in a reading, tubes are tried too
+_MIN_WARNED = 0.1  # smaller doubts have no warning
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """An answer that may be taken, and the run that has the warnings of it alone."""
+
+    found: Found
+    run: Run
+
+    @property
+    def confidence(self) -> float:
+        return compute_confidence(self.found.doubts or ())
+
+    @property
+    def sure(self) -> bool:
+        return self.confidence >= _SURE_CONFIDENCE
+
+    @property
+    def independent(self) -> bool:
+        """Whether the errors of neighboring pixels seem independent."""
+        return self.found.sensor is None or not self.found.sensor.correlation
+
+    def take(self, run: Run) -> Found:
+        """Return the answer, and add its warnings to a run."""
+        run.warnings.extend(self.run.warnings)
+        return self.found
 
 
 def find_chains(observed: Observed, config: Config, run: Run) -> Found:
     """Find chains by tubes, by readings of images, or by both.
-
-    Parameters
-    ----------
-    observed : Observed
-    config : Config
-    run : Run
-
-    Returns
-    -------
-    Found
 
     Raises
     ------
     strand.NotEnoughDataError
         If neither finds a rope.
     """
-    used = drop_unclear_views(observed) if _images_are_read(observed, config) else observed
+    used = drop_unclear_views(observed) if _can_read_images(observed, config) else observed
     for number in sorted({*observed.numbers} - {*used.numbers}):
         message = (
-            f"view {number} was not used: it has no mask, and errors of its neighbouring pixels are alike, "
-            "so that what ropes lie on looks like ropes; give it a mask, or its ropes' points alone"
+            f"view {number} was not used: it has no mask, and the errors of its pixels are correlated, so "
+            "that parts of the table look like ropes; give it a mask, or its ropes' points alone"
         )
-        run.warnings.append(ModelWarning("unused view", message, view=number))
-    found = _found(used, config, run)
+        run.warn("unused view", message, view=number)
+    found = _find(used, config, run)
     ropes = [whole if whole.image else own for whole, own in zip(used.whole, used.views, strict=True)]
-    against = [
+    doubts = [
         *find_mistakes(used.extract, used.radius, ropes),
-        *systematic.doubts(used, found, config),
+        *doubt_shared_errors(used, found, config),
         *find_bias_doubts(used, found),
     ]
-    against = [doubt for doubt in against if doubt.amount > _LEAST]
-    run.warnings.extend(
-        ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
-        for doubt in against
+    doubts = [doubt for doubt in doubts if doubt.amount > MIN_DOUBT]
+    for doubt in doubts:
         # a radius that the points contradict has its warning
-        if doubt.amount > _WARNED and doubt.kind != "radius"
-    )
-    found = replace(found, doubts=(*(found.doubts or ()), *against))
-    return _with_all_poses(found, used, observed)
+        if doubt.amount > _MIN_WARNED and doubt.kind != "radius":
+            run.warn(doubt.kind, str(doubt), doubt.place, doubt.amount)
+    found = replace(found, doubts=(*(found.doubts or ()), *doubts))
+    return found if used is observed else _add_poses(found, used, observed)
 
 
-def _images_are_read(observed: Observed, config: Config) -> bool:
-    """Tell whether ropes are open and of one radius, as images are read for."""
+def _can_read_images(observed: Observed, config: Config) -> bool:
+    """Tell whether ropes are open and of one radius, as readings of images need."""
     return len(observed.radii.values) == 1 and config.linking.rings != "always"
 
 
-def _found(observed: Observed, config: Config, run: Run) -> Found:
-    if not _images_are_read(observed, config):
-        return _sought_tubes(observed, config, run)
+def _find(observed: Observed, config: Config, run: Run) -> Found:
+    if not _can_read_images(observed, config):
+        surface = describe_surface(observed.views, float(observed.radii.values.max()))
+        if surface:
+            raise NotEnoughDataError(f"views: {surface}")
+        return find_tubes(observed, config, run)
     if any(observed.masked):
-        return _images_first(add_masks(observed), config, run)
-    return _tubes_first(observed, config, run)
+        return _try_images_first(add_masks(observed), config, run)
+    return _try_tubes_first(observed, config, run)
 
 
-def _with_all_poses(found: Found, used: Observed, observed: Observed) -> Found:
-    """Return an answer of some of the views with poses of all; those of the others are as given."""
-    if used is observed:
-        return found
+def _add_poses(found: Found, used: Observed, observed: Observed) -> Found:
+    """Return an answer with the given poses of the views that were not used."""
     known = dict(zip(used.numbers, zip(found.poses, found.pose_sd, strict=True), strict=True))
     unknown = np.full(6, np.nan)
     both = [
@@ -116,153 +120,139 @@ def _with_all_poses(found: Found, used: Observed, observed: Observed) -> Found:
     return replace(found, poses=[pose for pose, _ in both], pose_sd=[deviation for _, deviation in both])
 
 
-def _tubes_first(observed: Observed, config: Config, run: Run) -> Found:
-    radius = float(observed.radii.values[0])
-    scatter = measure_depth_scatter(observed.whole, observed.views, _WIDE * radius) / radius
-    if scatter > _SCATTERED:
+def _try_tubes_first(observed: Observed, config: Config, run: Run) -> Found:
+    radius = observed.radius
+    scatter = measure_depth_scatter(observed.whole, observed.views, SMALL_SCATTER * radius) / radius
+    if scatter > _MAX_SCATTER:
         try:
-            what = read_noisy_depth(observed, config, run, scatter * radius, find_tubes)
+            reading = read_noisy_depth(observed, config, run, scatter * radius, find_tubes)
         except NotEnoughDataError:
             return find_tubes(observed, config, run)
-        return make_answer(what, observed, config, run)
-    pictured = all(view.image for view in observed.whole)
-    # no tubes are sought in a table that images tell from the ropes on it
-    wide = describe_surface(observed.views, radius) if scatter < _WIDE else None
-    if wide and not pictured:
-        raise NotEnoughDataError(f"views: {wide}")
-    tubes, tubes_run = (None, run) if wide else _tubes(observed, config, run)
-    narrow = tubes is not None and tubes.stages["fit"].sigma < _WIDE * radius
-    if tubes is not None and narrow and (scatter < _WIDE or _certain(tubes)) and _settled(tubes, pictured):
-        return _accepted(tubes, tubes_run, run)
+        return make_answer(reading, observed, config, run)
+    has_images = all(view.image for view in observed.whole)
+    # images show ropes on a table, in which no tubes are sought
+    surface = describe_surface(observed.views, radius) if scatter < SMALL_SCATTER else None
+    if surface and not has_images:
+        raise NotEnoughDataError(f"views: {surface}")
+    tubes = None if surface else _try_tubes(observed, config, run)
+    if tubes is not None and _suffice(tubes, scatter, radius, has_images):
+        return tubes.take(run)
     if tubes is not None and run.skips("readings of the images"):
-        return _accepted(tubes, tubes_run, run)
-    images_run = run.fork()
-    if scatter > _WIDE:
-        ropes = [] if tubes is None else [chain.points for chain in tubes.chains]
-        try:
-            what = read_noisy_depth(observed, config, images_run, scatter * radius, find_tubes, ropes)
-        except NotEnoughDataError:
-            if tubes is None:
-                raise
-            return _accepted(tubes, tubes_run, run)
-        same = _alike(what.explanations[0].fit.nodes, ropes, radius)
-        if tubes is not None and (same or _misread(what, scatter)):
-            return _accepted(tubes, tubes_run, run)
-        return _accepted(make_answer(what, observed, config, images_run), images_run, run)
+        return tubes.take(run)
+    own = run.fork()
+    if scatter > SMALL_SCATTER:
+        return _compare_with_noisy_depth(tubes, scatter, observed, config, run)
     try:
-        what = read_images(observed, config, images_run)
+        reading = read_images(observed, config, own)
     except NotEnoughDataError as error:
-        if wide:
-            raise NotEnoughDataError(f"views: {wide}") from error
+        if surface:
+            raise NotEnoughDataError(f"views: {surface}") from error
         if tubes is None:
             raise
-        return _accepted(tubes, tubes_run, run)
+        return tubes.take(run)
     if tubes is not None:
-        misread = what.neighbor_correlation <= MIN_CORRELATION and _misread(what, scatter)
+        misread = reading.neighbor_correlation <= MIN_CORRELATION and _is_misread(reading, scatter)
         if misread or run.skips("the comparison with readings of the images"):
-            return _accepted(tubes, tubes_run, run)
-        return _better(what, tubes, tubes_run, observed, config, run)
-    found = make_answer(what, observed, config, images_run)
-    if not _certain(found):
+            return tubes.take(run)
+        return _take_better(reading, tubes, observed, config, run)
+    images = _Attempt(make_answer(reading, observed, config, own), own)
+    if not images.sure:
         raise NotEnoughDataError(
-            f"views: {wide or 'the points make no rope; is the radius right, in metres?'}"
+            f"views: {surface or 'the points make no rope; is the radius right, in metres?'}"
         )
-    return _accepted(found, images_run, run)
+    return images.take(run)
 
 
-def _misread(what: Interpretation, scatter: float) -> bool:
-    """Tell whether medians scatter more than single depths: then images are read wrong."""
-    return what.explanations[0].fit.noise > scatter + _MISREAD
+def _suffice(tubes: _Attempt, scatter: float, radius: float, has_images: bool) -> bool:
+    """Tell whether tubes need no comparison with readings of images."""
+    if not tubes.found.stages["fit"].sigma < SMALL_SCATTER * radius:
+        return False
+    if not (scatter < SMALL_SCATTER or tubes.sure):
+        return False
+    # correlated errors scatter little, and tubes fall to pieces
+    return not has_images or tubes.independent or tubes.confidence >= _MIN_CONFIDENCE
 
 
-def _images_first(observed: Observed, config: Config, run: Run) -> Found:
+def _compare_with_noisy_depth(
+    tubes: _Attempt | None, scatter: float, observed: Observed, config: Config, run: Run
+) -> Found:
+    """Return the answer of readings of noisy depth, or tubes if these agree with them or they are wrong."""
+    own, radius = run.fork(), observed.radius
+    ropes = [] if tubes is None else [chain.points for chain in tubes.found.chains]
     try:
-        what = read_images(observed, config, run)
+        reading = read_noisy_depth(observed, config, own, scatter * radius, find_tubes, ropes)
+    except NotEnoughDataError:
+        if tubes is None:
+            raise
+        return tubes.take(run)
+    same = _have_same_courses(reading.explanations[0].fit.nodes, ropes, radius)
+    if tubes is not None and (same or _is_misread(reading, scatter)):
+        return tubes.take(run)
+    return _Attempt(make_answer(reading, observed, config, own), own).take(run)
+
+
+def _is_misread(reading: Interpretation, scatter: float) -> bool:
+    """Tell whether medians scatter more than single depths: then images are read wrong."""
+    return reading.explanations[0].fit.noise > scatter + _MISREAD
+
+
+def _try_images_first(observed: Observed, config: Config, run: Run) -> Found:
+    try:
+        reading = read_images(observed, config, run)
     except NotEnoughDataError:
         return find_tubes(observed, config, run)
-    images_run = run.fork()
-    found = make_answer(what, observed, config, images_run)
-    wide = what.explanations[0].fit.noise > _NARROW
+    own = run.fork()
+    images = _Attempt(make_answer(reading, observed, config, own), own)
+    noisy = reading.explanations[0].fit.noise > _SMALL_NOISE
     if (
-        what.neighbor_correlation > MIN_CORRELATION
-        or (wide and _certain(found))
+        reading.neighbor_correlation > MIN_CORRELATION
+        or (noisy and images.sure)
         or run.skips("tubes in the points")
     ):
-        return _accepted(found, images_run, run)
-    tubes, tubes_run = _tubes(observed, config, run)
-    if tubes is not None and not wide and _plain(tubes) and _confidence(tubes) >= _confidence(found):
-        return _accepted(tubes, tubes_run, run)
+        return images.take(run)
+    tubes = _try_tubes(observed, config, run)
+    if tubes is not None and not noisy and tubes.independent and tubes.confidence >= images.confidence:
+        return tubes.take(run)
     if run.skips("the comparison with tubes in the points"):
-        return _accepted(found, images_run, run)
-    return _better(what, tubes, tubes_run, observed, config, run)
+        return images.take(run)
+    return _take_better(reading, tubes, observed, config, run)
 
 
-def _tubes(observed: Observed, config: Config, run: Run) -> tuple[Found | None, Run]:
-    """Return the answer by tubes, and its warnings apart."""
+def _try_tubes(observed: Observed, config: Config, run: Run) -> _Attempt | None:
     own = run.fork()
     try:
-        return find_tubes(observed, config, own), own
+        return _Attempt(find_tubes(observed, config, own), own)
     except NotEnoughDataError:
-        return None, own
+        return None
 
 
-def _sought_tubes(observed: Observed, config: Config, run: Run) -> Found:
-    """Find tubes, unless the points look like no ropes."""
-    wide = describe_surface(observed.views, float(observed.radii.values.max()))
-    if wide:
-        raise NotEnoughDataError(f"views: {wide}")
-    return find_tubes(observed, config, run)
-
-
-def _accepted(found: Found, own: Run, run: Run) -> Found:
-    run.warnings.extend(own.warnings)
-    return found
-
-
-def _plain(tubes: Found) -> bool:
-    """Tell whether tubes find the errors of neighbouring pixels independent."""
-    return tubes.sensor is None or not tubes.sensor.correlation
-
-
-def _settled(tubes: Found, pictured: bool) -> bool:
-    # where neighbours share their errors, depths scatter little, and yet tubes fall to pieces
-    return not pictured or _plain(tubes) or _confidence(tubes) >= _HOPELESS
-
-
-def _confidence(found: Found) -> float:
-    return confidence(found.doubts or ())
-
-
-def _certain(found: Found) -> bool:
-    return _confidence(found) >= _SURE
-
-
-def _better(
-    what: Interpretation, tubes: Found | None, tubes_run: Run, observed: Observed, config: Config, run: Run
+def _take_better(
+    reading: Interpretation, tubes: _Attempt | None, observed: Observed, config: Config, run: Run
 ) -> Found:
-    """Return the better of the answers, by what they leave unexplained."""
+    """Return the answer of readings or of tubes, by what each leaves unexplained in the images."""
     if tubes is None:
-        return make_answer(what, observed, config, run)
-    radius = float(observed.radii.values[0])
-    ropes = [chain.points for chain in tubes.chains[: observed.prior.ropes]]
-    places = [what.taken[what.held].project(points) for points in ropes]
-    rival = Reading(what.images.reading_cost(what.held, places), what.held, places)
-    compared = fit_and_rank(
-        what.images,
-        [rival, *(other.reading for other in what.explanations)],
-        what.table,
-        what.held,
-        what.errors,
+        return make_answer(reading, observed, config, run)
+    chains = tubes.found.chains
+    ropes = [chain.points for chain in chains[: observed.prior.ropes]]
+    places = [reading.taken[reading.held].project(points) for points in ropes]
+    rival = Reading(reading.images.reading_cost(reading.held, places), reading.held, places)
+    explanations = fit_and_rank(
+        reading.images,
+        [rival, *(other.reading for other in reading.explanations)],
+        reading.table,
+        reading.held,
+        reading.errors,
         config,
         observed,
     )
-    best = compared[0]
-    same = best.reading is rival or _alike(best.fit.nodes, ropes, radius)
-    ring = best.reading is rival and any(chain.closed for chain in tubes.chains)
-    if ring or (same and _plain(tubes) and best.fit.noise <= _NARROW):
-        return _accepted(tubes, tubes_run, run)
-    return make_answer(replace(what, explanations=compared), observed, config, run)
+    best = explanations[0]
+    same = best.reading is rival or _have_same_courses(best.fit.nodes, ropes, observed.radius)
+    # readings are of open ropes
+    ring = best.reading is rival and any(chain.closed for chain in chains)
+    if ring or (same and tubes.independent and best.fit.noise <= _SMALL_NOISE):
+        return tubes.take(run)
+    return make_answer(replace(reading, explanations=explanations), observed, config, run)
 
 
-def _alike(some: list[Array], others: list[Array], radius: float) -> bool:
+def _have_same_courses(some: list[Array], others: list[Array], radius: float) -> bool:
     return have_same_courses([(nodes, False) for nodes in some], [(nodes, False) for nodes in others], radius)

@@ -11,7 +11,7 @@ from strand.config import Config
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.finding.ropes import FoundRopes, NoRopeError, segment_views
 from strand.reconstruction.finding.standing import holds_table
-from strand.reconstruction.images.depth_scatter import measure_depth_scatter
+from strand.reconstruction.images.depth_scatter import SMALL_SCATTER, measure_depth_scatter
 from strand.reconstruction.images.mask_radius import estimate_mask_radius
 from strand.reconstruction.images.pixel_errors import CONFUSING_CORRELATION, correlate_neighbors
 from strand.reconstruction.images.table_plane import Plane
@@ -32,7 +32,6 @@ from strand.views.extract import Extract
 from strand.views.rope_images import make_rope_images
 from strand.views.view import cropped
 
-_MAX_SCATTER = 0.3  # radii: where depths scatter less, heights segment ropes from their table
 _STRIP_SD = 0.1  # radii: standard deviation of a radius measured by the width of strips
 
 _APPARENT_RADIUS = "radius: {} it by how wide the rope looks; give it if it is known"
@@ -171,7 +170,7 @@ def _holds_clear_table(extract: Extract, radius: float) -> bool:
     """Tell whether bounds hold a table that ropes stand out of; noise as large as ropes hides them."""
     if not holds_table(extract):
         return False
-    max_scatter = _MAX_SCATTER * radius
+    max_scatter = SMALL_SCATTER * radius
     if measure_depth_scatter(extract.whole, extract.inside, max_scatter) >= max_scatter:
         return False
     images = [image for image in extract.images if image is not None]

@@ -1,8 +1,8 @@
-"""Errors that all pixels of a view share: where what was given contradicts an answer of either method.
+"""Errors that all pixels of a view share: where the input contradicts an answer.
 
-Noise averages out, and covariances say what is left of it. An error of a pose, of intrinsics or of depth's
-scale does not, and a fit may follow it without a residual. But poses then move farther than they are said to
-be wrong, ropes leave the extraction range, or a view sees through them.
+Noise averages out, and covariances include the rest. Errors of poses, intrinsics or depth's scale do not
+average out, and a fit may follow them without a residual. But then poses move farther than the caller says,
+ropes leave the extraction range, or a view sees through them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 import strand._core as _core
 from strand.config import Config, Poses
+from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.stages import Found, Observed
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
@@ -22,24 +23,23 @@ from strand.views.box import Box
 from strand.views.pose import rotation_vector
 from strand.views.view import View
 
-# unknowns of a pose that its error may have moved; the standard normal deviate beyond which corrections are
-# more than chance, and the doubt for each deviate more
-_POSE, _CHANCE, _CORRECTED = 4, 2.5, 0.15
-# corrections that move ropes by less than the first, in radii, raise none of it, by the second all
-_SMALL = (0.7, 1.2)
-# doubt for the share of axes that lie outside the extraction range by more than so many radii
-_OUTSIDE, _OUT = 0.1, 0.2
-# a depth so many radii behind the surface saw through the rope; share of the places that a view may see
-# through, and doubt for each share more
-_BEHIND, _SEEN_THROUGH, _THROUGH = 1.6, 0.06, 2.0
-# share of the ropes' pixels that may be lost, and doubt for the share that is more
-_USUALLY_LOST, _LOST = 0.6, 0.7
-# fewest places of a rope that a view must show
-_FEWEST = 10
+_POSE_FREEDOM = 4  # unknowns of a pose that its error may have moved
+_CHANCE = 2.5  # standard normal deviate: rarer corrections are more than chance
+_DOUBT_PER_DEVIATE = 0.15  # beyond that
+_SMALL_MOTION = 0.7  # radii that corrections move ropes: less raises no doubt
+_FULL_MOTION = 1.2  # radii that corrections move ropes: more raises all of the doubt
+_MARGIN = 0.1  # radii that axes may lie outside the extraction range
+_OUTSIDE = 0.2  # doubt per share of the axes that lie outside
+_BEHIND = 1.6  # radii behind a rope's surface: farther depths saw through the rope
+_MAX_THROUGH = 0.06  # share of the places of ropes that a view may see through
+_THROUGH = 2.0  # doubt per share beyond that
+_MAX_LOST = 0.6  # share of the ropes' pixels that may have no depth
+_LOST = 0.7  # doubt per share beyond that
+_MIN_PLACES = 10  # places of a rope that a view must show
 
 
-def doubts(observed: Observed, found: Found, config: Config) -> list[Doubt]:
-    """Say where what was given contradicts the answer.
+def doubt_shared_errors(observed: Observed, found: Found, config: Config) -> list[Doubt]:
+    """Doubt input that contradicts the answer.
 
     Parameters
     ----------
@@ -47,27 +47,17 @@ def doubts(observed: Observed, found: Found, config: Config) -> list[Doubt]:
     found : Found
         The answer, with poses of the observed views.
     config : Config
-
-    Returns
-    -------
-    list of Doubt
     """
-    said = [*_of_poses(observed.views, found, config.poses), *_of_views(observed.whole, found)]
+    doubts = [*_doubt_poses(observed.views, found, config.poses), *_doubt_views(observed, found)]
     if observed.bounds is not None:
-        said += _of_range(found.chains, observed.bounds)
-    return said
+        doubts += _doubt_range(found.chains, observed.bounds)
+    return doubts
 
 
-def deviate(square: float, freedom: int) -> float:
-    """Return the standard normal deviate as rare as a chi-square (Wilson and Hilferty 1931)."""
-    spread = 2.0 / (9.0 * freedom)
-    return float(((square / freedom) ** (1.0 / 3.0) - 1.0 + spread) / math.sqrt(spread))
+def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Doubt]:
+    """Doubt poses that registration moved farther than the caller says they are wrong.
 
-
-def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Doubt]:
-    """Doubt poses that moved farther than they are said to be wrong.
-
-    Which are right is not known: views that agree may be wrong alike, and the one that is held too.
+    Any of the poses may be wrong: those of views that agree, and the one that is held.
     """
     others = [number for number in range(len(views)) if number != len(views) // 2]
     if not others:
@@ -81,9 +71,9 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
     rotated, shifted = ((of**2).sum(axis=1) for of in (turns, shifts))
     squares = rotated / prior.rotation_sd**2 + shifted / prior.translation_sd**2
     rare = max(
-        deviate(float(squares.sum()), _POSE * len(others)),
+        to_normal_deviate(float(squares.sum()), _POSE_FREEDOM * len(others)),
         # the greatest of several
-        deviate(float(squares.max()), _POSE) - 0.5 * math.log(len(others)),
+        to_normal_deviate(float(squares.max()), _POSE_FREEDOM) - 0.5 * math.log(len(others)),
     )
     if rare <= _CHANCE:
         return
@@ -91,55 +81,55 @@ def _of_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[Dou
     away = nodes @ (motions[:, :3, :3] - np.eye(3)).transpose(0, 2, 1) + motions[:, None, :3, 3]
     far = math.sqrt(float((away**2).sum(axis=2).max()))
     # an error that is small against the ropes leaves the answer right
-    share = min(max((far / radius - _SMALL[0]) / (_SMALL[1] - _SMALL[0]), 0.0), 1.0)
+    share = min(max((far / radius - _SMALL_MOTION) / (_FULL_MOTION - _SMALL_MOTION), 0.0), 1.0)
     reason = (
-        f"registration moved views by up to {far * 1e3:.1f} mm, reported poses are said to be right to "
+        f"registration moved views by up to {far * 1e3:.1f} mm, but reported poses should be right to "
         f"{prior.translation_sd * 1e3:.1f} mm and {math.degrees(prior.rotation_sd):.1f} degrees; poses, "
         "intrinsics or depths may be wrong"
     )
-    yield Doubt("pose", _CORRECTED * share * (rare - _CHANCE), "where the ropes are", reason)
+    yield Doubt("pose", _DOUBT_PER_DEVIATE * share * (rare - _CHANCE), "where the ropes are", reason)
 
 
-def _of_range(chains: Sequence[Chain], bounds: Box) -> Iterator[Doubt]:
-    """Doubt ropes whose axis leaves the range that was said to hold them."""
-    outside = [~bounds.holds(chain.points, _OUTSIDE * chain.radius) for chain in chains]
+def _doubt_range(chains: Sequence[Chain], bounds: Box) -> Iterator[Doubt]:
+    """Doubt ropes whose axes leave the extraction range."""
+    outside = [~bounds.holds(chain.points, _MARGIN * chain.radius) for chain in chains]
     share = float(np.concatenate(outside).mean())
     reason = (
         f"{share:.0%} of the ropes' axes lie outside the extraction range, which should hold the ropes; "
         "depths or poses may be wrong, or the range"
     )
-    yield Doubt("range", _OUT * share, "where the ropes are", reason)
+    yield Doubt("range", _OUTSIDE * share, "where the ropes are", reason)
 
 
-def _of_views(views: Sequence[View], found: Found) -> Iterator[Doubt]:
-    """Doubt what a view saw through, and ropes of which most pixels are lost."""
+def _doubt_views(observed: Observed, found: Found) -> Iterator[Doubt]:
+    """Doubt ropes that a view saw through, and ropes most of whose pixels have no depth."""
     worst, where, shown, lost = 0.0, -1, 0, 0
-    for number, (view, pose) in enumerate(zip(views, found.poses, strict=True)):
-        behind = np.concatenate([depth_behind(view, pose, chain) for chain in found.chains])
+    for number, view, pose in zip(observed.numbers, observed.whole, found.poses, strict=True):
+        behind = np.concatenate([measure_depth_behind(view, pose, chain) for chain in found.chains])
         # comparisons with NaN are false
         missed = int(np.count_nonzero(behind == np.inf))
         returned = int(np.count_nonzero(behind < np.inf))
         shown, lost = shown + returned, lost + missed
         through = int(np.count_nonzero(behind > _BEHIND)) - missed
-        if returned >= _FEWEST and through / returned > worst:
+        if returned >= _MIN_PLACES and through / returned > worst:
             worst, where = through / returned, number
     reason = (
-        f"a view, number {where} of those used, saw through {worst:.0%} of the ropes; it may be of something "
-        "else, or its pose wrong, such as world-to-camera"
+        f"view {where} saw through {worst:.0%} of the ropes; it may show something else, or its pose may be "
+        "wrong, such as world-to-camera"
     )
-    yield Doubt("view", _THROUGH * max(worst - _SEEN_THROUGH, 0.0), "of the ropes found", reason)
+    yield Doubt("view", _THROUGH * max(worst - _MAX_THROUGH, 0.0), "of the ropes found", reason)
     share = lost / max(shown + lost, 1)
     reason = f"{share:.0%} of the pixels that should show the ropes have no depth"
-    yield Doubt("points", _LOST * max(share - _USUALLY_LOST, 0.0), "where the ropes end", reason)
+    yield Doubt("points", _LOST * max(share - _MAX_LOST, 0.0), "where the ropes end", reason)
 
 
-def depth_behind(view: View, pose: Array, chain: Chain) -> Array:
-    """Return how far behind a rope's surface a view saw something.
+def measure_depth_behind(view: View, pose: Array, chain: Chain) -> Array:
+    """Return how far behind a rope's surface the depths lie that a view measured there.
 
     Parameters
     ----------
     view : View
-        With all that it saw.
+        Uncropped.
     pose : (4, 4) ndarray
         Camera to world.
     chain : Chain

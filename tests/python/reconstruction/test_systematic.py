@@ -12,10 +12,11 @@ from scipy.stats import chi2, norm
 import strand
 from shared.ropes import find_warnings
 from strand.config import Config
+from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.evidence.prior import Prior
 from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed
-from strand.reconstruction.systematic import depth_behind, deviate, doubts
+from strand.reconstruction.systematic import doubt_shared_errors, measure_depth_behind
 from strand.ropes.chain import Chain
 from strand.synthetic import render_depth
 from strand.views.pose import rotation_about
@@ -91,13 +92,15 @@ def test_corrections_count_over_their_prior(scene, by):
     motion[:3, :3] = rotation_about(np.array([0.0, 0.0, 1.0]), by * prior.rotation_sd)
     motion[:3, 3] = middle - motion[:3, :3] @ middle + by * prior.translation_sd * np.array([1.0, 1.0, 1.0])
     moved = replace(found, poses=[motion @ found.poses[0], found.poses[1], motion @ found.poses[2]])
-    amount = amounts(doubts(observed, moved, Config())).get("pose", 0.0)
+    amount = amounts(doubt_shared_errors(observed, moved, Config())).get("pose", 0.0)
     assert (amount > 0.1) == (by == 2.0)
     if by < 2.0:
         assert amount == 0.0
     # thick ropes are right all the same
     thick = [Chain(chain.points, 3.0 * scene.radius) for chain in moved.chains]
-    assert amounts(doubts(observed, replace(moved, chains=thick), Config())).get("pose", 0.0) == 0.0
+    assert (
+        amounts(doubt_shared_errors(observed, replace(moved, chains=thick), Config())).get("pose", 0.0) == 0.0
+    )
 
 
 def test_depth_that_is_off_is_doubted(scene):
@@ -112,43 +115,43 @@ def test_depth_that_is_off_is_doubted(scene):
 def test_ropes_outside_of_the_range_are_doubted(scene):
     observed, found = answered(scene, at(scene, scene.poses_true))
     inside = replace(observed, bounds=strand.Box(*scene.bounds))
-    assert amounts(doubts(inside, found, Config()))["range"] == 0.0
+    assert amounts(doubt_shared_errors(inside, found, Config()))["range"] == 0.0
     low, high = scene.bounds
     above = replace(observed, bounds=strand.Box([*low[:2], 1.2 * scene.radius], high))
-    assert amounts(doubts(above, found, Config()))["range"] > 0.15
+    assert amounts(doubt_shared_errors(above, found, Config()))["range"] > 0.15
 
 
 def test_a_view_that_saw_through_the_ropes_is_doubted(scene):
     views = at(scene, scene.poses_true)
     observed, found = answered(scene, views)
-    right = amounts(doubts(observed, found, Config()))
+    right = amounts(doubt_shared_errors(observed, found, Config()))
     assert right["view"] == right["points"] == 0.0
     size = scene.depth.shape[:0:-1]
     table = render_depth([scene.truth[0]], 1e-6, scene.intrinsics, scene.poses_true[2], size)
     foreign = strand.View.from_depth(table, scene.intrinsics, scene.poses_true[2])
     observed, found = answered(scene, [*views[:2], foreign])
-    (doubt,) = [doubt for doubt in doubts(observed, found, Config()) if doubt.kind == "view"]
+    (doubt,) = [doubt for doubt in doubt_shared_errors(observed, found, Config()) if doubt.kind == "view"]
     assert doubt.amount > 1.0
-    assert "number 2" in doubt.reason
+    assert "view 2 saw" in doubt.reason
 
 
 def test_pixels_without_a_return_are_doubted_where_they_are_most(scene):
     lost = np.random.default_rng(0).random(scene.depth.shape) < 0.85
     views = at(scene, scene.poses_true, np.where(lost, 0.0, scene.depth * scene.depth_scale))
     observed, found = answered(scene, views)
-    assert 0.1 < amounts(doubts(observed, found, Config()))["points"] < 0.3
+    assert 0.1 < amounts(doubt_shared_errors(observed, found, Config()))["points"] < 0.3
 
 
 def test_depth_behind_a_rope_is_told_in_radii(scene):
     chain = Chain(scene.truth[0], scene.radius)
     (view, *_) = at(scene, scene.poses_true)
-    near = depth_behind(view, scene.poses_true[0], chain)
+    near = measure_depth_behind(view, scene.poses_true[0], chain)
     assert abs(np.median(near)) < 0.3
-    assert np.isnan(depth_behind(strand.View(view.points), scene.poses_true[0], chain)).all()
+    assert np.isnan(measure_depth_behind(strand.View(view.points), scene.poses_true[0], chain)).all()
 
 
 @pytest.mark.parametrize("freedom", [3, 8, 24])
 def test_deviates_are_those_of_a_chi_square(freedom):
     for square in (0.5 * freedom, freedom, 2.5 * freedom):
         expected = norm.isf(chi2.sf(square, freedom))
-        assert math.isclose(deviate(square, freedom), expected, abs_tol=0.1)
+        assert math.isclose(to_normal_deviate(square, freedom), expected, abs_tol=0.1)

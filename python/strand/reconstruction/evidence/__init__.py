@@ -1,1 +1,1 @@
-"""What speaks for and against an answer: what cameras saw, colours, what is known beforehand."""
+"""What speaks for and against an answer: the cameras' rays, colours, and what the caller knows."""

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand.config import Linking
-from strand.reconstruction.evidence.branches import branches
-from strand.reconstruction.evidence.confidence import doubt_of_margin
+from strand.reconstruction.evidence.branches import find_branches
+from strand.reconstruction.evidence.confidence import doubt_margin
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt, ModelWarning
@@ -27,11 +27,11 @@ def warn_about_answer(
     config: Linking,
 ) -> Iterator[ModelWarning]:
     """Yield warnings about great doubts, branches, and ends at the extraction range's faces."""
-    least = doubt_of_margin(config.margin)
+    least = doubt_margin(config.margin)
     for doubt in doubts:
         if doubt.amount > least:
             yield ModelWarning(doubt.kind, str(doubt), doubt.place, doubt.amount)
-    for number, trunk, place in branches(chains, visibility):
+    for number, trunk, place in find_branches(chains, visibility):
         message = (
             f"chain {number} ends on the side of chain {trunk} at {round_to_millimeters(place)}: a branch?"
         )

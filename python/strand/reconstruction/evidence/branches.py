@@ -10,19 +10,22 @@ from strand.reconstruction.evidence.visibility import Visibility
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
 
-# a branch ends at most so far from the side of what it comes from, which is how far counting may miss an end,
-# and points at its axis this well; the way between is looked at in such steps; in radii
-_MEETS, _STRAIGHT, _LOOK = 1.75, 1.2, 0.25
+_REACH = 1.75  # radii between a branch's end and the trunk's side, as end finding may miss an end by this
+_MAX_OFFSET = 1.2  # radii: a branch points at the trunk's axis this well
+_STEP = 0.25  # radii between places where the way to the trunk is checked
+_DIRECTION = 8  # nodes over which the direction of an end is taken
 
 
-def branches(chains: Sequence[Chain], visibility: Visibility | None = None) -> list[tuple[int, int, Array]]:
-    """Find ends that run straight into the side of another chain, as no rope does that only touches it.
+def find_branches(
+    chains: Sequence[Chain], visibility: Visibility | None = None
+) -> list[tuple[int, int, Array]]:
+    """Find ends that run straight into the side of another chain: ropes that only touch do not.
 
     Parameters
     ----------
     chains : sequence of Chain
     visibility : Visibility, optional
-        What the views saw: an end is no branch if they saw through between it and the other chain.
+        An end is no branch if the views saw free space between it and the other chain.
 
     Returns
     -------
@@ -33,20 +36,20 @@ def branches(chains: Sequence[Chain], visibility: Visibility | None = None) -> l
     for number, chain in enumerate(chains):
         for points in () if chain.closed else (chain.points, chain.points[::-1]):
             r = chain.radius
-            out = points[0] - points[min(8, len(points) - 1)]
+            out = points[0] - points[min(_DIRECTION, len(points) - 1)]
             out = out / np.linalg.norm(out)
-            for other, strand in enumerate(chains):
+            for other, trunk in enumerate(chains):
                 if other == number:
                     continue
-                meets = strand.radius + _MEETS * r
-                ahead = points[0] + np.arange(0.0, meets, _LOOK * r)[:, None] * out
-                apart = np.linalg.norm(ahead[:, None] - strand.points[None], axis=2)
-                place = int(apart.min(axis=0).argmin())
-                inner = 2.0 * r < strand.arc_length[place] < strand.length - 2.0 * r or strand.closed
-                if not inner or apart[0].min() >= meets or apart.min() >= _STRAIGHT * r:
+                reach = trunk.radius + _REACH * r
+                ahead = points[0] + np.arange(0.0, reach, _STEP * r)[:, None] * out
+                away = np.linalg.norm(ahead[:, None] - trunk.points[None], axis=2)
+                place = int(away.min(axis=0).argmin())
+                inner = 2.0 * r < trunk.arc_length[place] < trunk.length - 2.0 * r or trunk.closed
+                if not inner or away[0].min() >= reach or away.min() >= _MAX_OFFSET * r:
                     continue
-                nearest = apart.min(axis=1)
-                between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > strand.radius]
+                nearest = away.min(axis=1)
+                between = ahead[: nearest.argmin()][nearest[: nearest.argmin()] > trunk.radius]
                 if visibility is None or not visibility.free(between, r).any():
-                    found.append((number, other, strand.points[place]))
+                    found.append((number, other, trunk.points[place]))
     return found

@@ -12,7 +12,7 @@ from strand.reconstruction.evidence.visibility import Visibility
 
 @dataclass(frozen=True, eq=False)
 class JoinEvidence:
-    """What speaks for or against joining two ends of arcs, and how it is weighed.
+    """What speaks for or against joining two ends of arcs, and its weights.
 
     Attributes
     ----------
@@ -21,11 +21,11 @@ class JoinEvidence:
     config : Linking
         The weights.
     visibility : Visibility or None
-        What the views saw; without it free space costs nothing.
+        What the views saw. Without it, free space costs nothing.
     prior : Prior
-        What is known of the ropes beforehand.
+        What the caller knows of the ropes.
     colors : ArcColors or None
-        The arcs' colours, if they are known.
+        The arcs' colours, if known.
     """
 
     radius: float
@@ -34,6 +34,6 @@ class JoinEvidence:
     prior: Prior = NO_PRIOR
     colors: ArcColors | None = None
 
-    def of_class(self, radius: float, classes: int) -> JoinEvidence:
-        """Return what speaks of the ropes of one radius, metres, of so many classes of radius."""
-        return replace(self, radius=radius, prior=self.prior if classes == 1 else self.prior.of_some())
+    def for_class(self, radius: float, classes: int) -> JoinEvidence:
+        """Return the evidence for ropes of one radius, metres, given the number of different radii."""
+        return replace(self, radius=radius, prior=self.prior if classes == 1 else self.prior.for_some())

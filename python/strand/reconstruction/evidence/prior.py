@@ -1,4 +1,4 @@
-"""What is known of the ropes beforehand: how many there are, how long, and where."""
+"""What the caller knows of the ropes: their number, their lengths, and where they are."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from strand.views.box import Box
 
 LENGTH_COST = 2.0  # of a hypothesis, per radius that a known length is missed by
 MAX_LENGTH_COST = 30.0  # of a hypothesis, per rope
-_MOST_ROPES = 10_000
+_MAX_ROPES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +24,11 @@ class Prior:
     Attributes
     ----------
     ropes : int or None
-        How many there are.
+        Their number.
     lengths : tuple of float
-        How long they are, the longest first, metres; empty if that is not known.
-    alike : bool
-        Whether there is one length, that of every rope.
+        Their lengths, the longest first, metres; empty if the caller gives none.
+    same_length : bool
+        Whether all ropes have the one length.
     bounds : Box or None
         The extraction range, which holds all ropes, metres.
     known : Known
@@ -37,7 +37,7 @@ class Prior:
 
     ropes: int | None = None
     lengths: tuple[float, ...] = ()
-    alike: bool = False
+    same_length: bool = False
     bounds: Box | None = None
     known: Known = field(default_factory=Known)
 
@@ -49,7 +49,7 @@ class Prior:
         bounds: Box | None = None,
         known: Known | None = None,
     ) -> Prior:
-        """Return what is known after checking it; several lengths say how many ropes there are.
+        """Check what the caller knows; several lengths also give the number of ropes.
 
         Raises
         ------
@@ -64,8 +64,8 @@ class Prior:
                 raise TypeError(f"ropes: expected a whole number or None, got {ropes!r}")
             if ropes < 1:
                 raise ValueError(f"ropes: expected at least 1, got {ropes}")
-            if ropes > _MOST_ROPES:
-                raise ValueError(f"ropes: expected at most {_MOST_ROPES}, got {ropes}")
+            if ropes > _MAX_ROPES:
+                raise ValueError(f"ropes: expected at most {_MAX_ROPES}, got {ropes}")
         if length is None:
             return cls(ropes, bounds=bounds, known=known)
         each = np.asarray(length, dtype=object)
@@ -78,25 +78,17 @@ class Prior:
             raise ValueError(f"length: expected one for each of {ropes} ropes, got {len(each)}")
         return cls(len(each), tuple(sorted(lengths, reverse=True)), bounds=bounds, known=known)
 
-    def of_some(self) -> Prior:
-        """Return what it says of only some of the ropes."""
-        return replace(self, ropes=None, lengths=self.lengths if self.alike else ())
+    def for_some(self) -> Prior:
+        """Return what is known of any of the ropes."""
+        return replace(self, ropes=None, lengths=self.lengths if self.same_length else ())
 
-    def expected(self, lengths: Sequence[float]) -> list[float | None]:
-        """Say how long ropes should be.
+    def match_lengths(self, lengths: Sequence[float]) -> list[float | None]:
+        """Return the known length of each rope, given the lengths that were found, metres.
 
-        Parameters
-        ----------
-        lengths : sequence of float
-            How long they were found to be, metres.
-
-        Returns
-        -------
-        list of (float or None)
-            For each the known length that is taken for its own, so that the differences are least together;
-            None for the shortest ropes if there are more ropes than lengths.
+        The sum of their differences is as small as possible. The shortest ropes have None if there are more
+        ropes than known lengths.
         """
-        if self.alike:
+        if self.same_length:
             return [self.lengths[0]] * len(lengths)
         true: list[float | None] = [None] * len(lengths)
         order = sorted(range(len(lengths)), key=lambda k: -lengths[k])[: len(self.lengths)]
@@ -109,7 +101,7 @@ class Prior:
             true[k] = value
         return true
 
-    def length_excess(self, length: float, true: float | None, radius: float) -> float:
+    def measure_excess(self, length: float, true: float | None, radius: float) -> float:
         """Return by how many radii a length misses the true one beyond what is allowed; 0 without one."""
         if true is None:
             return 0.0

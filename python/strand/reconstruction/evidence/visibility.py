@@ -9,30 +9,25 @@ from strand.support.checks import Array
 from strand.views.depth_image import DepthImage
 from strand.views.view import View
 
-__all__ = ["Visibility", "visibility_from"]
+__all__ = ["Visibility", "sort_rays"]
 
 
-def visibility_from(views: Sequence[View], poses: Sequence[Array], about: Sequence[View]) -> Visibility:
-    """Grid the views' rays by direction, for questions about places.
+def sort_rays(views: Sequence[View], poses: Sequence[Array], about: Sequence[View]) -> Visibility:
+    """Sort the views' rays by direction, for questions about places.
 
     Parameters
     ----------
     views : sequence of View
-        With all that they saw, beyond the ropes too: a ray that reached the table says that the space before
-        the table is free.
+        Uncropped: a ray that ends on the table shows that the space before the table is free.
     poses : sequence of (4, 4) ndarray
         Their camera-to-world poses.
     about : sequence of View
-        What of each view will be asked for: directions far from all of it are left out.
-
-    Returns
-    -------
-    Visibility
+        The parts of the views that questions are about: rays far from them are dropped.
     """
-    return Visibility([_rays(view) for view in views], [view.points for view in about], poses)
+    return Visibility([_collect_rays(view) for view in views], [view.points for view in about], poses)
 
 
-def _rays(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
-    """Return where a view's rays ended: its points, or its depth image with focal lengths and centre."""
+def _collect_rays(view: View) -> Array | tuple[Array, tuple[float, float], tuple[float, float]]:
+    """Return where a view's rays end: its points, or its depth image with its pinhole."""
     measured = view.measured
     return (measured.depth, *measured.camera) if isinstance(measured, DepthImage) else measured

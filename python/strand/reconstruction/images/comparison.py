@@ -11,7 +11,7 @@ from strand._core import ImageFit, RopeImages
 from strand.config import Config
 from strand.geometry.polyline import find_runs, path_length
 from strand.reconstruction.evidence.prior import LENGTH_COST, MAX_LENGTH_COST
-from strand.reconstruction.evidence.visibility import Visibility, visibility_from
+from strand.reconstruction.evidence.visibility import Visibility, sort_rays
 from strand.reconstruction.images.labels import count_label_changes
 from strand.reconstruction.images.pixel_errors import Errors
 from strand.reconstruction.images.table_plane import Plane
@@ -168,7 +168,7 @@ def fit_and_rank(
         # else each label is a piece of a rope, or labels are wrong
         costs += _LABEL_COST * changes
     if outside[costs.argmin()] > _MAX_OUTSIDE:
-        visibility = visibility_from(observed.whole, [view.pose for view in observed.whole], observed.views)
+        visibility = sort_rays(observed.whole, [view.pose for view in observed.whole], observed.views)
         costs += [_penalize_free_space(fit, visibility, observed) for _, fit in pairs]
     order = np.argsort(costs, kind="stable")
     return [Explanation(pairs[k][0], pairs[k][1], float(costs[k])) for k in order]
@@ -201,8 +201,8 @@ def penalize_lengths(fit: ImageFit, observed: Observed) -> float:
     radius = float(observed.radii.values[0])
     lengths = [float(path_length(nodes)[-1]) for nodes in fit.nodes]
     return sum(
-        min(LENGTH_COST * prior.length_excess(length, true, radius), MAX_LENGTH_COST)
-        for length, true in zip(lengths, prior.expected(lengths), strict=True)
+        min(LENGTH_COST * prior.measure_excess(length, true, radius), MAX_LENGTH_COST)
+        for length, true in zip(lengths, prior.match_lengths(lengths), strict=True)
     )
 
 

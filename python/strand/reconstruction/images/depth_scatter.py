@@ -10,6 +10,7 @@ import strand._core as _core
 from strand.support.robust import DEVIATION_OF_MEDIAN
 from strand.views.view import View
 
+SMALL_SCATTER = 0.3  # radii: where depths scatter less, single points show tubes, and heights show ropes
 _ROW_STEP = 7  # every seventh row of an image is used
 
 

@@ -36,7 +36,7 @@ def chain_arcs_to_length(arcs: Sequence[Array], joins: Sequence[Pair], evidence:
     ropes = _list_parts(arcs, joins)
     made = [_make_chain(parts, closed, evidence, 1.0) for parts, closed in ropes]
     lengths = [float(path_length(nodes)[-1]) for nodes, _ in made]
-    for k, true in enumerate(evidence.prior.expected(lengths)):
+    for k, true in enumerate(evidence.prior.match_lengths(lengths)):
         _, gaps = made[k]
         if true is not None and gaps > 0 and true > lengths[k]:
             made[k] = _make_chain(*ropes[k], evidence, 1.0 + (true - lengths[k]) / gaps)

@@ -11,7 +11,7 @@ from strand._core import NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.reconstruction.courses import Chains
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.orientation import started
+from strand.reconstruction.orientation import rotate_ring
 from strand.reconstruction.stages import Run
 from strand.reconstruction.tubes.arcs import keep_explaining
 from strand.reconstruction.tubes.clouds import Arcs, Clouds
@@ -37,7 +37,7 @@ def decide_joins(
         if not mine:
             by_class.append([])
             continue
-        of_class = evidence.of_class(float(radius), len(before.radii))
+        of_class = evidence.for_class(float(radius), len(before.radii))
         fit_chains = _make_fit(clouds, before, number, evidence, config)
         by_class.append(rank_hypotheses(mine, of_class, fit_chains, run))
     if not any(by_class):
@@ -127,5 +127,5 @@ def choose_ropes(by_class: ByClass) -> tuple[Arcs, list[bool]]:
         if scored
         for chain in scored[0].hypothesis.chains
     ]
-    nodes = [started(nodes) if ring else nodes for (nodes, ring), _ in chains]
+    nodes = [rotate_ring(nodes) if ring else nodes for (nodes, ring), _ in chains]
     return Arcs(nodes, [number for _, number in chains]), [ring for (_, ring), _ in chains]

@@ -76,7 +76,7 @@ def price_joins(arcs: Sequence[Array], evidence: JoinEvidence) -> JoinCosts:
     distance = np.linalg.norm(position[:, None] - position[None], axis=2)
     # gaps that no camera could see may be longer
     farthest = config.gap * radius * (1.0 if visibility is None else _UNSEEN_FACTOR)
-    contrast = None if evidence.colors is None else evidence.colors.join_costs(arcs, radius)
+    contrast = None if evidence.colors is None else evidence.colors.price_joins(arcs, radius)
     costs: dict[tuple[int, int], float] = {}
     for i, j in zip(*np.nonzero(np.triu(distance <= farthest, k=1)), strict=True):
         i, j = int(i), int(j)

@@ -54,7 +54,9 @@ def lengthen(
     found = [(number, part) for number, part in enumerate(parts) if part is not None]
     shapes = restore_bows(fit, starts)
     longer = list(parts)
-    for (number, part), true in zip(found, prior.expected([part.length for _, part in found]), strict=True):
+    for (number, part), true in zip(
+        found, prior.match_lengths([part.length for _, part in found]), strict=True
+    ):
         bow = shapes[number] - part.control
         if true is None or part.length >= true or not bow.any():
             continue

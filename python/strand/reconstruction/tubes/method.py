@@ -10,9 +10,9 @@ from strand._core import EndObservation, NotEnoughDataError, TubeFit
 from strand.config import Config
 from strand.geometry.curve import Curve
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
-from strand.reconstruction.evidence.color import ArcColors, colors_of
+from strand.reconstruction.evidence.color import ArcColors, collect_colors
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.evidence.visibility import Visibility, visibility_from
+from strand.reconstruction.evidence.visibility import Visibility, sort_rays
 from strand.reconstruction.radius import Radii, deviate_with_noise
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.reconstruction.tubes.arcs import add_unexplained, cut_to_seen, fit_arcs
@@ -116,9 +116,9 @@ def _find(observed: Observed, config: Config, run: Run) -> Found:
 def _gather_evidence(observed: Observed, fit: TubeFit, config: Config) -> tuple[JoinEvidence, Visibility]:
     """Return the evidence for joins at the poses of a fit of arcs."""
     poses = [motion @ view.pose for motion, view in zip(fit.motions, observed.whole, strict=True)]
-    visibility = visibility_from(observed.whole, poses, observed.views)
-    colors = colors_of(observed.views)
-    arc_colors = None if colors is None else ArcColors.of(fit, colors)
+    visibility = sort_rays(observed.whole, poses, observed.views)
+    colors = collect_colors(observed.views)
+    arc_colors = None if colors is None else ArcColors.from_fit(fit, colors)
     evidence = JoinEvidence(float(fit.radii[0]), config.linking, visibility, observed.prior, arc_colors)
     return evidence, visibility
 

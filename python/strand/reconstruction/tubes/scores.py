@@ -71,6 +71,6 @@ def price_contradictions(chains: Chains, evidence: JoinEvidence) -> float:
         cost += _COUNT * sum(not closed for _, closed in chains)
     if prior.lengths:
         lengths = [float(path_length(nodes)[-1]) for nodes, _ in chains]
-        for length, true in zip(lengths, prior.expected(lengths), strict=True):
-            cost += min(LENGTH_COST * prior.length_excess(length, true, evidence.radius), MAX_LENGTH_COST)
+        for length, true in zip(lengths, prior.match_lengths(lengths), strict=True):
+            cost += min(LENGTH_COST * prior.measure_excess(length, true, evidence.radius), MAX_LENGTH_COST)
     return cost

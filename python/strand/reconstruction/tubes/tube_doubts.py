@@ -9,7 +9,7 @@ import numpy as np
 from strand._core import TubeFit
 from strand.geometry.curve import Curve
 from strand.geometry.polyline import path_length
-from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE, doubt_of_margin
+from strand.reconstruction.evidence.confidence import MIN_DOUBT, SCALE, USUAL_NOISE, doubt_margin
 from strand.reconstruction.evidence.visibility import Visibility
 from strand.reconstruction.tubes.hypotheses import ScoredHypothesis, measure_prior_cost
 from strand.reconstruction.tubes.joins import ByClass, run_through
@@ -75,7 +75,7 @@ def _doubt_join(join: Join) -> Doubt:
         else f"it may go on at {round_to_millimeters(join.alternative)}"
     )
     reason = f"{other} (margin {join.margin:.1f})"
-    return Doubt("join", doubt_of_margin(join.margin), "how the rope runs", reason, join.place)
+    return Doubt("join", doubt_margin(join.margin), "how the rope runs", reason, join.place)
 
 
 def _doubt_decision(scored: Sequence[ScoredHypothesis]) -> list[Doubt]:

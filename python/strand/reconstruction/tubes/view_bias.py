@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from strand._core import EndObservation, TubeFit
+from strand.reconstruction.evidence.confidence import to_normal_deviate
 from strand.reconstruction.radius import Radii, guess_radius
 from strand.reconstruction.stages import Found, Observed
-from strand.reconstruction.systematic import deviate
 from strand.ropes.doubt import Doubt
 from strand.views.pose import moved
 from strand.views.view import View
@@ -101,7 +101,7 @@ def _doubt_ends(fit: TubeFit, ends: Sequence[EndObservation]) -> Iterator[Doubt]
         precision = np.array([1.0 / ((one.sd / radius) ** 2 + common) for one in own])
         middle = precision @ places / precision.sum()
         offset = (places - middle) @ own[0].outward / radius
-        rare = deviate(float(precision @ offset**2), len(own) - 1)
+        rare = to_normal_deviate(float(precision @ offset**2), len(own) - 1)
         reason = (
             f"views see it in places up to {np.ptp(offset):.1f} radii from each other; depth around it may "
             "not be the rope's"

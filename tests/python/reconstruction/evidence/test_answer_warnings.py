@@ -9,8 +9,8 @@ import strand
 from shared.ropes import R, draw_line, find_warnings
 from strand.config import Linking
 from strand.reconstruction.evidence.answer_warnings import warn_about_answer
-from strand.reconstruction.evidence.confidence import doubt_of_margin
-from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.evidence.confidence import doubt_margin
+from strand.reconstruction.evidence.visibility import sort_rays
 from strand.ropes.doubt import DOUBTS, Doubt
 
 
@@ -31,9 +31,9 @@ def test_ends_that_leave_the_extraction_range_are_warned_about():
 
 @pytest.mark.parametrize("kind", DOUBTS)
 def test_great_doubts_become_warnings(kind, paper, paper_model):
-    visibility = visibility_from(paper.views, paper_model.poses, paper.views)
+    visibility = sort_rays(paper.views, paper_model.poses, paper.views)
     place = np.array([0.1, 0.2, 0.3])
-    least = doubt_of_margin(Linking().margin)
+    least = doubt_margin(Linking().margin)
     great = Doubt(kind, 1.01 * least, "how the rope runs", "it may end there", place)
     small = Doubt(kind, 0.99 * least, "how the rope runs", "it may end there")
     (warning,) = warn_about_answer(

@@ -7,7 +7,7 @@ import pytest
 
 import strand
 from shared.ropes import R, draw_line, find_warnings
-from strand.reconstruction.evidence.branches import branches
+from strand.reconstruction.evidence.branches import find_branches
 
 UP = np.array([0.0, 0.0, 5.0 * R])
 
@@ -15,11 +15,11 @@ UP = np.array([0.0, 0.0, 5.0 * R])
 def test_branches_are_ends_that_point_into_another_side():
     trunk = strand.Chain(draw_line([-0.1, 0, 0], [0.1, 0, 0]), R)
     branch = strand.Chain(draw_line([0.0, 2.5 * R, 0], [0.0, 0.1, 0]), R)
-    ((number, other, place),) = branches([trunk, branch])
+    ((number, other, place),) = find_branches([trunk, branch])
     assert (number, other) == (1, 0)
     np.testing.assert_allclose(place, [0, 0, 0], atol=R)
     over = strand.Chain(draw_line([0.0, 2.5 * R, 2 * R], [0.0, 0.1, 2 * R]), R)
-    assert branches([trunk, over]) == []
+    assert find_branches([trunk, over]) == []
 
 
 def test_a_branched_object_comes_as_chains_that_meet_and_says_so(data):

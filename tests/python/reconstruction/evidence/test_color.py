@@ -7,7 +7,7 @@ import numpy as np
 import strand
 from shared.ropes import R
 from strand import View
-from strand.reconstruction.evidence.color import ArcColors, colors_of
+from strand.reconstruction.evidence.color import ArcColors, collect_colors
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.outliers import drop_outliers
 from strand.reconstruction.tubes.join_costs import price_joins
@@ -17,8 +17,8 @@ RED, BLUE, ORANGE = (0.8, 0.15, 0.1), (0.1, 0.2, 0.7), (0.8, 0.45, 0.1)
 
 def test_views_with_and_without_colours_go_together():
     plain, red = View(np.ones((2, 3))), View(np.ones((1, 3)), colors=np.array([RED]))
-    assert colors_of([plain, plain]) is None
-    np.testing.assert_array_equal(colors_of([plain, red]), [[np.nan] * 3] * 2 + [list(RED)])
+    assert collect_colors([plain, plain]) is None
+    np.testing.assert_array_equal(collect_colors([plain, red]), [[np.nan] * 3] * 2 + [list(RED)])
 
 
 def coloured(scene, paints, views=None):
@@ -101,15 +101,15 @@ def test_the_contrast_counts_in_spreads_of_colour_within_segments():
     model = strand.reconstruct(views, R, config=config, keep_stages=True)
     views = drop_outliers(views, R, config.filter, widen=True)
     fit, arcs = model.stages["fit"], [chain.points for chain in model.chains]
-    colors = ArcColors.of(fit, colors_of(views))
-    contrast = colors.join_costs(arcs, R)
+    colors = ArcColors.from_fit(fit, collect_colors(views))
+    contrast = colors.price_joins(arcs, R)
     np.testing.assert_allclose(contrast, contrast.T)
     assert contrast[0, 1] < 0.5
     assert contrast[2, 3] < 0.5
     assert contrast[:2, 2:].min() > 10.0
     far = [arc + 1.0 for arc in arcs]
-    assert (colors.join_costs(far, R) == 0.0).all()
+    assert (colors.price_joins(far, R) == 0.0).all()
     nowhere = np.full(fit.points.shape, np.nan)
-    assert (ArcColors.of(fit, nowhere).join_costs(arcs, R) == 0.0).all()
+    assert (ArcColors.from_fit(fit, nowhere).price_joins(arcs, R) == 0.0).all()
     assert price_joins(arcs, JoinEvidence(R, config.linking)).costs
     assert not price_joins(arcs, JoinEvidence(R, config.linking, colors=colors)).costs

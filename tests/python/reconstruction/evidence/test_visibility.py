@@ -6,13 +6,13 @@ import numpy as np
 
 import strand
 from shared.ropes import R
-from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.evidence.visibility import sort_rays
 
 UP = np.array([0.0, 0.0, 5.0 * R])
 
 
 def test_cameras_see_ropes_where_they_are_and_nothing_above_them(paper):
-    visibility = visibility_from(paper.views, paper.poses_true, paper.views)
+    visibility = sort_rays(paper.views, paper.poses_true, paper.views)
     truth = paper.truth[0][::10]
     assert not visibility.free(truth, R).any()
     assert visibility.occluded(truth, R).mean() < 0.1
@@ -25,16 +25,14 @@ def test_cameras_see_ropes_where_they_are_and_nothing_above_them(paper):
 def test_what_cameras_saw_does_not_depend_on_the_world_frame(paper):
     motion = strand.pose_from_angles(0.4, -0.7, 2.0, [3.0, -1.0, 0.5])
     places = np.concatenate([paper.truth[0][::10], paper.truth[0][::10] + UP])
-    there = visibility_from(paper.views, paper.poses_true, paper.views).states(places, R)
+    there = sort_rays(paper.views, paper.poses_true, paper.views).states(places, R)
     poses = [motion @ pose for pose in paper.poses_true]
-    moved = visibility_from(paper.views, poses, paper.views).states(
-        places @ motion[:3, :3].T + motion[:3, 3], R
-    )
+    moved = sort_rays(paper.views, poses, paper.views).states(places @ motion[:3, :3].T + motion[:3, 3], R)
     assert (there == moved).mean() > 0.995
 
 
 def test_a_view_without_points_knows_nothing():
     view = strand.View(np.empty((0, 3)))
-    visibility = visibility_from([view], [view.pose], [view])
+    visibility = sort_rays([view], [view.pose], [view])
     assert not visibility.free(np.zeros((3, 3)), R).any()
     assert visibility.occluded(np.zeros((3, 3)), R).all()

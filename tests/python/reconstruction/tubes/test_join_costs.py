@@ -7,7 +7,7 @@ import numpy as np
 from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
-from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.evidence.visibility import sort_rays
 from strand.reconstruction.tubes.chaining import chain_arcs
 from strand.reconstruction.tubes.join_costs import price_joins
 from strand.reconstruction.tubes.matching import match_ends
@@ -20,7 +20,7 @@ def link_arcs(arcs, visibility=None):
 
 
 def test_joins_keep_out_of_free_space(paper):
-    visibility = visibility_from(paper.views, paper.poses_true, paper.views)
+    visibility = sort_rays(paper.views, paper.poses_true, paper.views)
     z = 8.0 * R
     arcs = [draw_line([-0.06, 0.0, z], [-0.01, 0.0, z]), draw_line([0.01, 0.0, z], [0.06, 0.0, z])]
     assert len(link_arcs(arcs)) == 1

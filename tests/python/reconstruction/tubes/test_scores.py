@@ -8,7 +8,7 @@ from shared.ropes import R, draw_line
 from strand.config import Linking
 from strand.reconstruction.evidence.join_evidence import JoinEvidence
 from strand.reconstruction.evidence.prior import Prior
-from strand.reconstruction.evidence.visibility import visibility_from
+from strand.reconstruction.evidence.visibility import sort_rays
 from strand.reconstruction.tubes.scores import price_contradictions, price_explanation
 
 CHAINS = [(draw_line([0, 0, 0], [0.3, 0, 0]), False), (draw_line([0, 0.1, 0], [0.2, 0.1, 0]), False)]
@@ -36,7 +36,7 @@ def test_contradictions_to_the_prior_cost(prior, rings, cost):
 
 def test_unexplained_points_cost(paper, paper_model):
     fit = paper_model.stages["fit"]
-    visibility = visibility_from(paper.views, paper_model.poses, paper.views)
+    visibility = sort_rays(paper.views, paper_model.poses, paper.views)
     whole = price_explanation(fit, visibility)
     lost = fit.explained.copy()
     lost[::2] = False
