@@ -46,7 +46,7 @@ calls = {{
     "typical_neighbors": lambda: _core.typical_neighbors(points, 0.05),
     "occupied_voxels": lambda: _core.occupied_voxels([points], 0.05),
     "squared_distances": lambda: _core.squared_distances(points, points),
-    "crop": lambda: _core.crop(points, eye, (0.0,) * 3, (0.5,) * 3, points),
+    "crop_points": lambda: _core.crop_points(points, eye, (0.0,) * 3, (0.5,) * 3, points),
     "crop_images": lambda: _core.crop_images([depth], [camera], [eye], (-1.0,) * 3, (1.0,) * 3),
     "constant_copy": lambda: _core.constant_copy(points),
     "variances_around": lambda: _core.variances_around(points, points[:9], 0.2, 5),
