@@ -30,7 +30,7 @@ from lib.tables import print_head, print_row
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 
 import planner
-from simulation import BOUNDS, HOLDS, RADIUS, World, lay, look, photo, rope
+from simulation import BOUNDS, MAX_HELD, RADIUS, World, get_rope, lay, look, take_photo
 
 import strand
 
@@ -79,9 +79,9 @@ def try_task(
     task: str, see: Callable[[World], strand.Model], views: int, seed: int, film: bool
 ) -> tuple[Run, World]:
     """Do a task, and look at the truth."""
-    world = lay(planner.start(task, seed), views, seed)
-    world.film = [photo(world)] if film else None
-    before, seconds = rope(world).points, []
+    world = lay(planner.draw_rope(task, seed), views, seed)
+    world.film = [take_photo(world)] if film else None
+    before, seconds = get_rope(world).points, []
 
     def timed(world: World) -> strand.Model:
         start = time.perf_counter()
@@ -97,9 +97,9 @@ def try_task(
 
 
 def _is_picked(world: World, before: np.ndarray) -> bool:
-    after = rope(world).points
-    held = int(world.data.eq_active[:HOLDS].sum())
-    s = rope(world).arc_length
+    after = get_rope(world).points
+    held = int(world.data.eq_active[:MAX_HELD].sum())
+    s = get_rope(world).arc_length
     moved = np.linalg.norm(after - before, axis=1)
     lifted = [z > LIFTED for z in (after[0, 2], after[-1, 2])]
     rest = s > FREE if lifted[0] else s < s[-1] - FREE
@@ -107,12 +107,12 @@ def _is_picked(world: World, before: np.ndarray) -> bool:
 
 
 def _is_straight(world: World, _: np.ndarray) -> bool:
-    chain = rope(world)
-    return not chain.crossings() and chain.shape_error(planner.straight(chain)).worst < STRAIGHT
+    chain = get_rope(world)
+    return not chain.crossings() and chain.shape_error(planner.make_line(chain)).worst < STRAIGHT
 
 
 def _is_untied(world: World, _: np.ndarray) -> bool:
-    return not rope(world).crossings()
+    return not get_rope(world).crossings()
 
 
 RIGHT = {"pick": _is_picked, "straighten": _is_straight, "untie": _is_untied}

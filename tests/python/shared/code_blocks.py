@@ -26,7 +26,12 @@ from strand.synthetic import SyntheticScene
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = [
     path.relative_to(ROOT).as_posix()
-    for path in (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")))
+    for path in (
+        *sorted(ROOT.glob("*.md")),
+        *sorted((ROOT / "docs").rglob("*.md")),
+        ROOT / "examples" / "README.md",
+        ROOT / "packaging" / "README.md",
+    )
 ]
 
 
