@@ -1,4 +1,4 @@
-"""Capsules and spheres: as near to the tubes as is stated, both ways, by points on both surfaces."""
+"""Capsules and spheres: within the given error of the tubes, by points on both surfaces."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ CHAINS = {
 ERRORS = [1e-4, 5e-4, 2e-3]
 
 
-def model_of(*chains):
+def make_model(*chains):
     return Model(chains, np.eye(4)[None])
 
 
-def axis_of(chain):
-    """Lines that follow a centreline far more closely than any error that is asked for."""
+def sample_axis(chain):
+    """Return segments that follow a centreline far more closely than any tested error."""
     if chain.closed:
         path = np.vstack([chain.points, chain.points[:1]])
     else:
@@ -33,8 +33,8 @@ def axis_of(chain):
     return path[:-1], path[1:]
 
 
-def around(start, stop, radius, count=2000):
-    """Points on the surface of capsules, drawn evenly along and around; parts inside others are left out."""
+def sample_surface(start, stop, radius, count=2000):
+    """Return points on the surface of capsules, evenly along and around, without those inside other ones."""
     rng = np.random.default_rng(0)
     lengths = np.linalg.norm(stop - start, axis=1)
     which = rng.choice(len(start), size=count, p=lengths / lengths.sum())
@@ -53,10 +53,10 @@ def around(start, stop, radius, count=2000):
 @pytest.mark.parametrize("name", CHAINS)
 def test_capsules_are_within_the_error_of_the_tube_and_the_tube_of_them(name, error):
     chain = CHAINS[name]
-    capsules = model_of(chain).capsules(error)
-    axis = axis_of(chain)
-    from_capsules = around(capsules.start, capsules.stop, chain.radius)
-    from_tube = around(*axis, chain.radius)
+    capsules = make_model(chain).capsules(error)
+    axis = sample_axis(chain)
+    from_capsules = sample_surface(capsules.start, capsules.stop, chain.radius)
+    from_tube = sample_surface(*axis, chain.radius)
     assert min(len(from_capsules), len(from_tube)) > 500
     beyond = np.abs(measure_path_distance(from_capsules, *axis) - chain.radius)
     missed = np.abs(measure_path_distance(from_tube, capsules.start, capsules.stop) - chain.radius)
@@ -71,8 +71,8 @@ def test_capsules_are_within_the_error_of_the_tube_and_the_tube_of_them(name, er
 @pytest.mark.parametrize("name", CHAINS)
 def test_spheres_are_within_the_error_of_the_tube(name, error):
     chain = CHAINS[name]
-    spheres = model_of(chain).spheres(error)
-    axis = axis_of(chain)
+    spheres = make_model(chain).spheres(error)
+    axis = sample_axis(chain)
     rng = np.random.default_rng(0)
     outward = rng.normal(size=(3000, 3))
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
@@ -81,7 +81,10 @@ def test_spheres_are_within_the_error_of_the_tube(name, error):
     assert measure_path_distance(points, *axis).max() <= chain.radius + error
     assert measure_path_distance(points, *axis).min() >= chain.radius - error
     # and so the other way round: points of the tube are no farther from a sphere, or in one
-    missed = measure_path_distance(around(*axis, chain.radius), spheres.center, spheres.center) - chain.radius
+    missed = (
+        measure_path_distance(sample_surface(*axis, chain.radius), spheres.center, spheres.center)
+        - chain.radius
+    )
     assert missed.max() <= error
     if error < R:
         assert missed.max() > 0.4 * error
@@ -90,7 +93,7 @@ def test_spheres_are_within_the_error_of_the_tube(name, error):
 @pytest.mark.parametrize("name", CHAINS)
 def test_capsules_run_along_the_rope_from_end_to_end(name):
     chain = CHAINS[name]
-    capsules = model_of(chain).capsules(1e-3)
+    capsules = make_model(chain).capsules(1e-3)
     np.testing.assert_allclose(chain.at(capsules.s[:, 0]), capsules.start, atol=1e-9)
     np.testing.assert_allclose(chain.at(capsules.s[:, 1]), capsules.stop, atol=1e-9)
     np.testing.assert_array_equal(capsules.start[1:], capsules.stop[:-1])
@@ -99,9 +102,9 @@ def test_capsules_run_along_the_rope_from_end_to_end(name):
 
 
 def test_frames_place_a_capsule_as_trimesh_makes_it():
-    """Along z, its middle in the origin."""
+    """The capsule runs along z, with its middle in the origin."""
     chain = CHAINS["paper"]
-    capsules = model_of(chain).capsules(5e-4)
+    capsules = make_model(chain).capsules(5e-4)
     np.testing.assert_allclose(np.linalg.det(capsules.poses[:, :3, :3]), 1.0)
     for k in range(0, len(capsules), 7):
         mesh = trimesh.creation.capsule(height=capsules.lengths[k], radius=capsules.radius[k])
@@ -112,7 +115,7 @@ def test_frames_place_a_capsule_as_trimesh_makes_it():
 
 def test_several_ropes_keep_their_numbers_and_radii():
     thick = Chain(CHAINS["two nodes"].points, 0.01)
-    model = model_of(CHAINS["paper"], thick, CHAINS["ring"])
+    model = make_model(CHAINS["paper"], thick, CHAINS["ring"])
     for parts in (model.capsules(1e-3), model.spheres(1e-3)):
         assert set(parts.chain.tolist()) == {0, 1, 2}
         assert (np.diff(parts.chain) >= 0).all()
@@ -124,21 +127,21 @@ def test_several_ropes_keep_their_numbers_and_radii():
 
 
 def test_a_model_without_ropes_has_none():
-    capsules, spheres = model_of().capsules(1e-3), model_of().spheres(1e-3)
+    capsules, spheres = make_model().capsules(1e-3), make_model().spheres(1e-3)
     assert len(capsules) == len(spheres) == 0
     assert capsules.poses.shape == (0, 4, 4)
 
 
 def test_any_error_that_is_large_leaves_a_capsule_of_some_length():
     for name, chain in CHAINS.items():
-        capsules = model_of(chain).capsules(10.0)
+        capsules = make_model(chain).capsules(10.0)
         assert 1 <= len(capsules) <= 2, name
         assert (capsules.lengths > 0).all()
 
 
 @pytest.mark.parametrize("ask", [Model.capsules, Model.spheres])
 def test_wrong_errors_are_refused(ask):
-    model = model_of(CHAINS["paper"])
+    model = make_model(CHAINS["paper"])
     for wrong in (0.0, -1e-3, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="error: expected a positive number"):
             ask(model, wrong)

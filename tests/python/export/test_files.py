@@ -82,7 +82,7 @@ def test_other_names_are_refused_and_nothing_is_written(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
-def validated(content):
+def validate(content):
     jsonschema.Draft202012Validator(SCHEMA).validate(content)
 
 
@@ -90,19 +90,19 @@ def test_what_is_saved_is_as_the_schema_says(tmp_path, paper_model):
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     for model in (MODEL, paper_model, strand.Model((), np.eye(4)[None], method="published")):
         model.save(tmp_path / "a.json")
-        validated(json.loads((tmp_path / "a.json").read_text()))
+        validate(json.loads((tmp_path / "a.json").read_text()))
     everything = json.loads(whole_files.make_model()) | {"units": "metres, radians, seconds"}
-    validated(everything)
+    validate(everything)
 
 
 @pytest.mark.parametrize("key", SCHEMA["properties"])
 def test_what_the_schema_refuses_is_not_read_either(tmp_path, key):
-    """Each key with a value of another kind: both say no, and the reader says where."""
+    """Give each key a value of another kind: schema and reader refuse it, and the reader says where."""
     content = json.loads(whole_files.make_model()) | {"units": "metres, radians, seconds"}
     for wrong in ("wrong", [1], {"a": []}):
         changed = content | {key: wrong}
         with pytest.raises(jsonschema.ValidationError):
-            validated(changed)
+            validate(changed)
         if key == "units":  # nobody reads it
             continue
         (tmp_path / "a.json").write_text(json.dumps(changed))

@@ -1,4 +1,4 @@
-"""Ropes in MuJoCo: of the installed generation loaded and stepped, of both as far as their text says."""
+"""Ropes in MuJoCo: models of the installed version are loaded and stepped, others compared as text."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ SHORT = Chain(np.array([[0.2, 0.0, R], [0.2, 0.01, R]]), R)
 MODEL = Model((ROPE, RING, SHORT), np.eye(4)[None])
 
 
-def written(folder, model=MODEL, version=HERE, **more):
+def write_model(folder, model=MODEL, version=HERE, **more):
     path = folder / "ropes.xml"
     model.save_mjcf(path, version, density=DENSITY, **more)
     return path
 
 
-def loaded(path):
+def load_mujoco(path):
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
 
 
-def axes(model, data, number):
-    """Both ends of each of a rope's capsules in MuJoCo's world, and their radii."""
+def find_axes(model, data, number):
+    """Return both ends of a rope's capsules in MuJoCo's world, and their radii."""
     name = f"rope_{number}"
     if HERE >= 4:
         rod = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, name)
@@ -55,9 +55,9 @@ def axes(model, data, number):
 
 @pytest.mark.parametrize("spacing", [None, 0.02])
 def test_capsules_are_where_the_ropes_are(tmp_path, spacing):
-    model, data = loaded(written(tmp_path, spacing=spacing))
+    model, data = load_mujoco(write_model(tmp_path, spacing=spacing))
     for number, chain in enumerate(MODEL.chains):
-        one, other, radii = axes(model, data, number)
+        one, other, radii = find_axes(model, data, number)
         np.testing.assert_allclose(radii, chain.radius, rtol=1e-9)
         count = max(int(chain.length / (spacing or 3 * chain.radius)), 3 if chain.closed or HERE < 4 else 2)
         assert len(one) == count
@@ -68,7 +68,7 @@ def test_capsules_are_where_the_ropes_are(tmp_path, spacing):
 
 
 def test_the_mass_is_that_of_the_ropes(tmp_path):
-    model, _ = loaded(written(tmp_path))
+    model, _ = load_mujoco(write_model(tmp_path))
     want = sum(DENSITY * np.pi * chain.radius**2 * chain.length for chain in MODEL.chains)
     # MuJoCo gives the bodies that carry twist a millionth of a gram each
     assert model.body_mass.sum() == pytest.approx(want, rel=1e-4)
@@ -76,41 +76,41 @@ def test_the_mass_is_that_of_the_ropes(tmp_path):
 
 @pytest.mark.parametrize("young", [1e5, 1e7])
 def test_ropes_settle_on_a_table(tmp_path, young):
-    path = written(tmp_path, young=young)
+    path = write_model(tmp_path, young=young)
     scene = tmp_path / "scene.xml"
     scene.write_text(
         f'<mujoco><include file="{path.name}"/>'
         '<worldbody><geom type="plane" size="1 1 0.1"/></worldbody></mujoco>'
     )
-    model, data = loaded(scene)
-    before = [np.concatenate(axes(model, data, number)[:2]) for number in range(3)]
+    model, data = load_mujoco(scene)
+    before = [np.concatenate(find_axes(model, data, number)[:2]) for number in range(3)]
     for _ in range(300):
         mujoco.mj_step(model, data)
     assert not any(warning.number for warning in data.warning), "unstable"
     for number, places in enumerate(before):
-        after = np.concatenate(axes(model, data, number)[:2])
+        after = np.concatenate(find_axes(model, data, number)[:2])
         # all lie on it already, and hardly move
         assert np.linalg.norm(after - places, axis=1).max() < 0.5 * R
         assert after[:, 2].min() > 0.8 * R
     if HERE < 4:  # its ends are two bodies: they stay together
-        one, other, _ = axes(model, data, 1)
+        one, other, _ = find_axes(model, data, 1)
         np.testing.assert_allclose(one[0], other[-1], atol=0.1 * R)
 
 
 def test_a_rope_rests_in_the_shape_in_which_it_was_seen(tmp_path):
-    """Without weight and without touching itself it stays as it is, however it is bent."""
-    path = written(tmp_path, Model((ROPE,), np.eye(4)[None]), young=1e6)
-    model, data = loaded(path)
+    """Without weight and self-contact a rope keeps its shape, however it is bent."""
+    path = write_model(tmp_path, Model((ROPE,), np.eye(4)[None]), young=1e6)
+    model, data = load_mujoco(path)
     model.opt.gravity[:] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    places = np.concatenate(axes(model, data, 0)[:2])
+    places = np.concatenate(find_axes(model, data, 0)[:2])
     for _ in range(200):
         mujoco.mj_step(model, data)
-    np.testing.assert_allclose(np.concatenate(axes(model, data, 0)[:2]), places, atol=1e-5)
+    np.testing.assert_allclose(np.concatenate(find_axes(model, data, 0)[:2]), places, atol=1e-5)
 
 
 def test_version_3_has_cables_of_capsules(tmp_path):
-    tree = ElementTree.parse(written(tmp_path, version=3)).getroot()
+    tree = ElementTree.parse(write_model(tmp_path, version=3)).getroot()
     assert [one.get("prefix") for one in tree.iter("composite")] == ["rope_0_", "rope_1_", "rope_2_"]
     for chain, cable in zip(MODEL.chains, tree.iter("composite"), strict=True):
         places = np.array(cable.get("vertex").split(), dtype=float).reshape(-1, 3)
@@ -129,7 +129,7 @@ def test_version_3_has_cables_of_capsules(tmp_path):
 
 
 def test_version_4_has_rods_that_keep_their_lengths(tmp_path):
-    tree = ElementTree.parse(written(tmp_path, version=4)).getroot()
+    tree = ElementTree.parse(write_model(tmp_path, version=4)).getroot()
     rods = list(tree.iter("flexcomp"))
     assert [rod.get("name") for rod in rods] == ["rope_0", "rope_1", "rope_2"]
     assert {rod.get("dim") for rod in rods} == {"1"}
@@ -144,12 +144,12 @@ def test_version_4_has_rods_that_keep_their_lengths(tmp_path):
 
 
 def test_a_model_without_ropes_loads(tmp_path):
-    model, _ = loaded(written(tmp_path, Model((), np.eye(4)[None])))
+    model, _ = load_mujoco(write_model(tmp_path, Model((), np.eye(4)[None])))
     assert model.nbody == 1
 
 
 def test_files_are_written_whole_or_not_at_all(tmp_path):
-    path = written(tmp_path)
+    path = write_model(tmp_path)
     before = path.read_bytes()
     for wrong, said in [
         ({"version": 5}, "version: expected at most 4, got 5"),

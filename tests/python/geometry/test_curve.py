@@ -1,4 +1,4 @@
-"""Smooth curves."""
+"""Splines asked by arc length."""
 
 from __future__ import annotations
 

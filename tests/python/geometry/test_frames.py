@@ -15,12 +15,12 @@ from strand.geometry.curve import Curve
 T = np.linspace(0.0, 4 * np.pi, 400)
 
 
-def helix(radius=0.05, climb=0.01, hand=1.0):
+def make_helix(radius=0.05, climb=0.01, hand=1.0):
     return Chain(np.stack([radius * np.cos(T), hand * radius * np.sin(T), climb * T], axis=1), 0.002)
 
 
-def smooth(seed=0):
-    """A chain with a curve, its nodes on it."""
+def make_smooth(seed=0):
+    """Return a chain with a curve through its nodes."""
     control = np.cumsum(
         np.random.default_rng(seed).normal(size=(12, 3)) * [0.02, 0.02, 0.005] + [0.02, 0, 0], axis=0
     )
@@ -29,7 +29,7 @@ def smooth(seed=0):
 
 
 @pytest.mark.parametrize(
-    "chain", [helix(), smooth(), draw_circle(0.05, 100, True), draw_circle(0.05, 100, False)]
+    "chain", [make_helix(), make_smooth(), draw_circle(0.05, 100, True), draw_circle(0.05, 100, False)]
 )
 def test_frames_are_rotations_along_the_chain_without_twist(chain):
     s = np.linspace(0.0, chain.length * (1 - 1e-9), 20_001)
@@ -47,7 +47,7 @@ def test_frames_are_rotations_along_the_chain_without_twist(chain):
 
 
 def test_frames_at_single_places_and_outside_of_the_chain():
-    chain = helix()
+    chain = make_helix()
     place, frame = chain.frames_at(0.1)
     assert (place.shape, frame.shape) == ((3,), (3, 3))
     np.testing.assert_array_equal(chain.frames_at([[0.1, 99.0]])[1][0, 0], frame)
@@ -71,7 +71,7 @@ def test_a_strand_that_turns_back_on_itself_has_frames_too():
 
 @pytest.mark.parametrize("hand", [1.0, -1.0])
 def test_bends_of_a_helix(hand):
-    chain, a, b = helix(hand=hand), 0.05, 0.01
+    chain, a, b = make_helix(hand=hand), 0.05, 0.01
     s = np.linspace(0.1, 0.5, 9)
     np.testing.assert_allclose(chain.torsion_at(s), hand * b / (a * a + b * b), rtol=1e-3)
     bend = chain.curvature_vector_at(s)
@@ -84,7 +84,7 @@ def test_bends_of_a_helix(hand):
 
 
 def test_bends_of_a_curve_are_those_of_its_derivatives():
-    chain = smooth()
+    chain = make_smooth()
     s = np.linspace(0.1, 0.9, 7) * chain.length
     step = 1e-5
     t = [chain.tangent_at(s + k * step) for k in (-1, 1)]
@@ -104,14 +104,14 @@ def test_bends_of_a_curve_are_those_of_its_derivatives():
     assert 1 / np.linalg.norm(chain.curvature_vector_at(at)) == pytest.approx(radius)
 
 
-def unsure(chain):
-    """The same chain with covariances, as if it was reconstructed."""
+def add_covariance(chain):
+    """Return the chain with covariances, as if reconstructed."""
     return replace(chain, covariance=np.tile(1e-8 * np.eye(3), (len(chain.points), 1, 1)))
 
 
 @pytest.mark.parametrize("hand", [1.0, -1.0])
 def test_bends_over_a_window_are_those_of_a_helix_up_to_its_ends(hand):
-    chain, a, b = unsure(replace(helix(hand=hand), radius=0.004)), 0.05, 0.01
+    chain, a, b = add_covariance(replace(make_helix(hand=hand), radius=0.004)), 0.05, 0.01
     s = np.linspace(0, chain.length, 50)
     np.testing.assert_allclose(chain.torsion_at(s), hand * b / (a * a + b * b), rtol=2e-2)
     np.testing.assert_allclose(
@@ -121,7 +121,7 @@ def test_bends_over_a_window_are_those_of_a_helix_up_to_its_ends(hand):
     assert chain.min_bend_radius()[0] == pytest.approx((a * a + b * b) / a, rel=3e-3)
     assert chain.torsion_at(0.1).shape == ()
     assert chain.torsion_at([[0.1, 99.0]]).shape == (1, 2)
-    ring = unsure(draw_circle(0.05, 400, True))
+    ring = add_covariance(draw_circle(0.05, 400, True))
     np.testing.assert_allclose(ring.curvature, 20.0, rtol=1e-3)
     np.testing.assert_allclose(
         ring.curvature_vector_at(0.0), ring.curvature_vector_at(ring.length), atol=1e-6
@@ -149,8 +149,8 @@ def test_ends_of_a_reconstructed_rope_are_no_bends(name, least, most):
 
 def test_a_straight_rope_bends_nowhere():
     for chain in (
-        unsure(Chain(np.linspace([0.0, 0, 0], [1.0, 2, 0.3], 9), 0.01)),
-        unsure(Chain([[0.0, 0, 0], [0.001, 0.002, 0]], 0.01)),
+        add_covariance(Chain(np.linspace([0.0, 0, 0], [1.0, 2, 0.3], 9), 0.01)),
+        add_covariance(Chain([[0.0, 0, 0], [0.001, 0.002, 0]], 0.01)),
         Chain([[0.0, 0, 0], [1.0, 2, 0]], 0.01),
         Chain(np.linspace([0.0, 0, 0], [1.0, 0, 0], 9), 0.01),
     ):

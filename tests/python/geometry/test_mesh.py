@@ -1,4 +1,4 @@
-"""Tubes around centrelines as triangles."""
+"""Triangle meshes of tubes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from strand import Chain
 RADIUS = 0.004
 
 
-def helix(count=200, closed=False):
-    """Nodes of a curve with torsion; closed: around a torus."""
+def draw_helix(count=200, closed=False):
+    """Return nodes of a curve with torsion; a closed one runs around a torus."""
     t = np.linspace(0, 2 * np.pi, count, endpoint=not closed)
     if closed:
         wide = 0.06 + 0.015 * np.cos(5 * t)
@@ -27,20 +27,20 @@ def helix(count=200, closed=False):
     return Chain(np.stack([0.03 * np.cos(2 * t), 0.03 * np.sin(2 * t), 0.01 * t], axis=1), RADIUS)
 
 
-def straight():
+def draw_straight():
     return Chain(np.linspace([0.1, 0.2, 0.3], [0.1, 0.6, 0.0], 30), RADIUS)
 
 
 CHAINS = {
-    "straight": straight(),
+    "straight": draw_straight(),
     "two nodes": Chain(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), RADIUS),
-    "helix": helix(),
+    "helix": draw_helix(),
     "ring": draw_circle(0.05, 60, True),
-    "knotted ring": helix(closed=True),
+    "knotted ring": draw_helix(closed=True),
 }
 
 
-def volume(vertices, triangles):
+def measure_volume(vertices, triangles):
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     return float((np.cross(a, b) * c).sum() / 6)
 
@@ -59,11 +59,13 @@ def test_every_edge_is_in_two_triangles_that_go_opposite_ways(name, sides):
 @pytest.mark.parametrize("name", CHAINS)
 @pytest.mark.parametrize("sides", [3, 16, 64])
 def test_the_volume_is_that_of_the_rope(name, sides):
-    """By Pappus: what goes straight across the centreline has its cross-section's area times its length."""
+    """Pappus: the volume is the area of the cross-section times the length of the centreline."""
     chain = CHAINS[name]
     area = sides / 2 * np.sin(2 * np.pi / sides) * RADIUS**2
     exact = name in ("straight", "two nodes")
-    assert volume(*chain.tube(sides)) == pytest.approx(area * chain.length, rel=1e-9 if exact else 0.01)
+    assert measure_volume(*chain.tube(sides)) == pytest.approx(
+        area * chain.length, rel=1e-9 if exact else 0.01
+    )
 
 
 @pytest.mark.parametrize("name", CHAINS)
@@ -87,7 +89,7 @@ def test_right_angles():
     nodes = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1.0]]) * 0.1
     vertices, triangles = Chain(nodes, RADIUS).tube(8)
     assert np.isfinite(vertices).all()
-    assert volume(vertices, triangles) > 0
+    assert measure_volume(vertices, triangles) > 0
 
 
 @pytest.mark.parametrize(
@@ -102,9 +104,9 @@ def test_right_angles():
 )
 def test_tubes_have_three_sides_at_least_and_a_thousand_at_most(sides, said):
     with pytest.raises(ValueError, match=f"sides: expected {said}"):
-        straight().tube(sides)
+        draw_straight().tube(sides)
     with pytest.raises(TypeError, match="sides"):
-        straight().tube(3.5)
+        draw_straight().tube(3.5)
 
 
 def test_a_ring_of_two_nodes_has_no_tube():

@@ -1,4 +1,4 @@
-"""Contacts: strands that lie near each other and do not cross."""
+"""Contacts: strands near each other that do not cross."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ R = 0.004
 S = np.linspace(-0.1, 0.1, 101)[:, None]
 
 
-def model(*chains):
+def make_model(*chains):
     return Model(chains, np.eye(4)[None])
 
 
-def line(direction, shift=(0.0, 0.0, 0.0)):
+def draw_line(direction, shift=(0.0, 0.0, 0.0)):
     return Chain(S * direction + shift, R)
 
 
 def test_strands_side_by_side_touch_along_the_stretch_that_they_share():
-    beside = model(line([1, 0, 0]), line([1, 0, 0], [0.02, 2 * R + 0.0005, 0]))
+    beside = make_model(draw_line([1, 0, 0]), draw_line([1, 0, 0], [0.02, 2 * R + 0.0005, 0]))
     (found,) = beside.contacts(0.001)
     assert (found.first[0], found.second[0]) == (0, 1)
     assert found.gap == pytest.approx(0.0005)
@@ -36,7 +36,7 @@ def test_strands_side_by_side_touch_along_the_stretch_that_they_share():
 
 
 def test_two_nodes_are_as_good_as_many():
-    (found,) = model(
+    (found,) = make_model(
         Chain([[0.0, 0, 0], [1.0, 0, 0]], R), Chain([[0.7, -0.2, 0], [0.7, -0.009, 0]], R)
     ).contacts(0.002)
     assert found.first == (0, pytest.approx(0.7))
@@ -46,7 +46,7 @@ def test_two_nodes_are_as_good_as_many():
 
 @pytest.mark.parametrize("angle", [0.2, 0.6, 1.2])
 def test_strands_that_cross_are_no_contact(angle):
-    crossing = model(line([1, 0, 0]), line([np.cos(angle), np.sin(angle), 0], [0, 0, 2 * R]))
+    crossing = make_model(draw_line([1, 0, 0]), draw_line([np.cos(angle), np.sin(angle), 0], [0, 0, 2 * R]))
     assert len(crossing.crossings()) == 1
     assert crossing.contacts(0.003) == ()
     # from the side they do not cross: they touch
@@ -61,19 +61,19 @@ def test_strands_that_cross_and_touch_elsewhere_do_both():
     )
     knots = np.linspace(0.0, 1.0, len(back))
     path = np.stack([np.interp(t, knots, column) for column in back.T], axis=1)
-    both = model(line([1, 0, 0]), Chain(path, R))
+    both = make_model(draw_line([1, 0, 0]), Chain(path, R))
     assert len(both.crossings()) == 1
     (found,) = both.contacts(0.001)
     assert found.first[1] == pytest.approx(0.175, abs=0.02)
     assert found.gap == pytest.approx(0.1 * R)
 
 
-def beside_after_crossing(slope):
-    """A strand that crosses the x axis, and lies beside it then, 0.1 radii off, for most of half a metre."""
+def draw_beside_after_crossing(slope):
+    """Return a strand that crosses the x axis, then runs beside it, 0.1 radii away, for almost 0.5 m."""
     x = np.linspace(-0.2, 0.5, 1401)
     there = 2.1 * R / slope
     height = np.interp(x, [-0.2, 0.6 * there, there + 0.01, 0.5], [2 * R, 2 * R, 0, 0])
-    return model(
+    return make_model(
         Chain(np.stack([x, 0 * x, 0 * x], axis=1), R),
         Chain(np.stack([x, np.minimum(slope * x, 2.1 * R), height], axis=1), R),
     )
@@ -82,7 +82,7 @@ def beside_after_crossing(slope):
 @pytest.mark.parametrize("distance", [0.001, 0.003, 0.01, 0.03, 0.1])
 @pytest.mark.parametrize(("slope", "shortest"), [(1.0, 0.45), (0.3, 0.38), (0.1, 0.2)])
 def test_strands_that_cross_and_then_lie_side_by_side_do_both(slope, shortest, distance):
-    both = beside_after_crossing(slope)
+    both = draw_beside_after_crossing(slope)
     assert len(both.crossings()) == 1
     (found,) = both.contacts(distance)
     assert found.gap == pytest.approx(0.1 * R, abs=1e-6)
@@ -96,7 +96,7 @@ def test_what_a_distance_finds_a_larger_one_finds_too():
         Model(tuple(Chain(points, R) for points in random_ropes(3, 3, R, seed)), np.eye(4)[None])
         for seed in (2, 6, 7)
     ]
-    for scene in (*scenes, beside_after_crossing(0.5)):
+    for scene in (*scenes, draw_beside_after_crossing(0.5)):
         fewer = ()
         for distance in (0.001, 0.003, 0.01, 0.02, 0.05):
             more = [one for one in scene.contacts(distance) if one.first[0] != one.second[0]]
@@ -117,7 +117,7 @@ def test_a_ring_that_crosses_itself_at_its_seam_is_no_contact():
         t = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False) + start
         eight = Chain(np.stack([0.1 * np.sin(t), 0.05 * np.sin(2 * t), R * np.cos(t)], axis=1), R, True)
         assert len(eight.crossings()) == 1
-        assert model(eight).contacts(0.003) == ()
+        assert make_model(eight).contacts(0.003) == ()
 
 
 def test_the_legs_of_a_bend_touch_and_a_bend_does_not():
@@ -126,18 +126,18 @@ def test_the_legs_of_a_bend_touch_and_a_bend_does_not():
     legs = [np.stack([out, 0 * out - 1.05 * R], axis=1), 1.05 * R * np.stack([np.sin(t), -np.cos(t)], axis=1)]
     legs.append(legs[0][::-1] * [1, -1])
     hairpin = Chain(np.column_stack([np.concatenate(legs), np.zeros(158)]), R)
-    (found,) = model(hairpin).contacts(0.001)
+    (found,) = make_model(hairpin).contacts(0.001)
     assert found.first[0] == found.second[0] == 0
     assert found.gap == pytest.approx(0.1 * R, rel=0.01)
     assert found.second[1] - found.first[1] > np.pi * R
-    assert model(draw_circle(0.05, 300, True)).contacts(0.001) == ()
-    assert model(draw_circle(0.05, 300, True)).contacts(1.0) == ()
+    assert make_model(draw_circle(0.05, 300, True)).contacts(0.001) == ()
+    assert make_model(draw_circle(0.05, 300, True)).contacts(1.0) == ()
 
 
 def test_a_contact_over_the_seam_of_a_ring_is_one():
     ring = draw_circle(0.05, 300, True)
     tangent = Chain(np.stack([np.full(101, 0.05 + 2.05 * R), S[:, 0], 0 * S[:, 0]], axis=1), R)
-    (found,) = model(ring, tangent).contacts(0.001)
+    (found,) = make_model(ring, tangent).contacts(0.001)
     start, stop = found.stretch_first
     assert start < 0 < stop or start < ring.length < stop
     assert stop - start < 0.05
@@ -157,9 +157,9 @@ def test_nearest_places_of_segments_against_a_search():
 
 
 def test_distances_that_make_no_sense_are_refused():
-    assert model().contacts(0.01) == ()
+    assert make_model().contacts(0.01) == ()
     for distance in (-0.001, np.nan, np.inf):
         with pytest.raises(ValueError, match="distance"):
-            model(line([1, 0, 0])).contacts(distance)
+            make_model(draw_line([1, 0, 0])).contacts(distance)
     with pytest.raises(ValueError, match="direction"):
-        model(line([1, 0, 0])).contacts(0.001, direction=(0, 0, 0))
+        make_model(draw_line([1, 0, 0])).contacts(0.001, direction=(0, 0, 0))

@@ -1,4 +1,4 @@
-"""Crossings of chains: who is over whom, where, and how sure that is."""
+"""Crossings of chains: places, order and probability."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ UP = np.array([0.0, 0.0, 1.0])
 S = np.linspace(-0.1, 0.1, 41)[:, None]
 
 
-def model(*chains, doubts=()):
+def make_model(*chains, doubts=()):
     return Model(chains, np.eye(4)[None], doubts=doubts)
 
 
-def straight(direction, height, sd=None):
+def make_straight(direction, height, sd=None):
     covariance = None if sd is None else np.tile(sd**2 * np.eye(3), (len(S), 1, 1))
     return Chain(S * direction + [0.003, 0.001, height], R, covariance=covariance)
 
 
-def knot(count=300):
-    """A right-handed trefoil as a ring."""
+def make_trefoil(count=300):
+    """Return a right-handed trefoil as a ring."""
     t = np.linspace(0, 2 * np.pi, count, endpoint=False)
     away = 2 + np.cos(3 * t)
     return Chain(
@@ -34,18 +34,18 @@ def knot(count=300):
     )
 
 
-def rotation(seed):
+def draw_rotation(seed):
     turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return turn * np.sign(np.linalg.det(turn))
 
 
-def moved(chain, turn, shift, scale=1.0):
+def move_chain(chain, turn, shift, scale=1.0):
     covariance = None if chain.covariance is None else scale**2 * turn @ chain.covariance @ turn.T
     return Chain(scale * chain.points @ turn.T + shift, scale * chain.radius, chain.closed, None, covariance)
 
 
-def numbers(crossings):
-    """(K, 9) What crossings say, but for the points."""
+def list_numbers(crossings):
+    """Return (K, 9) the values of crossings without the points."""
     return np.array(
         [(*c.over, *c.under, c.height, c.gap, c.angle, c.sign, c.probability) for c in crossings]
     ).reshape(-1, 9)
@@ -53,8 +53,8 @@ def numbers(crossings):
 
 @pytest.mark.parametrize(("towards", "over"), [((0, 0, 1), 1), (-3 * UP, 0)])
 def test_who_is_over_whom_and_where(towards, over):
-    low, high = straight([1, 0, 0], 0.0), straight([0.6, 0.8, 0], 0.01)
-    (found,) = model(low, high).crossings(towards)
+    low, high = make_straight([1, 0, 0], 0.0), make_straight([0.6, 0.8, 0], 0.01)
+    (found,) = make_model(low, high).crossings(towards)
     assert (found.over[0], found.under[0]) == (over, 1 - over)
     np.testing.assert_allclose(found.place, [0.003, 0.001, 0.005], atol=1e-9)
     assert found.point_over[2] == pytest.approx(0.01 * over)
@@ -68,7 +68,7 @@ def test_who_is_over_whom_and_where(towards, over):
 
 
 def test_a_right_handed_trefoil_has_three_positive_crossings():
-    chain = knot()
+    chain = make_trefoil()
     found = chain.crossings()
     assert [c.sign for c in found] == [1, 1, 1]
     mirrored = Chain(chain.points * [1, 1, -1], R, closed=True)
@@ -95,8 +95,8 @@ def test_named_shapes_cross_as_they_are_known_to(name):
         assert abs(sum(c.sign for c in found)) == 3
 
 
-def closest(one, other):
-    """The least distance of the surfaces of two chains of radius R, at many places."""
+def find_least_distance(one, other):
+    """Return the least distance of the surfaces of two chains of radius R, from many places."""
     return one.signed_distance(other.at(np.linspace(0, other.length, 20_001))).min() - R
 
 
@@ -105,9 +105,9 @@ def test_gap_of_a_strand_that_climbs_is_that_of_the_surfaces(rise):
     y = np.linspace(-0.1, 0.1, 801)
     climbs = Chain(np.stack([0 * y, y, 3 * R + rise / (1 + np.exp(-y / 0.0025))], axis=1), R)
     line = Chain(S * [1, 0, 0] + [0, 0, R], R)
-    (found,) = model(line, climbs).crossings()
+    (found,) = make_model(line, climbs).crossings()
     assert found.height > 0.018
-    assert found.gap == pytest.approx(closest(line, climbs), abs=0.03 * R)
+    assert found.gap == pytest.approx(find_least_distance(line, climbs), abs=0.03 * R)
 
 
 @pytest.mark.parametrize("tilt", [1, 0.1, 0.003])
@@ -116,14 +116,14 @@ def test_gap_of_an_end_that_stands_up_is_that_of_the_end(tilt, across):
     foot = tilt * np.array([0.05 * (1 - across), 0.05 * across + 0.003, 0])
     stands = Chain(np.array([[0, 0, 0.1], [0, 0, 0.03]]) + np.outer([-1, 1], foot), R)
     line = Chain(S * [1, 0, 0], R)
-    (found,) = model(line, stands).crossings()
-    assert found.gap == pytest.approx(closest(line, stands), abs=1e-6)
+    (found,) = make_model(line, stands).crossings()
+    assert found.gap == pytest.approx(find_least_distance(line, stands), abs=1e-6)
 
 
 def test_gap_at_a_seam_is_that_anywhere_else():
     gaps = []
     for first in (0, 20, 217):
-        ring = Chain(np.roll(knot().points, -first, axis=0), R, closed=True)
+        ring = Chain(np.roll(make_trefoil().points, -first, axis=0), R, closed=True)
         found = ring.crossings()
         gaps.append(sorted(c.gap for c in found))
         assert min(gaps[-1]) > 0
@@ -143,8 +143,8 @@ def test_gap_of_a_small_loop_is_not_that_to_the_rope_beside_it():
         assert found.gap == pytest.approx(least, abs=0.01 * R)
 
 
-def brute_force(chains):
-    """All crossings from above, by all pairs of segments: chains, arc lengths, which is higher."""
+def find_by_brute_force(chains):
+    """Return all crossings seen from above, by pairs of segments: chains, arc lengths, which is higher."""
     pieces = []
     for i, chain in enumerate(chains):
         path = np.vstack([chain.points, chain.points[:1]]) if chain.closed else chain.points
@@ -172,10 +172,10 @@ def brute_force(chains):
 @pytest.mark.parametrize("seed", [1, 4])
 def test_every_crossing_is_found_that_brute_force_finds(seed):
     chains = [Chain(nodes[::3], R) for nodes in random_ropes(seed, 2, R, seed)]
-    chains.append(Chain(knot(60).points, 0.5 * R, closed=True))
-    found = model(*chains).crossings()
+    chains.append(Chain(make_trefoil(60).points, 0.5 * R, closed=True))
+    found = make_model(*chains).crossings()
     first = [(*c.over, *c.under, True) if c.over < c.under else (*c.under, *c.over, False) for c in found]
-    expected = sorted(brute_force(chains))
+    expected = sorted(find_by_brute_force(chains))
     assert len(expected) > 5
     np.testing.assert_allclose(first, expected, atol=1e-8)
 
@@ -196,19 +196,19 @@ def test_crossings_move_with_the_ropes_and_grow_with_them(seed):
         Chain(nodes, R, covariance=np.tile(1e-8 * np.eye(3), (len(nodes), 1, 1)))
         for nodes in random_ropes(3, 2, R, 5)
     ]
-    before = model(*ropes).crossings()
-    turn, shift = rotation(seed), np.array([0.3, -0.2, 1.0])
-    after = model(*(moved(chain, turn, shift) for chain in ropes)).crossings(turn @ UP)
-    np.testing.assert_allclose(numbers(after), numbers(before), atol=1e-7)
+    before = make_model(*ropes).crossings()
+    turn, shift = draw_rotation(seed), np.array([0.3, -0.2, 1.0])
+    after = make_model(*(move_chain(chain, turn, shift) for chain in ropes)).crossings(turn @ UP)
+    np.testing.assert_allclose(list_numbers(after), list_numbers(before), atol=1e-7)
     np.testing.assert_allclose([c.place for c in after], [turn @ c.place + shift for c in before], atol=1e-7)
-    larger = model(*(moved(chain, np.eye(3), 0.0, 1e3) for chain in ropes)).crossings()
+    larger = make_model(*(move_chain(chain, np.eye(3), 0.0, 1e3) for chain in ropes)).crossings()
     lengths = np.array([1, 1e3, 1, 1e3, 1e3, 1e3, 1, 1, 1])
-    np.testing.assert_allclose(numbers(larger), numbers(before) * lengths, atol=1e-4)
+    np.testing.assert_allclose(list_numbers(larger), list_numbers(before) * lengths, atol=1e-4)
 
 
 def test_from_the_other_side_the_same_strands_cross_the_other_way_round():
     chains = [Chain(nodes, R) for nodes in random_ropes(4, 2, R, 2)]
-    above, below = (model(*chains).crossings(side) for side in (UP, -UP))
+    above, below = (make_model(*chains).crossings(side) for side in (UP, -UP))
     assert len(above) == len(below) >= 4
     for one, other in zip(above, below, strict=True):
         np.testing.assert_allclose([one.over, one.under], [other.under, other.over], atol=1e-8)
@@ -220,8 +220,8 @@ def test_from_the_other_side_the_same_strands_cross_the_other_way_round():
 
 def test_a_reversed_chain_crosses_itself_with_the_same_signs_and_others_with_the_opposite():
     chains = [Chain(nodes, R) for nodes in random_ropes(4, 2, R, 2)]
-    before = model(*chains).crossings()
-    after = model(chains[0].reversed(), chains[1]).crossings()
+    before = make_model(*chains).crossings()
+    after = make_model(chains[0].reversed(), chains[1]).crossings()
 
     def told(crossings, turned):
         rows = []
@@ -236,9 +236,9 @@ def test_a_reversed_chain_crosses_itself_with_the_same_signs_and_others_with_the
 
 
 def test_chains_beside_each_other_across_the_view_and_none_do_not_cross():
-    assert model().crossings() == ()
-    assert model(straight([1, 0, 0], 0.0), Chain(S * [1, 0, 0] + [0, 0.02, 0], R)).crossings() == ()
-    assert model(Chain(S * [0, 0, 1], R)).crossings() == ()
+    assert make_model().crossings() == ()
+    assert make_model(make_straight([1, 0, 0], 0.0), Chain(S * [1, 0, 0] + [0, 0.02, 0], R)).crossings() == ()
+    assert make_model(Chain(S * [0, 0, 1], R)).crossings() == ()
     assert Chain([[0.0, 0, 0], [1.0, 0, 0]], R).crossings() == ()
 
 
@@ -246,15 +246,15 @@ def test_strands_that_touch_in_the_plan_only_do_not_cross():
     bow = Chain([[-0.1, 0.1, 0.01], [0.0, 0.0, 0.01], [0.1, 0.1, 0.01]], R)
     for low in (-0.05, 0.0, 0.1):
         line = Chain([[-0.1, 0.0, 0.0], [low, 0.0, 0.0], [0.2, 0.0, 0.0]], R)
-        assert model(bow, line).crossings() == ()
-        assert model(line, bow).crossings() == ()
+        assert make_model(bow, line).crossings() == ()
+        assert make_model(line, bow).crossings() == ()
 
 
 def test_near_parallel_strands_that_cross_twice_cross_twice():
     s = np.linspace(-0.1, 0.1, 201)
     line = Chain(np.stack([s, 0 * s, 0 * s], axis=1), R)
     bow = Chain(np.stack([s, 10.0 * s**2 - 0.2 * R, 0 * s + 2.02 * R], axis=1), R)
-    found = model(line, bow).crossings()
+    found = make_model(line, bow).crossings()
     assert [c.over[0] for c in found] == [1, 1]
     assert [c.sign for c in found] == [1, -1] or [c.sign for c in found] == [-1, 1]
     assert found[1].over[1] - found[0].over[1] == pytest.approx(2 * np.sqrt(0.02 * R), rel=0.02)
@@ -283,50 +283,54 @@ def test_a_hundred_thousand_nodes_lose_no_crossing():
 
 
 def test_a_height_without_covariance_has_no_deviation():
-    (found,) = model(straight([1, 0, 0], 0.0), straight([0, 1, 0], 0.01)).crossings()
+    (found,) = make_model(make_straight([1, 0, 0], 0.0), make_straight([0, 1, 0], 0.01)).crossings()
     assert np.isnan(found.height_sd)
-    (found,) = model(straight([1, 0, 0], 0.0, 3e-4), straight([0, 1, 0], 0.01, 4e-4)).crossings()
+    (found,) = make_model(
+        make_straight([1, 0, 0], 0.0, 3e-4), make_straight([0, 1, 0], 0.01, 4e-4)
+    ).crossings()
     assert found.height_sd == pytest.approx(5e-4)
 
 
 def test_strands_seen_at_a_slant_are_as_far_apart_as_they_are():
     # straight strands, 0.01 apart along z, seen from a slant: the axes' distance stays
-    low, high = straight([1, 0, 0], 0.0, 3e-4), straight([0, 1, 0], 0.01, 4e-4)
-    (found,) = model(low, high).crossings([0.5, 0.3, 1.0])
+    low, high = make_straight([1, 0, 0], 0.0, 3e-4), make_straight([0, 1, 0], 0.01, 4e-4)
+    (found,) = make_model(low, high).crossings([0.5, 0.3, 1.0])
     assert found.gap == pytest.approx(0.01 - 2 * R)
     assert found.height == pytest.approx(0.01 * np.linalg.norm([0.5, 0.3, 1.0]))
     assert found.height_sd == pytest.approx(5e-4 * np.linalg.norm([0.5, 0.3, 1.0]))
 
 
-def probability(height, sd, doubts=()):
-    (found,) = model(straight([1, 0, 0], 0.0, sd), straight([0, 1, 0], height, sd), doubts=doubts).crossings()
+def find_probability(height, sd, doubts=()):
+    (found,) = make_model(
+        make_straight([1, 0, 0], 0.0, sd), make_straight([0, 1, 0], height, sd), doubts=doubts
+    ).crossings()
     return found.probability
 
 
 def test_the_order_is_surer_the_farther_apart_and_the_less_noise():
-    by_height = [probability(height, 1e-3) for height in (0.0, 0.2 * R, R, 2 * R)]
+    by_height = [find_probability(height, 1e-3) for height in (0.0, 0.2 * R, R, 2 * R)]
     assert by_height[0] < 0.5
     assert by_height == sorted(by_height)
     assert by_height[-1] > 0.99
-    by_noise = [probability(1.5 * R, sd) for sd in (10 * R, R, 0.3 * R, 0.05 * R)]
+    by_noise = [find_probability(1.5 * R, sd) for sd in (10 * R, R, 0.3 * R, 0.05 * R)]
     assert by_noise == sorted(by_noise)
     assert by_noise[0] < 0.6
 
 
 def test_strands_that_cut_into_each_other_are_not_sure_however_narrow_the_noise():
     # neither order leaves two ropes so near each other
-    assert probability(0.2 * R, 1e-5) < 0.7
+    assert find_probability(0.2 * R, 1e-5) < 0.7
 
 
 @pytest.mark.parametrize("kind", ["order", "rival"])
 def test_doubts_at_a_crossing_lower_it_and_others_hardly(kind):
     here, there = ([Doubt(kind, 0.6, "it", "so", place)] for place in ([0.003, 0.001, 0], [0.9, 0.0, 0.0]))
-    sure = probability(2 * R, 1e-4)
-    assert probability(2 * R, 1e-4, here) < sure - 0.02
-    assert probability(2 * R, 1e-4, there) == pytest.approx(sure)
+    sure = find_probability(2 * R, 1e-4)
+    assert find_probability(2 * R, 1e-4, here) < sure - 0.02
+    assert find_probability(2 * R, 1e-4, there) == pytest.approx(sure)
     # what is doubted is the order, or that anything crosses here
     many = [Doubt(kind, 100.0, "it", "so", [0.003, 0.001, 0])]
-    assert probability(2 * R, 1e-4, many) == pytest.approx({"order": 0.5, "rival": 0.0}[kind], abs=0.01)
+    assert find_probability(2 * R, 1e-4, many) == pytest.approx({"order": 0.5, "rival": 0.0}[kind], abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -335,18 +339,18 @@ def test_doubts_at_a_crossing_lower_it_and_others_hardly(kind):
 )
 def test_directions_that_say_nothing_are_refused(direction, message):
     with pytest.raises(ValueError, match=f"direction: .*{message}"):
-        model(knot()).crossings(direction)
+        make_model(make_trefoil()).crossings(direction)
     with pytest.raises(TypeError, match="direction"):
-        model(knot()).crossings("up")
+        make_model(make_trefoil()).crossings("up")
 
 
 def test_stretches_between_crossings():
-    low, high = straight([1, 0, 0], 0.0), straight([0, 1, 0], 0.01)
-    both = model(low, high)
+    low, high = make_straight([1, 0, 0], 0.0), make_straight([0, 1, 0], 0.01)
+    both = make_model(low, high)
     assert both.segment_between_crossings(0, 0.03) == pytest.approx((0.0, 0.1))
     assert both.segment_between_crossings(1, 0.15) == pytest.approx((0.1, 0.2))
-    assert model(low).segment_between_crossings(0, 0.15) == pytest.approx((0.0, 0.2))
-    ring = model(knot())
+    assert make_model(low).segment_between_crossings(0, 0.15) == pytest.approx((0.0, 0.2))
+    ring = make_model(make_trefoil())
     passes = sorted(at[1] for c in ring.crossings() for at in (c.over, c.under))
     start, stop = ring.segment_between_crossings(0, 0.0)
     length = ring.chains[0].length
@@ -357,7 +361,7 @@ def test_stretches_between_crossings():
     with pytest.raises(ValueError, match="chain: expected at most 1"):
         both.segment_between_crossings(2, 0.1)
     with pytest.raises(ValueError, match=r"chain: expected .* the model has no chains"):
-        model().segment_between_crossings(0, 0.0)
+        make_model().segment_between_crossings(0, 0.0)
 
 
 def test_a_crossing_that_makes_no_sense_is_refused():
@@ -381,4 +385,4 @@ def test_saved_models_say_their_crossings(tmp_path, paper_model):
     path = tmp_path / "model.json"
     paper_model.save(path)
     again = strand.load_model(path)
-    np.testing.assert_array_equal(numbers(again.crossings()), numbers(paper_model.crossings()))
+    np.testing.assert_array_equal(list_numbers(again.crossings()), list_numbers(paper_model.crossings()))

@@ -1,4 +1,4 @@
-"""Diagrams: codes against each other, against books, and against knot Floer homology of what they show."""
+"""Diagrams: codes against each other, against tables, and against knot Floer homology."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from strand.synthetic import shape
 OVERHAND = strand.knot_diagram(shape("overhand"))
 
 
-def even_passages(gauss):
-    """The Dowker-Thistlethwaite code of a Gauss code."""
+def find_even_passages(gauss):
+    """Return the Dowker-Thistlethwaite code of a Gauss code."""
     where = {number: place for place, number in enumerate(gauss, 1)}
     odd = gauss[::2]
     return tuple(where[-number] * (1 if number > 0 else -1) for number in odd)
@@ -52,7 +52,7 @@ def test_codes_of_random_views_say_the_same():
             diagram = strand.knot_diagram(nodes, closed, direction=rng.normal(size=3))
             count = len(diagram.signs)
             assert sorted(diagram.gauss_code()) == [*range(-count, 0), *range(1, count + 1)]
-            assert diagram.dt_code() == even_passages(diagram.gauss_code())
+            assert diagram.dt_code() == find_even_passages(diagram.gauss_code())
             assert sorted(np.ravel(diagram.pd_code())) == sorted(2 * [*range(1, 2 * count + 1)])
             where = {number: place for place, number in enumerate(diagram.gauss_code(), 1)}
             for number, (edges, sign) in enumerate(zip(diagram.pd_code(), diagram.signs, strict=True), 1):

@@ -1,4 +1,4 @@
-"""Grasps: poses across the rope that touch nothing else, and reasons where there is none."""
+"""Grasps: poses that touch nothing else, and reasons where there is none."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ S = np.linspace(-0.1, 0.1, 101)
 LINE = Chain(np.stack([S, 0 * S, 0 * S + R], axis=1), R)
 
 
-def model(*chains):
+def make_model(*chains):
     return Model(chains, np.eye(4)[None])
 
 
-def boxes(grasp, gripper):
-    """Points on and in both fingers and the palm, world frame."""
+def fill_boxes(grasp, gripper):
+    """Return points on and in both fingers and the palm, world frame."""
     x = np.linspace(-0.5, 0.5, 9) * gripper.width
     z = grasp.tip - np.linspace(0.0, 1.0, 21) * gripper.depth
     y = 0.5 * grasp.width + np.linspace(0.0, 1.0, 5) * gripper.thickness
@@ -38,7 +38,7 @@ def boxes(grasp, gripper):
 def test_a_gripper_at_every_grasp_touches_no_strand_and_no_table(name):
     chain = Chain(shape(name), R)
     nodes = cKDTree(chain.at(np.linspace(0, chain.length, 2000)))
-    found = model(chain).grasps(GRIPPER, TABLE)
+    found = make_model(chain).grasps(GRIPPER, TABLE)
     assert len(found) > 20
     assert [grasp.score for grasp in found] == sorted((grasp.score for grasp in found), reverse=True)
     for grasp in found:
@@ -48,7 +48,7 @@ def test_a_gripper_at_every_grasp_touches_no_strand_and_no_table(name):
         assert grasp.approach[2] < -0.6
         assert abs(grasp.jaw_axis @ chain.tangent_at(grasp.s)) < 1e-9
         assert 2 * R < grasp.width <= GRIPPER.opening
-        fingers, palm = boxes(grasp, GRIPPER)
+        fingers, palm = fill_boxes(grasp, GRIPPER)
         assert fingers[:, 2].min() >= GRIPPER.clearance - 1e-9
         for part in (fingers, palm):
             assert nodes.query(part)[0].min() > R + 0.5 * GRIPPER.clearance
@@ -57,7 +57,7 @@ def test_a_gripper_at_every_grasp_touches_no_strand_and_no_table(name):
 def test_what_lies_between_the_jaws_is_one_stretch_of_rope():
     chain = Chain(shape("overhand"), R)
     s = np.linspace(0, chain.length, 2000)
-    for grasp in model(chain).grasps(GRIPPER, TABLE):
+    for grasp in make_model(chain).grasps(GRIPPER, TABLE):
         x, y, z = np.abs((chain.at(s) - grasp.pose[:3, 3]) @ grasp.pose[:3, :3]).T
         held = (x < 0.5 * GRIPPER.width) & (y < 0.5 * grasp.width) & (z < R)
         assert np.abs(s[held] - grasp.s).max() < 4 * R
@@ -70,7 +70,7 @@ def test_jaws_do_not_close_on_both_legs_of_a_bend(bend):
     y = bend * R * np.concatenate([0 * leg - 1.0, np.sin(turn), 0 * leg + 1.0])
     chain = Chain(np.stack([x, y, 0 * x + R], axis=1), R)
     gripper = Gripper(opening=0.085, width=0.022, thickness=0.01, depth=0.04)
-    found = model(chain).grasps(gripper, TABLE)
+    found = make_model(chain).grasps(gripper, TABLE)
     assert found.refused
     assert len(found) > 20
     s = np.linspace(0, chain.length, 2000)
@@ -83,7 +83,7 @@ def test_jaws_do_not_close_on_both_legs_of_a_bend(bend):
 
 
 def test_a_rope_alone_on_a_table_is_held_from_above_everywhere():
-    found = model(LINE).grasps(GRIPPER, TABLE)
+    found = make_model(LINE).grasps(GRIPPER, TABLE)
     assert not found.refused
     for grasp in found:
         np.testing.assert_allclose(grasp.approach, [0, 0, -1], atol=1e-12)
@@ -91,14 +91,14 @@ def test_a_rope_alone_on_a_table_is_held_from_above_everywhere():
         assert grasp.table_clearance == pytest.approx(GRIPPER.clearance)
         assert grasp.on_top
         assert sum(grasp.free) == pytest.approx(LINE.length)
-    assert np.isnan(model(LINE).grasps(GRIPPER)[0].table_clearance)
-    again = model(LINE).grasps(GRIPPER, ((0, 0, 2.0), 0.0))
+    assert np.isnan(make_model(LINE).grasps(GRIPPER)[0].table_clearance)
+    again = make_model(LINE).grasps(GRIPPER, ((0, 0, 2.0), 0.0))
     assert [str(grasp) for grasp in again] == [str(grasp) for grasp in found]
 
 
 def test_the_upper_strand_is_held_and_the_lower_one_is_not_where_they_cross():
     over = Chain(np.stack([0 * S, S, 0 * S + 3 * R], axis=1), R)
-    found = model(LINE, over).grasps(GRIPPER, TABLE)
+    found = make_model(LINE, over).grasps(GRIPPER, TABLE)
     at = [(refused.chain, refused.stretch, refused.kind) for refused in found.refused]
     assert {chain for chain, (start, stop), kind in at if start < 0.1 < stop and kind == "between"} == {0}
     assert {grasp.on_top for grasp in found if grasp.chain == 0} == {False}
@@ -123,18 +123,18 @@ def test_without_room_there_is_no_grasp_but_reasons():
         ([unsure], GRIPPER, "unsure"),
         ([upright], GRIPPER, "steep"),
     ):
-        found = model(*chains).grasps(gripper)
+        found = make_model(*chains).grasps(gripper)
         of_first = [refused for refused in found.refused if refused.chain == 0]
         assert not [grasp for grasp in found if grasp.chain == 0]
         assert {refused.kind for refused in of_first} == {kind}
         assert REASONS[kind] in str(of_first[0])
-    sunk = model(Chain(LINE.points - [0, 0, 0.01], R)).grasps(GRIPPER, TABLE)
+    sunk = make_model(Chain(LINE.points - [0, 0, 0.01], R)).grasps(GRIPPER, TABLE)
     assert (len(sunk), {refused.kind for refused in sunk.refused}) == (0, {"table"})
-    assert len(model().grasps(GRIPPER)) == 0
+    assert len(make_model().grasps(GRIPPER)) == 0
 
 
 def test_rings_are_held_over_their_seam():
-    found = model(draw_circle(0.05, 300, True)).grasps(GRIPPER)
+    found = make_model(draw_circle(0.05, 300, True)).grasps(GRIPPER)
     assert not found.refused
     # the other side of the ring
     assert min(grasp.clearance for grasp in found) > 0.05
@@ -145,10 +145,10 @@ def test_the_palm_keeps_off_the_table_too():
     # from the side the palm reaches 18 mm down: at 12 mm it has to come from higher up
     for height, from_above in ((0.012, True), (0.03, False)):
         line = Chain(LINE.points + np.array([0, 0, height - R]), R)
-        found = model(line).grasps(gripper, TABLE, (0, 1, 0))
+        found = make_model(line).grasps(gripper, TABLE, (0, 1, 0))
         assert len(found) > 10
         for grasp in found:
-            lowest = min(part[:, 2].min() for part in boxes(grasp, gripper))
+            lowest = min(part[:, 2].min() for part in fill_boxes(grasp, gripper))
             assert lowest >= gripper.clearance - 1e-9
             assert grasp.table_clearance == pytest.approx(lowest)
             assert (grasp.approach[2] < -0.1) == from_above
@@ -158,7 +158,7 @@ def test_the_palm_keeps_off_the_table_too():
 def test_where_a_ring_starts_has_no_say_in_the_score(turn):
     angle = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False) + turn
     ring = Chain(np.stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0 * angle + 3 * R], axis=1), R, True)
-    found = model(ring, Chain([[0.0, 0, R], [0.3, 0, R]], R)).grasps(GRIPPER, TABLE)
+    found = make_model(ring, Chain([[0.0, 0, R], [0.3, 0, R]], R)).grasps(GRIPPER, TABLE)
     above = [grasp for grasp in found if grasp.chain == 0]
     assert len(above) > 80
     for grasp in above:
@@ -176,11 +176,11 @@ def test_grippers_and_tables_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="clearance: expected"):
         dataclasses.replace(GRIPPER, clearance=np.nan)
     with pytest.raises(TypeError, match="gripper: expected a Gripper"):
-        model(LINE).grasps(0.03)
+        make_model(LINE).grasps(0.03)
     for table, message in (
         (((0, 0, 0), 0.0), "not zero"),
         (((0, 0, 1), np.nan), "finite"),
         ((1,), "a normal"),
     ):
         with pytest.raises(ValueError, match=f"table.*{message}"):
-            model(LINE).grasps(GRIPPER, table)
+            make_model(LINE).grasps(GRIPPER, table)

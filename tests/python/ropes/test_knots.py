@@ -1,4 +1,4 @@
-"""Names of knots: against the knots that were tied, and against another theory: knot Floer homology."""
+"""Names of knots against tied knots and knot Floer homology; linking numbers against counted crossings."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ TIED = {"overhand": "3_1", "figure8_knot": "4_1", "granny": "3_1#3_1", "square":
 LARGER = {"8_19": (1, 2) * 4, "10_132": (1, 1, 1, -2, -1, -1, -2, -3, 2, -3, -3)}
 
 
-def euler_characteristic(homology):
-    """Of knot Floer homology: the coefficients of the Alexander polynomial."""
+def find_euler_characteristic(homology):
+    """Return the Alexander polynomial's coefficients from knot Floer homology."""
     found = {}
     for (alexander, maslov), rank in homology["ranks"].items():
         found[alexander] = found.get(alexander, 0) + (-1) ** maslov * rank
     return np.trim_zeros([found.get(k, 0) for k in range(min(found), max(found) + 1)])
 
 
-def with_tails(nodes, length):
-    """An open chain led straight on at both ends, by as many of its last steps as the length takes."""
+def add_tails(nodes, length):
+    """Extend an open chain straight at both ends by a length, in steps as long as its last one."""
     steps = nodes[0] - nodes[1], nodes[-1] - nodes[-2]
     before, after = (np.arange(1, int(length / np.linalg.norm(step)) + 1)[:, None] * step for step in steps)
     return np.vstack([nodes[0] + before[::-1], nodes, nodes[-1] + after])
 
 
-def between(nodes, start, stop):
-    """The nodes of a polyline between two arc lengths."""
+def cut_between(nodes, start, stop):
+    """Return the nodes of a polyline between two arc lengths."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
     return nodes[(arc >= start - 1e-9) & (arc <= stop + 1e-9)]
 
@@ -87,7 +87,7 @@ def test_codes_have_the_knot_floer_homology_of_the_name():
             genus, tau = GENUS_AND_TAU[right]
             assert homology["seifert_genus"] == genus
             assert homology["tau"] == (-tau if found.chirality == "left" else tau)
-            assert tuple(euler_characteristic(homology)) == found.alexander
+            assert tuple(find_euler_characteristic(homology)) == found.alexander
             seen.add(right)
     assert seen == set(GENUS_AND_TAU)
 
@@ -141,22 +141,22 @@ def test_no_crossing_is_no_knot():
 
 def test_the_core_is_where_the_knot_is():
     knotted = shape("overhand")
-    nodes = with_tails(knotted, 0.4)
+    nodes = add_tails(knotted, 0.4)
     found = strand.knot(nodes)
     assert (found.name, found.probability) == ("3_1", 1.0)
     start, stop = found.core
     assert 0.4 < start < stop < 0.8
-    core = between(nodes, start, stop)
+    core = cut_between(nodes, start, stop)
     assert strand.knot(core).name == "3_1"
     # it cannot be much shorter
-    assert strand.knot(between(nodes, start + 0.04, stop - 0.04)).name == "0_1"
+    assert strand.knot(cut_between(nodes, start + 0.04, stop - 0.04)).name == "0_1"
 
 
 def test_a_core_alone_is_the_same_knot():
     same, made = 0, make_knots(36, 200, seed=2)[1:]
     for name, hand, nodes in made:
         found = strand.knot(nodes)
-        alone = strand.knot(between(nodes, *found.core)) if found.core else found
+        alone = strand.knot(cut_between(nodes, *found.core)) if found.core else found
         same += (alone.name, alone.chirality) == (name, hand)
     assert same >= 0.95 * len(made)
 
@@ -307,21 +307,21 @@ def test_arguments_of_the_wrong_kind_are_refused():
         strand.knot(None)
 
 
-def ring(centre=(0.0, 0.0, 0.0), upright=False, nodes=50):
+def draw_ring(centre=(0.0, 0.0, 0.0), upright=False, nodes=50):
     angle = np.linspace(0, 2 * np.pi, nodes, endpoint=False)
     flat = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     return (flat[:, [0, 2, 1]] if upright else flat) + centre
 
 
-def winding(times, nodes=400):
-    """A ring that winds round `ring()` so many times as a right-handed screw does."""
+def draw_winding(times, nodes=400):
+    """A ring that winds round `draw_ring()` so many times as a right-handed screw does."""
     angle = np.linspace(0, 2 * np.pi, nodes, endpoint=False)
     around = 1 + 0.3 * np.cos(times * angle)
     return np.stack([around * np.cos(angle), around * np.sin(angle), -0.3 * np.sin(times * angle)], axis=1)
 
 
-def signs_between(a, b):
-    """Sum of the signs of the crossings of two closed polylines seen along z, where a is above."""
+def sum_signs(a, b):
+    """Return the sum of the signs of two closed polylines' crossings, seen along z, where a is above."""
     total = 0
     for p, q in zip(a, np.roll(a, -1, axis=0), strict=True):
         for r, s in zip(b, np.roll(b, -1, axis=0), strict=True):
@@ -336,10 +336,10 @@ def signs_between(a, b):
 
 @pytest.mark.parametrize("times", [-3, -1, 0, 1, 2, 5])
 def test_rings_that_wind_round_each_other(times):
-    assert strand.linking_number(ring(), winding(times)) == times
-    assert strand.linking_number(winding(times), ring()) == times
-    assert strand.linking_number(ring()[::-1], winding(times)) == -times
-    assert strand.linking_number(ring() * [1, 1, -1], winding(times) * [1, 1, -1]) == -times
+    assert strand.linking_number(draw_ring(), draw_winding(times)) == times
+    assert strand.linking_number(draw_winding(times), draw_ring()) == times
+    assert strand.linking_number(draw_ring()[::-1], draw_winding(times)) == -times
+    assert strand.linking_number(draw_ring() * [1, 1, -1], draw_winding(times) * [1, 1, -1]) == -times
 
 
 def test_random_polygons_are_linked_as_their_crossings_say():
@@ -348,13 +348,13 @@ def test_random_polygons_are_linked_as_their_crossings_say():
     for _ in range(15):
         a, b = rng.normal(size=(2, 12, 3))
         found = strand.linking_number(a, b)
-        assert found == signs_between(a, b) == signs_between(b, a)
+        assert found == sum_signs(a, b) == sum_signs(b, a)
         numbers.add(found)
     assert len(numbers) > 2
 
 
 def test_chains_know_whether_they_are_closed():
-    flat, linked = ring(), ring((1.0, 0.0, 0.0), upright=True)
+    flat, linked = draw_ring(), draw_ring((1.0, 0.0, 0.0), upright=True)
     number = strand.linking_number(flat, linked)
     assert abs(number) == 1
     closed = [strand.Chain(nodes, 0.1, True) for nodes in (flat, linked)]
@@ -368,10 +368,10 @@ def test_chains_know_whether_they_are_closed():
 
 def test_a_long_straight_rope_through_a_ring():
     line = [[0.1, 0.0, -1e3], [0.0, 0.1, 1e3]]
-    through = strand.linking_number(strand.Chain(ring(), R, True), strand.Chain(line, R))
+    through = strand.linking_number(strand.Chain(draw_ring(), R, True), strand.Chain(line, R))
     assert abs(through) == pytest.approx(1.0, abs=1e-4)
     beside = strand.linking_number(
-        strand.Chain(ring(), R, True), strand.Chain([[5, 0, -9.0], [5, 0, 9.0]], R)
+        strand.Chain(draw_ring(), R, True), strand.Chain([[5, 0, -9.0], [5, 0, 9.0]], R)
     )
     assert beside == pytest.approx(0.0, abs=0.02)
 
@@ -379,12 +379,16 @@ def test_a_long_straight_rope_through_a_ring():
 @pytest.mark.parametrize(
     ("a", "b", "message"),
     [
-        (ring()[:2], ring(), "a: expected at least three nodes of a closed chain, got 2"),
-        (ring(), np.vstack([ring(), ring()[:1]]), "b: expected a closed chain without its first node"),
-        (ring(), np.zeros((4, 3)), "b: expected no two equal nodes in a row"),
-        (ring() * [1, np.nan, 1], ring(), "a"),
-        (ring(), ring()[:, :2], "b"),
-        (ring(nodes=20_000), ring(nodes=20_000) + 3, "b: expected at most 100000000 pairs"),
+        (draw_ring()[:2], draw_ring(), "a: expected at least three nodes of a closed chain, got 2"),
+        (
+            draw_ring(),
+            np.vstack([draw_ring(), draw_ring()[:1]]),
+            "b: expected a closed chain without its first node",
+        ),
+        (draw_ring(), np.zeros((4, 3)), "b: expected no two equal nodes in a row"),
+        (draw_ring() * [1, np.nan, 1], draw_ring(), "a"),
+        (draw_ring(), draw_ring()[:, :2], "b"),
+        (draw_ring(nodes=20_000), draw_ring(nodes=20_000) + 3, "b: expected at most 100000000 pairs"),
     ],
 )
 def test_linking_of_what_is_no_rope_is_refused(a, b, message):
@@ -394,4 +398,4 @@ def test_linking_of_what_is_no_rope_is_refused(a, b, message):
 
 def test_a_flag_is_a_flag():
     with pytest.raises(TypeError, match="closed"):
-        strand.linking_number(ring(), ring() + 3, closed="both")
+        strand.linking_number(draw_ring(), draw_ring() + 3, closed="both")

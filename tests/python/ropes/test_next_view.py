@@ -1,4 +1,4 @@
-"""Where one more view would tell most."""
+"""The camera position of the next view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What notebooks show."""
+"""Plots in notebooks."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from strand.ropes.doubt import Doubt
 ATTACK = "<script>alert(1)</script>"
 
 
-def svg_of(html):
-    """The plot, parsed; what is not well-formed raises."""
+def parse_svg(html):
+    """Return the parsed plot; raise if it is not well-formed."""
     return ElementTree.fromstring(html.replace("<br>", "<br/>")).find("svg")
 
 
 def test_a_chain_is_drawn_in_the_plane_in_which_it_lies():
     line = np.array([[0.0, 0.1, 0.0], [0.0, 0.3, 0.0], [0.0, 0.3, 0.1]])
     html = strand.Chain(line, 0.004)._repr_html_()
-    svg = svg_of(html)
+    svg = parse_svg(html)
     assert svg.find("title").text == "y to the right, z up; 200 mm across"
     points = [tuple(map(float, p.split(","))) for p in svg.find("polyline").get("points").split()]
     assert points == [(12.0, 130.0), (248.0, 130.0), (248.0, 12.0)]
@@ -33,8 +33,8 @@ def test_a_model_is_drawn_with_its_doubts():
     doubts = tuple(Doubt("end", 0.1, ATTACK, ATTACK, [0.0, 0.01 * i, 0.0]) for i in range(7))
     chains = (draw_circle(0.05, 40, True), draw_circle(0.03, 40, False))
     html = strand.Model(chains, np.eye(4)[None], doubts=doubts, confidence=0.5)._repr_html_()
-    assert len(svg_of(html).findall("polyline")) == 2
-    assert len(svg_of(html).findall("circle")) == 7
+    assert len(parse_svg(html).findall("polyline")) == 2
+    assert len(parse_svg(html).findall("circle")) == 7
     assert "<script" not in html
     assert html.count("&lt;script") == 10
     assert "and 2 more doubts" in html

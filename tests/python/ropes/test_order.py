@@ -1,4 +1,4 @@
-"""The count of right orders: crossings of chains beside the true ones."""
+"""Counts of right orders: crossings of chains beside the true ones."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from strand.synthetic import random_ropes
 ROPES = random_ropes(4, 2, R, 2)
 
 
-def found(chains):
+def list_found(chains):
     return order.compare_crossings(chains, Model(chains, np.eye(4)[None]).crossings(), ROPES, R)
 
 
 def test_the_truth_is_right_whichever_way_its_chains_run():
     chains = tuple(Chain(nodes, R) for nodes in ROPES)
     for given in (chains, chains[::-1], tuple(chain.reversed() for chain in chains)):
-        said = found(given)
+        said = list_found(given)
         assert sorted(one.true for one in said) == list(range(len(order.find_true_crossings(ROPES, R)[1])))
         assert all(one.right for one in said)
 
 
 def test_ropes_upside_down_are_the_other_way_round():
-    said = found(tuple(Chain(nodes * [1, 1, -1], R) for nodes in ROPES))
+    said = list_found(tuple(Chain(nodes * [1, 1, -1], R) for nodes in ROPES))
     assert None not in {one.true for one in said}
     assert not any(one.right for one in said)
 
@@ -34,7 +34,7 @@ def test_ropes_upside_down_are_the_other_way_round():
 def test_a_crossing_where_there_is_none_is_wrong():
     beyond = np.max([nodes.max(axis=0) for nodes in ROPES], axis=0) + 20 * R
     step = 3 * R * np.array([[1, 1, 0], [1, -1, 0]])
-    (only,) = found(tuple(Chain([beyond - way, beyond + way], R) for way in step))
+    (only,) = list_found(tuple(Chain([beyond - way, beyond + way], R) for way in step))
     assert (only.true, only.right) == (None, False)
 
 

@@ -1,4 +1,4 @@
-"""Plans that take ropes apart: done move by move, they leave nothing that crosses."""
+"""Plans that take ropes apart: followed move by move, they leave no crossing."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from strand.synthetic import random_ropes, shape
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def model(*chains):
+def make_model(*chains):
     return Model(chains, np.eye(4)[None])
 
 
-def done(chains, pull):
-    """The ropes after the move of an end: the tail lies straight where the plan has put it."""
+def move_end(chains, pull):
+    """Return the ropes after the move of an end: the tail lies straight where the plan puts it."""
     chain = chains[pull.chain]
     (crossing,) = pull.undoes
     start = pull.s < 0.5 * chain.length
@@ -38,18 +38,18 @@ def done(chains, pull):
 @pytest.mark.parametrize("name", ["loop", "figure8", "overhand", "paper"])
 def test_each_move_undoes_what_it_says_and_after_the_last_nothing_crosses(name):
     chains = [Chain(shape(name), R)]
-    count = len(model(*chains).crossings())
-    plan = model(*chains).pull_plan()
+    count = len(make_model(*chains).crossings())
+    plan = make_model(*chains).pull_plan()
     assert (sum(len(pull.undoes) for pull in plan.pulls), plan.left) == (count, ())
     while count:
-        first = model(*chains).pull_plan().pulls[0]
-        chains = done(chains, first)
-        assert len(model(*chains).crossings()) < count
-        count = len(model(*chains).crossings())
+        first = make_model(*chains).pull_plan().pulls[0]
+        chains = move_end(chains, first)
+        assert len(make_model(*chains).crossings()) < count
+        count = len(make_model(*chains).crossings())
 
 
 def test_several_ropes_come_apart():
-    ropes = model(*(Chain(nodes, R) for nodes in random_ropes(6, 3, R, 6)))
+    ropes = make_model(*(Chain(nodes, R) for nodes in random_ropes(6, 3, R, 6)))
     plan = ropes.pull_plan()
     undone = [one.place for pull in plan.pulls for one in pull.undoes]
     np.testing.assert_allclose(
@@ -64,7 +64,7 @@ def test_an_end_on_top_is_lifted_and_one_beneath_is_pulled_out():
     line = Chain(np.stack([s, 0 * s, 0 * s], axis=1), R)
     for height in (2 * R, -2 * R):
         end = Chain([[0.05, -0.3, height], [0.05, 0.03, height]], R)
-        (pull,) = model(line, end).pull_plan().pulls
+        (pull,) = make_model(line, end).pull_plan().pulls
         assert (pull.move, pull.chain, pull.lift) == ("end", 1, height > 0)
         # back, and not onto itself
         assert -0.99 < pull.direction[1] < -0.5
@@ -79,7 +79,7 @@ def test_a_strand_is_lifted_over_the_end_of_one_that_is_hemmed_in():
     bight = Chain(np.stack([0.2 * s, 0.02 - 0.1 * s**2, 0 * s + 2 * R], axis=1), R)
     end = Chain([[0.0, -0.2, 0.0], [0.0, 0.04, 0.0]], R)
     walls = [Chain([[x, -0.2, 0.0], [x, 0.0, 0.0]], R) for x in (-0.015, 0.015)]
-    first = model(bight, end, *walls).pull_plan().pulls[0]
+    first = make_model(bight, end, *walls).pull_plan().pulls[0]
     assert (first.move, first.lift, first.chain, len(first.undoes)) == ("loop", True, 0, 1)
     np.testing.assert_allclose(first.place[:2], [0.0, 0.02], atol=1e-4)
     np.testing.assert_allclose(first.direction, [0, 1, 0], atol=1e-6)
@@ -87,7 +87,7 @@ def test_a_strand_is_lifted_over_the_end_of_one_that_is_hemmed_in():
     assert first.distance == pytest.approx(0.02 + 4 * R, abs=1e-4)
     # not through a rope that lies in the way
     beyond = Chain([[-0.05, 0.055, 0.0], [0.05, 0.055, 0.0]], R)
-    assert model(bight, end, *walls, beyond).pull_plan().pulls[0].move == "end"
+    assert make_model(bight, end, *walls, beyond).pull_plan().pulls[0].move == "end"
 
 
 def test_a_loop_that_lies_on_a_rope_is_lifted_off():
@@ -95,32 +95,32 @@ def test_a_loop_that_lies_on_a_rope_is_lifted_off():
     line = Chain(np.stack([s, 0 * s, 0 * s], axis=1), R)
     t = np.linspace(-1, 1, 201)
     bight = Chain(np.stack([0.04 * t, 0.02 - 0.4 * t**2, 0 * t + 2 * R], axis=1), R)
-    (pull,) = model(line, bight).pull_plan().pulls
+    (pull,) = make_model(line, bight).pull_plan().pulls
     assert (pull.move, pull.lift, pull.chain, len(pull.undoes)) == ("loop", True, 1, 2)
     np.testing.assert_allclose(pull.direction, [0, -1, 0], atol=1e-6)
     assert pull.distance == pytest.approx(0.02 + 4 * R, abs=1e-4)
     np.testing.assert_allclose(pull.place[:2], [0, 0.02], atol=1e-4)
     # the loop beneath is not lifted through the rope
-    assert all(one.chain == 0 for one in model(line, bight).pull_plan((0, 0, -1)).pulls)
+    assert all(one.chain == 0 for one in make_model(line, bight).pull_plan((0, 0, -1)).pulls)
 
 
 def test_what_lies_free_needs_no_pull_and_linked_rings_are_left():
-    assert model(draw_circle(0.05, 100, False)).pull_plan().pulls == ()
-    assert model().pull_plan().left == ()
+    assert make_model(draw_circle(0.05, 100, False)).pull_plan().pulls == ()
+    assert make_model().pull_plan().left == ()
     one = draw_circle(0.05, 200, True)
     tilted = Chain(
         np.stack([one.points[:, 0] + 0.05, 0.9 * one.points[:, 1], 0.3 * one.points[:, 1]], axis=1),
         R,
         closed=True,
     )
-    plan = model(one, tilted).pull_plan()
+    plan = make_model(one, tilted).pull_plan()
     assert (plan.pulls, len(plan.left)) == ((), 2)
     with pytest.raises(ValueError, match="direction"):
-        model(one).pull_plan((0, 0, 0))
+        make_model(one).pull_plan((0, 0, 0))
 
 
-def carried(chains, pull):
-    """The ropes after the move of a loop: it goes straight from where it was left to the goal, and back."""
+def move_loop(chains, pull):
+    """Return the ropes after the move of a loop, which runs straight to the goal and back."""
     chain = chains[pull.chain]
     passes = [s for one in pull.undoes for i, s in (one.over, one.under) if i == pull.chain]
     goal = pull.place + pull.distance * pull.direction + 10 * R * UP
@@ -137,11 +137,11 @@ def test_a_straight_loop_is_lifted_over_all_that_bulges_beneath_it(depth, turned
     lower = Chain(np.stack([x, depth * (1 - (x / 0.05) ** 2), 0 * x], axis=1), R)
     upper = np.stack([x, 0 * x, 0 * x + 2 * R], axis=1)
     chains = [lower, Chain(upper[::-1] if turned else upper, R)]
-    (pull,) = model(*chains).pull_plan().pulls
+    (pull,) = make_model(*chains).pull_plan().pulls
     assert (pull.move, len(pull.undoes)) == ("loop", 2)
     np.testing.assert_allclose(pull.direction, [0, np.sign(depth), 0], atol=1e-6)
     assert pull.distance == pytest.approx(abs(depth) + 4 * R, abs=1e-3)
-    assert model(*carried(chains, pull)).crossings() == ()
+    assert make_model(*move_loop(chains, pull)).crossings() == ()
 
 
 @pytest.mark.parametrize("past", [0.5, 0.9, 3.0])
@@ -151,15 +151,15 @@ def test_a_loop_goes_back_to_its_own_ends(past, turned):
     lower = Chain(np.stack([x, 0 * x, 0 * x], axis=1), R)
     bight = np.stack([0.3 * x, past * R - 20 * x**2, 0 * x + 2 * R], axis=1)
     chains = [lower, Chain(bight[::-1] if turned else bight, R)]
-    (pull,) = model(*chains).pull_plan().pulls
+    (pull,) = make_model(*chains).pull_plan().pulls
     np.testing.assert_allclose(pull.direction, [0, -1, 0], atol=1e-3)
-    assert model(*carried(chains, pull)).crossings() == ()
+    assert make_model(*move_loop(chains, pull)).crossings() == ()
 
 
 def test_a_rope_right_above_another_one_is_moved_to_a_side():
     x = np.linspace(-0.1, 0.1, 101)
     upper, lower = (Chain(np.stack([x, 0 * x, 0 * x + z], axis=1), R) for z in (2 * R, 0.0))
-    (one,) = model(upper, Chain(lower.points[:, [1, 0, 2]], R)).crossings()
+    (one,) = make_model(upper, Chain(lower.points[:, [1, 0, 2]], R)).crossings()
     # two at the same place, as of strands that lie too close together to tell
     twice = [replace(one, over=(0, s), under=(1, s)) for s in (0.09, 0.11)]
     (pull,) = plan_pulls((upper, lower), twice, UP).pulls
@@ -173,7 +173,7 @@ def test_rings_come_apart_the_short_way_wherever_they_begin(start):
     ring = np.stack([0.1 * np.cos(t), 0.1 * np.sin(t), 0 * t], axis=1)
     moved = ring + np.array([0.18, 0.0, 2 * R])
     rings = [Chain(ring, R, closed=True), Chain(moved, R, closed=True)]
-    (pull,) = model(*rings).pull_plan().pulls
+    (pull,) = make_model(*rings).pull_plan().pulls
     np.testing.assert_allclose(pull.direction, [1, 0, 0], atol=0.05)
     assert pull.distance == pytest.approx(0.02 + 4 * R, abs=2e-3)
 
@@ -181,8 +181,8 @@ def test_rings_come_apart_the_short_way_wherever_they_begin(start):
 def test_what_a_short_pull_leaves_is_said():
     s = np.linspace(-0.1, 0.1, 101)
     line = Chain(np.stack([s, 0 * s, 0 * s + 2 * R], axis=1), R)
-    (free,) = model(line, Chain([[0.0, -0.2, 0.0], [0.0, 0.06, 0.0]], R)).pull_plan().pulls
+    (free,) = make_model(line, Chain([[0.0, -0.2, 0.0], [0.0, 0.06, 0.0]], R)).pull_plan().pulls
     assert free.slack == pytest.approx(0.0, abs=1e-9)
     # an end within a spiral has no room
-    (hemmed,) = model(Chain(random_ropes(1, 1, R, 0)[0], R)).pull_plan().pulls
+    (hemmed,) = make_model(Chain(random_ropes(1, 1, R, 0)[0], R)).pull_plan().pulls
     assert hemmed.slack > 0.05

@@ -1,4 +1,4 @@
-"""Ropes beside the shape that they should have."""
+"""Ropes compared with target shapes."""
 
 from __future__ import annotations
 
