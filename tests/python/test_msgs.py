@@ -1,4 +1,4 @@
-"""Messages as plain data: ROS's own definitions take them, and they say what the chains say."""
+"""Tests that messages fit ROS's definitions and match the chains."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ CHAIN = strand.Chain(NODES, 0.004)
 MODEL = strand.Model((CHAIN, draw_circle(0.05, 40, True)), np.eye(4)[None], confidence=0.5)
 
 
-def message(kind, values):
-    """A message filled with a dictionary: all of its keys are fields, other fields keep their defaults."""
+def fill_message(kind, values):
+    """Return a message filled from a dictionary; missing fields keep their defaults."""
     names = dict(STORE.fielddefs[kind][1])
     assert set(values) <= set(names), kind
-    return STORE.types[kind](**{name: field(names[name], values.get(name)) for name in names})
+    return STORE.types[kind](**{name: fill_field(names[name], values.get(name)) for name in names})
 
 
-def field(description, value):
+def fill_field(description, value):
     node, of = description
     kind = node.name
     if kind == "NAME":
-        return message(of, value or {})
+        return fill_message(of, value or {})
     if kind == "BASE":
         plain = {"string": "", "bool": False}.get(of[0], 0.0 if "float" in of[0] else 0)
         return plain if value is None else value
     inner = of[0]
     if inner[0].name == "NAME":
-        return [message(inner[1], one) for one in value or []]
+        return [fill_message(inner[1], one) for one in value or []]
     if inner[1][0] == "string":
         return value or []
     number = np.dtype({"byte": "u1", "octet": "u1"}.get(inner[1][0], inner[1][0]))
     return np.frombuffer(value or b"", dtype=number)
 
 
-def there_and_back(kind, values):
-    """What another program reads of a message that was sent."""
-    return STORE.deserialize_cdr(STORE.serialize_cdr(message(kind, values), kind), kind)
+def send(kind, values):
+    """Return a message as another program receives it."""
+    return STORE.deserialize_cdr(STORE.serialize_cdr(fill_message(kind, values), kind), kind)
 
 
 def test_a_path_has_a_pose_at_each_node():
     sent = msgs.make_path(CHAIN, "world", STAMP)
     assert json.loads(json.dumps(sent)) == sent
-    path = there_and_back("nav_msgs/msg/Path", sent)
+    path = send("nav_msgs/msg/Path", sent)
     assert (path.header.frame_id, path.header.stamp.sec, path.header.stamp.nanosec) == (
         "world",
         1_700_000_000,
@@ -75,7 +75,7 @@ def test_a_ring_ends_where_it_starts():
 
 
 def test_markers_are_lines_with_spheres_at_their_ends():
-    markers = there_and_back(
+    markers = send(
         "visualization_msgs/msg/MarkerArray", msgs.make_marker_array(MODEL, "world", STAMP)
     ).markers
     kinds = STORE.types["visualization_msgs/msg/Marker"]
@@ -111,9 +111,9 @@ def test_colours_are_paler_if_the_model_is_unsure():
 @pytest.mark.parametrize("colors", [None, np.arange(18, dtype=np.uint8).reshape(6, 3)])
 def test_points_are_read_back_as_other_programs_do(colors):
     sent = msgs.make_point_cloud2(NODES, "world", STAMP, colors=colors)
-    cloud = there_and_back("sensor_msgs/msg/PointCloud2", sent)
+    cloud = send("sensor_msgs/msg/PointCloud2", sent)
     view = msgs.read_view(cloud)
-    np.testing.assert_array_equal(view.points, NODES[1:].astype(np.float32))  # the first one is the camera's
+    np.testing.assert_array_equal(view.points, NODES[1:].astype(np.float32))  # the first point is the camera
     if colors is not None:
         np.testing.assert_array_equal(view.colors, colors[1:] / 255.0)
     assert (cloud.width, cloud.height, cloud.row_step) == (6, 1, 6 * cloud.point_step)
@@ -145,7 +145,7 @@ def test_views_of_messages():
         msgs.read_view(image, scene.intrinsics)
 
 
-def test_a_planning_scene_has_a_cylinder_and_balls_for_each_capsule():
+def test_a_planning_scene_has_a_cylinder_and_spheres_for_each_capsule():
     scene = msgs.make_planning_scene(MODEL, 1e-3, "world", STAMP)
     assert json.loads(json.dumps(scene)) == scene
     assert scene["is_diff"]
@@ -200,6 +200,6 @@ def test_wrong_arguments_are_named(call, error, reason):
         call()
 
 
-def test_no_points_are_a_message_too():
-    cloud = there_and_back("sensor_msgs/msg/PointCloud2", msgs.make_point_cloud2(np.empty((0, 3)), "world"))
+def test_an_empty_cloud_is_a_message():
+    cloud = send("sensor_msgs/msg/PointCloud2", msgs.make_point_cloud2(np.empty((0, 3)), "world"))
     assert (cloud.width, len(cloud.data)) == (0, 0)

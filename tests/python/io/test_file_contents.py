@@ -1,4 +1,4 @@
-"""What files hold."""
+"""Tests of the contents of files of each kind."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from strand.support.files import FileFormatError
 MOST = 1 << 24
 
 
-def held(path, *topics, **limits):
+def read_held(path, *topics, **limits):
     return read_contents(path, topics or None, **{"max_bytes": MOST} | limits)
 
 
@@ -21,7 +21,7 @@ def test_an_archive(tmp_path):
     depth = np.stack([DEPTH, np.where(DEPTH > 500, DEPTH, 0)])
     masks = np.stack([LABELS, np.zeros_like(LABELS)])
     save_npz(tmp_path / "a.npz", depth=depth, mask=masks)
-    scene = held(tmp_path / "a.npz")
+    scene = read_held(tmp_path / "a.npz")
     assert (scene.name, scene.radius, scene.true_ropes, len(scene.views)) == ("knot", 0.004, 3, 2)
     assert [view.size for view in scene.views] == [(8, 6)] * 2
     assert [view.labels for view in scene.views] == [2, 0]
@@ -37,7 +37,7 @@ def test_an_archive(tmp_path):
 
 def test_a_folder(tmp_path):
     save_png(tmp_path / "a.png")
-    scene = held(write_scene(tmp_path, "a.png"))
+    scene = read_held(write_scene(tmp_path, "a.png"))
     assert (scene.name, scene.bounds, scene.points_in_bounds, scene.radius) == (
         tmp_path.name,
         None,
@@ -46,57 +46,57 @@ def test_a_folder(tmp_path):
     )
     assert (scene.true_ropes, scene.views[0].intrinsics) == (0, (10.0, 11.0, 3.5, 2.5))
     (tmp_path / "b.ply").write_bytes(make_ply())
-    assert held(write_scene(tmp_path, "b.ply")).views[0].points == len(POINTS)
+    assert read_held(write_scene(tmp_path, "b.ply")).views[0].points == len(POINTS)
     with pytest.raises(FileFormatError, match="outside"):
-        held(write_scene(tmp_path, "../b.ply"))
+        read_held(write_scene(tmp_path, "../b.ply"))
 
 
 def test_a_folder_without_a_description_says_what_it_has(tmp_path):
     for name in ("a.png", "b.PNG", "notes", "k.json"):
         (tmp_path / name).touch()
     with pytest.raises(FileNotFoundError, match=r"the folder has 2 \.png, 1 ") as caught:
-        held(tmp_path)
+        read_held(tmp_path)
     assert caught.value.filename == str(tmp_path / "scene.toml")
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileNotFoundError, match="the folder has no files"):
-        held(tmp_path / "empty")
+        read_held(tmp_path / "empty")
 
 
 def test_points_without_a_camera(tmp_path):
     points = POINTS.copy()
     points[0], points[1, 2] = 0.0, np.nan
     (tmp_path / "a.ply").write_bytes(make_ply("binary_little_endian", points))
-    found = held(tmp_path / "a.ply")
+    found = read_held(tmp_path / "a.ply")
     assert (found.viewpoint, found.whole) == (None, False)
     assert (found.view.points, found.view.no_return, found.view.not_finite) == (38, 1, 1)
     np.testing.assert_array_equal(found.view.corners, [points[2:].min(axis=0), points[2:].max(axis=0)])
 
 
-def test_where_a_file_says_that_points_were_seen_from(data):
-    found = held(data / "clouds" / "pcl_compressed.pcd")
+def test_viewpoints_in_files(data):
+    found = read_held(data / "clouds" / "pcl_compressed.pcd")
     np.testing.assert_allclose(found.viewpoint, [0.1, -0.2, 0.25])
     assert found.view.colors
 
 
 def test_a_depth_image_without_a_camera(tmp_path):
     save_png(tmp_path / "a.png")
-    found = held(tmp_path / "a.png")
+    found = read_held(tmp_path / "a.png")
     assert (found.whole, found.view.intrinsics, found.view.size) == (True, None, (8, 6))
     assert found.view.distance == (DEPTH.min(), DEPTH.max())
     np.save(tmp_path / "b.npy", DEPTH * 1e-3)
-    assert not held(tmp_path / "b.npy").whole
+    assert not read_held(tmp_path / "b.npy").whole
     np.save(tmp_path / "c.npy", DEPTH * -1e-3)
     with pytest.raises(FileFormatError, match=r"c\.npy: depth: "):
-        held(tmp_path / "c.npy")
+        read_held(tmp_path / "c.npy")
 
 
 def test_a_model(tmp_path):
     chain = strand.Chain(POINTS, 0.004)
     strand.Model((chain,), np.eye(4)[None], method="default").save(tmp_path / "a.json")
-    found = held(tmp_path / "a.json")
+    found = read_held(tmp_path / "a.json")
     assert (found.method, found.chains[0].length) == ("default", chain.length)
     with pytest.raises(FileFormatError, match="larger than the 100 bytes"):
-        held(tmp_path / "a.json", max_bytes=100)
+        read_held(tmp_path / "a.json", max_bytes=100)
 
 
 @pytest.mark.parametrize(
@@ -111,16 +111,16 @@ def test_a_model(tmp_path):
         ("empty.html", FileFormatError, "expected a folder with a scene.toml"),
     ],
 )
-def test_what_cannot_be_read_is_an_error(tmp_path, name, error, said):
+def test_unreadable_files_are_errors(tmp_path, name, error, said):
     if name.startswith("empty"):
         (tmp_path / name).touch()
     with pytest.raises(error, match=said):
-        held(tmp_path / name)
+        read_held(tmp_path / name)
 
 
 def test_limits_and_topics_are_kept(tmp_path):
     save_npz(tmp_path / "a.npz")
     with pytest.raises(FileFormatError, match="max_bytes=100"):
-        held(tmp_path / "a.npz", max_bytes=100)
+        read_held(tmp_path / "a.npz", max_bytes=100)
     with pytest.raises(ValueError, match=r"topics: only recordings have topics, and .*a\.npz is not"):
-        held(tmp_path / "a.npz", "/depth")
+        read_held(tmp_path / "a.npz", "/depth")

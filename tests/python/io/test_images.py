@@ -1,4 +1,4 @@
-"""Images: depth, masks, colours."""
+"""Tests of depth images, masks and colour images."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from strand.io.budget import Budget
 from strand.io.images import read_color, read_depth_png
 
 
-def png(bits, colour, rows):
-    """A PNG of one's own making, for what Pillow does not write."""
+def make_png(bits, colour, rows):
+    """Return a PNG of a kind that Pillow does not write."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -53,10 +53,10 @@ def test_png_of_another_kind(tmp_path, mode, kind):
 
 
 def test_png_with_16_bit_colours(tmp_path):
-    (tmp_path / "a.png").write_bytes(png(16, 2, [bytes(12), bytes(12)]))
+    (tmp_path / "a.png").write_bytes(make_png(16, 2, [bytes(12), bytes(12)]))
     with pytest.raises(FileFormatError, match="got 16-bit RGB"):
         load_scene(write_scene(tmp_path, "a.png"))
-    (tmp_path / "a.png").write_bytes(png(16, 0, [b"\x01\x02\x03\x04", bytes(4)]))
+    (tmp_path / "a.png").write_bytes(make_png(16, 0, [b"\x01\x02\x03\x04", bytes(4)]))
     np.testing.assert_allclose(load_scene(tmp_path).views[0].points[:, 2], [0.258, 0.772])
 
 
@@ -64,7 +64,7 @@ def test_png_truncated_anywhere(tmp_path):
     save_png(tmp_path / "whole.png")
     data = (tmp_path / "whole.png").read_bytes()
     folder = write_scene(tmp_path, "a.png")
-    for length in range(1, len(data) - 4):  # the last four bytes are the end mark's checksum
+    for length in range(1, len(data) - 4):  # the last four bytes are the checksum of the end mark
         (tmp_path / "a.png").write_bytes(data[:length])
         with pytest.raises(FileFormatError, match=r"a\.png: truncated"):
             load_scene(folder)
@@ -77,8 +77,8 @@ def test_png_that_is_another_file(tmp_path):
         load_scene(write_scene(tmp_path, "a.png"))
 
 
-def large_png(width, height):
-    """A PNG that says it is so large, and holds hardly anything."""
+def make_large_png(width, height):
+    """Return a small PNG that declares this size."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -87,17 +87,17 @@ def large_png(width, height):
     return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes(99))) + chunk(b"IEND", b"")
 
 
-def test_a_png_that_says_it_is_huge_is_not_decoded(tmp_path):
-    (tmp_path / "a.png").write_bytes(large_png(2**31 - 1, 2**31 - 1))
+def test_a_png_that_declares_a_huge_size_is_not_decoded(tmp_path):
+    (tmp_path / "a.png").write_bytes(make_large_png(2**31 - 1, 2**31 - 1))
     with pytest.raises(FileFormatError, match=r"a\.png: truncated.*decompression bomb"):
         read_depth_png(tmp_path / "a.png", Budget(2**80))
-    (tmp_path / "a.png").write_bytes(large_png(1000, 1000))
+    (tmp_path / "a.png").write_bytes(make_large_png(1000, 1000))
     with pytest.raises(FileFormatError, match=r"a\.png: takes 8000000 bytes, but .* max_bytes=1000000"):
         read_depth_png(tmp_path / "a.png", Budget(1_000_000))
 
 
 @pytest.mark.filterwarnings("ignore::PIL.Image.DecompressionBombWarning")
-def test_what_pillow_only_warns_of_is_refused(tmp_path, monkeypatch):
+def test_images_above_pillows_limit_are_refused(tmp_path, monkeypatch):
     save_png(tmp_path / "a.png")
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", DEPTH.size - 1)
     with pytest.raises(FileFormatError, match=r"a\.png: 8 x 6 pixels, more than Pillow's limit of 47"):
@@ -113,7 +113,7 @@ def test_colours_of_the_usual_formats(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["EPS", "GIF", "TIFF", "PCX"])
-def test_formats_that_are_not_needed_are_not_opened(tmp_path, kind):
+def test_other_formats_are_not_opened(tmp_path, kind):
     save_png(tmp_path / "a.png")
     Image.new("RGB", (8, 6)).save(tmp_path / "c", kind)
     with pytest.raises(FileFormatError, match=r"c: truncated, or not a colour image \(PNG, JPEG, BMP, PPM\)"):

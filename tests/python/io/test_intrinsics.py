@@ -1,4 +1,4 @@
-"""Pinhole matrices from files."""
+"""Tests of pinhole matrices from files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from strand.io.intrinsics import read_intrinsics
 K = [[600.5, 0, 320], [0, 601.25, 240], [0, 0, 1]]
 
 
-def test_matrices_that_numpy_and_open3d_wrote(tmp_path):
+def test_matrices_from_numpy_and_open3d(tmp_path):
     np.savetxt(tmp_path / "k.txt", K)
     camera = o3d.camera.PinholeCameraIntrinsic(640, 480, 600.5, 601.25, 320, 240)
     assert o3d.io.write_pinhole_camera_intrinsic(str(tmp_path / "k.json"), camera)
@@ -49,7 +49,7 @@ def test_focal_lengths_and_principal_point_by_name(tmp_path, centre):
         ("k.txt", "1 " * 50_000, "larger than"),
     ],
 )
-def test_what_is_no_matrix_is_refused(tmp_path, name, text, reason):
+def test_other_content_is_refused(tmp_path, name, text, reason):
     (tmp_path / name).write_text(text)
     with pytest.raises(FileFormatError, match=reason) as caught:
         read_intrinsics(tmp_path / name)

@@ -1,4 +1,4 @@
-"""LZF: what it compresses comes back, and what is damaged ends."""
+"""Tests of the decompression of LZF."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from strand.io.lzf import decompress
 
 
 @given(st.lists(st.tuples(st.binary(min_size=1, max_size=40), st.integers(1, 300)), max_size=20))
-def test_what_was_compressed_comes_back(parts):
+def test_decompression_inverts_compression(parts):
     data = b"".join(part * repeats for part, repeats in parts)
     packed = compress_lzf(data)
     assert decompress(memoryview(packed), len(data)) == data
 
 
-def test_copies_that_run_into_themselves_repeat():
+def test_overlapping_copies_repeat():
     assert decompress(memoryview(b"\x01ab\xe0\x00\x01"), 11) == b"abababababa"
     assert len(compress_lzf(bytes(100_000))) < 1200
 

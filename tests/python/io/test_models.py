@@ -1,4 +1,4 @@
-"""Models saved and read back."""
+"""Tests of saving and loading models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from strand.ropes.doubt import ModelWarning
 )
 def test_any_chain_survives_its_file_bit_for_bit(tmp_path_factory, nodes, closed):
     points = np.array(nodes)
-    # nodes that only rounding tells apart count as equal along a chain
+    # nodes that differ only by rounding count as equal
     assume((np.linalg.norm(np.diff(np.vstack([points, points[:1]]), axis=0), axis=1) >= 1e-12).all())
     path = tmp_path_factory.mktemp("model") / "model.json"
     warning = ModelWarning("branch", "a branch?", points[0], 0.25, (0, 1), 2)

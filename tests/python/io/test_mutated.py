@@ -1,4 +1,4 @@
-"""Damaged files of every kind: an answer, or the one error."""
+"""Tests that damaged files of every kind give an answer or the documented error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_whole_files_are_read(tmp_path):
             assert read_file(kind, folder) is not None
 
 
-def test_damaged_files_give_an_answer_or_the_one_error(tmp_path):
+def test_damaged_files_give_an_answer_or_the_documented_error(tmp_path):
     every = list_kinds()
     folders = {kind.name: make_folder(tmp_path, kind) for kind in every}
     seen = Counter()

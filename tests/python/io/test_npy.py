@@ -1,4 +1,4 @@
-"""NPY files and the arrays of NPZ archives."""
+"""Tests of NPY files and the arrays of NPZ archives."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_npy_depth(tmp_path):
     assert view.dropped == 2
 
 
-def test_cloud_drops_and_counts_what_is_not_finite(tmp_path):
+def test_cloud_drops_and_counts_points_that_are_not_finite(tmp_path):
     points = POINTS.copy()
     points[3, 1], points[7] = np.nan, np.inf
     np.save(tmp_path / "a.npy", points)
@@ -91,7 +91,7 @@ def test_npy_with_pickled_objects_is_not_opened(tmp_path):
     assert not (tmp_path / "harm").exists()
 
 
-def with_header(header, body=bytes(96), version=1):
+def make_npy(header, body=bytes(96), version=1):
     return (
         b"\x93NUMPY"
         + bytes((version, 0))
@@ -104,7 +104,7 @@ def with_header(header, body=bytes(96), version=1):
 @pytest.mark.parametrize(
     ("header", "reason"),
     [
-        # of these NumPy's own reader raises TokenError, OverflowError, TypeError, IndexError and others
+        # NumPy's reader raises TokenError, OverflowError, TypeError, IndexError and others for these
         (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), ", "not an .npy header"),
         (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4)}}", "not an .npy header"),
         (b"{'descr': '<f8', 'fortran_order': False, 'shape': (3, -4)}", "not an .npy header"),
@@ -129,8 +129,8 @@ def with_header(header, body=bytes(96), version=1):
         (b"{'descr': '<U9999', 'fortran_order': False, 'shape': (1,)}", "truncated"),
     ],
 )
-def test_npy_headers_that_cannot_be_right(tmp_path, header, reason):
-    (tmp_path / "a.npy").write_bytes(with_header(header))
+def test_wrong_npy_headers(tmp_path, header, reason):
+    (tmp_path / "a.npy").write_bytes(make_npy(header))
     with pytest.raises(FileFormatError, match=rf"a\.npy: .*{reason}"):
         read_npy(tmp_path / "a.npy", Budget(10**9))
 
@@ -146,7 +146,7 @@ def test_npy_headers_that_cannot_be_right(tmp_path, header, reason):
 @pytest.mark.parametrize("version", [1, 2, 3])
 def test_npy_headers_of_other_writers(tmp_path, header, version):
     want = np.arange(12.0).reshape(3, 4)
-    (tmp_path / "a.npy").write_bytes(with_header(header, want.tobytes(), version))
+    (tmp_path / "a.npy").write_bytes(make_npy(header, want.tobytes(), version))
     np.testing.assert_array_equal(read_npy(tmp_path / "a.npy", Budget(1000)), want)
 
 
@@ -171,7 +171,7 @@ def test_an_array_that_does_not_fit_the_limit_is_not_read(tmp_path):
 
 
 def rewrite(path, change, method=zipfile.ZIP_DEFLATED):
-    """An archive with its members changed: a name, and bytes or None."""
+    """Rewrite an archive; `change` returns the new bytes of each member, or None to drop it."""
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()} | change
     with zipfile.ZipFile(path, "w", method) as archive:
@@ -180,14 +180,14 @@ def rewrite(path, change, method=zipfile.ZIP_DEFLATED):
                 archive.writestr(name, data)
 
 
-def test_members_that_nobody_asks_for_are_not_read(tmp_path):
+def test_other_members_are_not_read(tmp_path):
     save_npz(tmp_path / "a.npz")
     members = {"other.npy": b"no array", "notes.txt": b"", "poses_true.npy": bytes(10**8)}
     rewrite(tmp_path / "a.npz", members)
     assert len(load_scene(tmp_path / "a.npz", max_bytes=100_000).views) == 2
 
 
-def test_a_member_says_its_size_before_it_is_decoded(tmp_path):
+def test_the_size_of_a_member_is_checked_before_decoding(tmp_path):
     save_npz(tmp_path / "a.npz")
     out = io.BytesIO()
     np.save(out, np.zeros((1, 5000, 10_000), dtype=np.uint16))
@@ -195,7 +195,7 @@ def test_a_member_says_its_size_before_it_is_decoded(tmp_path):
     assert (tmp_path / "a.npz").stat().st_size < 200_000
     with pytest.raises(FileFormatError, match=r"a\.npz: depth: takes 100000000 bytes, .* max_bytes=1000000$"):
         load_scene(tmp_path / "a.npz", max_bytes=1_000_000)
-    # the array is small, what follows it is not
+    # a small array, followed by many bytes
     np.save(out := io.BytesIO(), np.stack([DEPTH, DEPTH]))
     rewrite(tmp_path / "a.npz", {"depth.npy": out.getvalue() + bytes(10**8)})
     with pytest.raises(FileFormatError, match=r"a\.npz: depth: takes 100000000 bytes"):

@@ -1,4 +1,4 @@
-"""PCD files."""
+"""Tests of PCD files."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def read(path, max_bytes=10**6):
     return read_pcd(path, Budget(max_bytes))
 
 
-def written(path, data):
+def write_pcd(path, data):
     path.write_bytes(data)
     return path
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "compressed"])
-def test_organised_clouds_that_pcl_wrote(data, encoding):
+def test_organised_clouds_from_pcl(data, encoding):
     cloud = read(data / "clouds" / f"pcl_{encoding}.pcd")
     points, colors = make_grid_cloud()
     np.testing.assert_allclose(cloud.points, points, rtol=1e-6)
@@ -40,8 +40,8 @@ def test_organised_clouds_that_pcl_wrote(data, encoding):
 
 @pytest.mark.parametrize("options", [{"write_ascii": True}, {}, {"compressed": True}], ids=ENCODINGS)
 @pytest.mark.parametrize("normals", [False, True])
-def test_clouds_that_open3d_wrote(tmp_path, options, normals):
-    # alike numbers in a row, so that there is something to compress
+def test_clouds_from_open3d(tmp_path, options, normals):
+    # repeated numbers, so that compression has an effect
     points = np.repeat(POINTS.astype(np.float64), 5, axis=0)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     cloud.colors = o3d.utility.Vector3dVector(np.repeat(COLORS, 5, axis=0) / 255)
@@ -57,7 +57,7 @@ def test_clouds_that_open3d_wrote(tmp_path, options, normals):
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("color", ["F", "U", "I"])
 def test_fields_in_any_order_with_others_between(tmp_path, encoding, color):
-    path = written(tmp_path / "a.pcd", make_pcd(encoding, POINTS, COLORS, color, padded=True))
+    path = write_pcd(tmp_path / "a.pcd", make_pcd(encoding, POINTS, COLORS, color, padded=True))
     cloud = read(path)
     np.testing.assert_array_equal(cloud.points, POINTS)
     np.testing.assert_array_equal(cloud.colors, COLORS)
@@ -66,7 +66,7 @@ def test_fields_in_any_order_with_others_between(tmp_path, encoding, color):
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_double_precision_and_no_colours(tmp_path, encoding):
     points = np.random.default_rng(2).normal(size=(9, 3))
-    cloud = read(written(tmp_path / "a.pcd", make_pcd(encoding, points)))
+    cloud = read(write_pcd(tmp_path / "a.pcd", make_pcd(encoding, points)))
     np.testing.assert_array_equal(cloud.points, points)
     assert cloud.points.dtype == np.float64
     assert cloud.colors is None
@@ -74,27 +74,27 @@ def test_double_precision_and_no_colours(tmp_path, encoding):
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_no_points(tmp_path, encoding):
-    cloud = read(written(tmp_path / "a.pcd", make_pcd(encoding, POINTS[:0], COLORS[:0])))
+    cloud = read(write_pcd(tmp_path / "a.pcd", make_pcd(encoding, POINTS[:0], COLORS[:0])))
     assert cloud.points.shape == cloud.colors.shape == (0, 3)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_truncated_anywhere(tmp_path, encoding):
     data = make_pcd(encoding, POINTS[:5], COLORS[:5])
-    # an ASCII file that lost the end of its last number cannot be told from a whole one
+    # an ASCII file without the end of its last number looks complete
     end = len(data.rstrip().rsplit(b" ", 1)[0]) if encoding == "ascii" else len(data)
     for length in range(1, end):
         with pytest.raises(FileFormatError, match=r"a\.pcd: (\w+: )?truncated"):
-            read(written(tmp_path / "a.pcd", data[:length]))
+            read(write_pcd(tmp_path / "a.pcd", data[:length]))
 
 
-def test_a_viewpoint_at_the_origin_says_nothing(tmp_path):
+def test_a_viewpoint_at_the_origin_counts_as_none(tmp_path):
     data = make_pcd("ascii", POINTS)
-    assert read(written(tmp_path / "a.pcd", data)).viewpoint is None
+    assert read(write_pcd(tmp_path / "a.pcd", data)).viewpoint is None
     moved = data.replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 0 0 1.5")
-    np.testing.assert_array_equal(read(written(tmp_path / "a.pcd", moved)).viewpoint, [0, 0, 1.5])
+    np.testing.assert_array_equal(read(write_pcd(tmp_path / "a.pcd", moved)).viewpoint, [0, 0, 1.5])
     without = data.replace(b"VIEWPOINT 0 0 0 1 0 0 0\n", b"").replace(b"COUNT 1 1 1\n", b"")
-    assert read(written(tmp_path / "a.pcd", without)).viewpoint is None
+    assert read(write_pcd(tmp_path / "a.pcd", without)).viewpoint is None
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -105,13 +105,13 @@ def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
         .replace(b"POINTS 40", b"POINTS 4000000000")
     )
     with pytest.raises(FileFormatError, match=r"a\.pcd: truncated, fewer than 4000000000 whole points"):
-        read(written(tmp_path / "a.pcd", data))
+        read(write_pcd(tmp_path / "a.pcd", data))
 
 
-def test_what_grows_beyond_the_budget_when_decompressed_is_not_decompressed(tmp_path):
+def test_data_that_would_exceed_the_budget_are_not_decompressed(tmp_path):
     data = make_pcd("binary_compressed", np.zeros((100_000, 3), dtype=np.float32))
     assert len(data) < 20_000
-    path = written(tmp_path / "a.pcd", data)
+    path = write_pcd(tmp_path / "a.pcd", data)
     assert not read(path, 10**7).points.any()
     with pytest.raises(FileFormatError, match=r"a\.pcd: takes 1200000 bytes, but"):
         read(path, 1_300_000)
@@ -142,11 +142,11 @@ HEADER = make_pcd("ascii", POINTS).split(b"DATA")[0]
         ((b"ascii\n", b"ascii\n1 2 a\n"), "point 0", "expected numbers, got '1 2 a'"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(tmp_path, change, place, reason):
+def test_errors_name_the_place(tmp_path, change, place, reason):
     data = make_pcd("ascii", POINTS)
     assert change[0] in data
     with pytest.raises(FileFormatError, match=reason) as caught:
-        read(written(tmp_path / "a.pcd", data.replace(*change)))
+        read(write_pcd(tmp_path / "a.pcd", data.replace(*change)))
     assert (caught.value.file, caught.value.place) == (str(tmp_path / "a.pcd"), place)
 
 
@@ -162,22 +162,22 @@ def test_compressed_data_that_are_damaged(tmp_path):
     ):
         damaged = data[:start] + change + data[start + len(change) :]
         with pytest.raises(FileFormatError, match=reason):
-            read(written(tmp_path / "a.pcd", damaged))
+            read(write_pcd(tmp_path / "a.pcd", damaged))
 
 
-def test_no_returns_may_have_no_colour(tmp_path):
+def test_points_without_a_return_may_have_no_colour(tmp_path):
     data = make_pcd("ascii", POINTS[:2], COLORS[:2], "F")
     lost = b"nan nan nan nan\n" + data.rstrip().rsplit(b"\n", 1)[1]
-    cloud = read(written(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + lost))
+    cloud = read(write_pcd(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + lost))
     np.testing.assert_array_equal(cloud.points[1], POINTS[1])
     np.testing.assert_array_equal(cloud.colors[1], COLORS[1])
     seen = b"1 2 3 nan\n" + data.rstrip().rsplit(b"\n", 1)[1]
     with pytest.raises(FileFormatError, match="rgb: expected numbers"):
-        read(written(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + seen))
+        read(write_pcd(tmp_path / "a.pcd", data.split(b"ascii\n")[0] + b"ascii\n" + seen))
 
 
 def test_packed_colours_of_text_that_are_too_large(tmp_path):
     data = make_pcd("ascii", POINTS[:1], COLORS[:1], "U")
     first, _ = data.rstrip().rsplit(b" ", 1)
     with pytest.raises(FileFormatError, match=r"a\.pcd: rgb: expected numbers of type <u4"):
-        read(written(tmp_path / "a.pcd", first + b" " + b"9" * 12))
+        read(write_pcd(tmp_path / "a.pcd", first + b" " + b"9" * 12))

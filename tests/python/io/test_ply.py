@@ -1,4 +1,4 @@
-"""PLY files."""
+"""Tests of PLY files."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from strand.io.ply import read_ply
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
-def test_clouds_that_pcl_wrote(data, encoding):
+def test_clouds_from_pcl(data, encoding):
     cloud = read_ply(data / "clouds" / f"pcl_{encoding}.ply", Budget(10**6))
     points, colors = make_grid_cloud()
     np.testing.assert_allclose(cloud.points, points, rtol=1e-5)
     np.testing.assert_array_equal(cloud.colors, colors)
 
 
-def test_rows_that_are_wider_than_the_header_says(tmp_path):
-    """PCL 1.13 does so where colours are whole numbers: three in the header, one in the rows."""
+def test_rows_wider_than_the_header_declares(tmp_path):
+    """PCL 1.13 writes integer colours so: three numbers in the header, one in each row."""
     data = make_ply("binary_little_endian")
     for tail in (b"", b"\n", b"  \r\n"):
         (tmp_path / "a.ply").write_bytes(data + tail)
@@ -32,7 +32,7 @@ def test_rows_that_are_wider_than_the_header_says(tmp_path):
 
 
 @pytest.mark.parametrize("ascii", [True, False])
-def test_clouds_with_normals_and_colours_that_open3d_wrote(tmp_path, ascii):
+def test_clouds_with_normals_and_colours_from_open3d(tmp_path, ascii):
     shades = np.random.default_rng(1).integers(0, 256, POINTS.shape)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
     cloud.normals = o3d.utility.Vector3dVector(np.tile([0.0, 0.6, 0.8], (len(POINTS), 1)))
@@ -75,7 +75,7 @@ def test_ply_with_colours(tmp_path):
 def test_ply_truncated(tmp_path, encoding):
     data = make_ply(encoding, POINTS[:5])
     folder = write_scene(tmp_path, "a.ply")
-    # an ASCII file that lost the end of its last number cannot be told from a whole one
+    # an ASCII file without the end of its last number looks complete
     end = len(data.rstrip().rsplit(b" ", 1)[0]) if encoding == "ascii" else len(data)
     for length in range(1, end):
         (tmp_path / "a.ply").write_bytes(data[:length])
@@ -166,14 +166,14 @@ def test_counts_that_the_file_cannot_hold_cost_nothing(tmp_path, encoding):
         ),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(tmp_path, data, place, reason):
+def test_errors_name_the_place(tmp_path, data, place, reason):
     (tmp_path / "a.ply").write_bytes(data)
     with pytest.raises(FileFormatError, match=reason) as caught:
         read_ply(tmp_path / "a.ply", Budget(10**6))
     assert (caught.value.file, caught.value.place) == (str(tmp_path / "a.ply"), place)
 
 
-def test_numbers_that_a_float_does_not_hold_are_dropped(tmp_path):
+def test_numbers_too_large_for_a_float_are_dropped(tmp_path):
     points = POINTS.copy()
     points[2, 1] = 1e300
     header, body = make_ply("ascii", points, "double").split(b"end_header\n")

@@ -1,4 +1,4 @@
-"""What a scene.toml says."""
+"""Tests of the content of scene.toml."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_description_in_full(tmp_path):
         np.testing.assert_allclose(turned.pose, pose, atol=1e-15)
 
 
-def test_description_with_what_is_needed_only(tmp_path):
+def test_description_with_required_keys_only(tmp_path):
     np.save(tmp_path / "a.npy", POINTS)
     scene = load_scene(write_scene(tmp_path, "a.npy", head=""))
     assert (scene.name, scene.bounds, scene.radius) == (tmp_path.name, None, None)

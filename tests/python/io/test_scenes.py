@@ -1,4 +1,4 @@
-"""Recorded scenes: archives and folders."""
+"""Tests of scenes in archives and folders."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def test_npz_scene(tmp_path):
     want = View.from_depth(DEPTH[::-1] * 0.001, K, scene.views[1].pose)
     np.testing.assert_array_equal(scene.views[1].points, want.points)
     np.testing.assert_array_equal(scene.views[1].viewpoint, [0.1, 0.2, 0.3])
-    # in the order of their numbers, not of their names
+    # sorted by number, not by name
     np.testing.assert_allclose(np.vstack(scene.truth), POINTS[:15], rtol=1e-6)
 
 
-def test_npz_scene_with_what_is_needed_only(tmp_path):
+def test_npz_scene_with_required_keys_only(tmp_path):
     save_npz(tmp_path / "a.npz", box=None, radius=None, truth_0=None, truth_2=None, truth_10=None, name=None)
     scene = load_scene(str(tmp_path / "a.npz"))
     assert (scene.name, scene.bounds, scene.radius, scene.truth) == ("a", None, None, ())
@@ -211,7 +211,7 @@ def test_npz_scene_with_masks(tmp_path, kind):
 
 
 def write_masks(folder):
-    """Four mask files with the same labels."""
+    """Write four mask files with the same labels."""
     Image.fromarray(LABELS).save(folder / "m8.png")
     Image.fromarray(LABELS.astype(np.uint16)).save(folder / "m16.png")
     Image.fromarray(LABELS > 0).save(folder / "m1.png")
@@ -240,7 +240,7 @@ def test_some_views_of_a_description_may_have_masks(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["folder", "toml", "npz"])
-def test_mask_files_take_the_place_of_the_scenes_own(tmp_path, monkeypatch, kind):
+def test_mask_files_replace_the_masks_of_the_scene(tmp_path, monkeypatch, kind):
     names = write_masks(tmp_path)
     (tmp_path / "scene").mkdir()
     if kind == "npz":
@@ -253,7 +253,7 @@ def test_mask_files_take_the_place_of_the_scenes_own(tmp_path, monkeypatch, kind
         path = write_scene(tmp_path / "scene", "a.png", pose=IDENTITY + 'mask = "own.png"\n')
         path = path / "scene.toml" if kind == "toml" else path
         given = names[1:2]
-    # like other paths, from where one is and not from where the scene is
+    # relative to the working folder, not to the scene
     monkeypatch.chdir(tmp_path)
     views = load_scene(path, masks=given).views
     for view, name in zip(views, given, strict=True):
@@ -358,7 +358,7 @@ def test_views_share_one_limit(tmp_path):
         ({"poses": np.full((2, 4, 4), 1e308)}, "pose"),
     ],
 )
-def test_npz_that_used_to_end_otherwise(tmp_path, changes, place):
+def test_npz_that_once_raised_other_errors(tmp_path, changes, place):
     save_npz(tmp_path / "a.npz", **changes)
     with np.errstate(all="raise"), pytest.raises(FileFormatError) as caught:
         load_scene(tmp_path / "a.npz")
@@ -374,7 +374,7 @@ def test_npz_that_used_to_end_otherwise(tmp_path, changes, place):
         "[turntable]\naxis = [1e308, 1e308, 0]\n" + IDENTITY,
     ],
 )
-def test_descriptions_that_used_to_end_otherwise(tmp_path, text):
+def test_descriptions_that_once_raised_other_errors(tmp_path, text):
     np.save(tmp_path / "a.npy", POINTS)
     with pytest.raises(FileFormatError, match=r"scene\.toml: "):
         load_scene(write_scene(tmp_path, "a.npy", text, "turntable_deg = 30" if "turn" in text else IDENTITY))

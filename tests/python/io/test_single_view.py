@@ -1,4 +1,4 @@
-"""Single files as scenes of one view."""
+"""Tests of single files as scenes of one view."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from shared.scene_files import (
 from strand import FileFormatError, View, load_scene
 
 CAMERA = [0.1, -0.2, 0.25]
-# pixels of the grid of tests/data/clouds
+# pixels of the grid in tests/data/clouds
 GRID = [[100.0, 0, 6], [0, 100.0, 5], [0, 0, 1]]
 COLORS = np.random.default_rng(5).integers(0, 256, POINTS.shape).astype(np.uint8)
 
 
 @pytest.fixture
 def clouds(tmp_path):
-    """The same points, in files of every kind that holds points."""
+    """Write the same points to files of every kind."""
     text = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in POINTS.tolist())
     for suffix in ("xyz", "txt"):
         (tmp_path / f"a.{suffix}").write_text(text)
@@ -59,14 +59,14 @@ def test_points_in_both_frames(clouds, suffix):
 
 
 @pytest.mark.parametrize("suffix", ["xyz", "txt", "csv", "ply", "pcd", "npy"])
-def test_points_of_which_nobody_says_where_they_were_seen_from(clouds, suffix):
+def test_points_need_a_viewpoint_or_the_camera_frame(clouds, suffix):
     with pytest.raises(
         ValueError, match=r"viewpoint: .*does not say where the camera was.*--viewpoint x,y,z.*--camera-frame"
     ):
         load_scene(clouds / f"a.{suffix}")
 
 
-def test_a_viewpoint_that_the_file_says(data):
+def test_the_viewpoint_of_a_file(data):
     points, colors = make_grid_cloud()
     seen = np.isfinite(points).all(axis=1)
     path = data / "clouds" / "pcl_compressed.pcd"
@@ -75,14 +75,14 @@ def test_a_viewpoint_that_the_file_says(data):
     np.testing.assert_allclose(view.world_points, points[seen], atol=1e-8)
     np.testing.assert_array_equal(view.colors, colors[seen] / 255)
     assert view.dropped == 24
-    # what the caller says is stronger
+    # the caller's viewpoint replaces the file's
     (view,) = load_scene(path, viewpoint=[0, 0, 0]).views
     np.testing.assert_array_equal(view.pose, np.eye(4))
     (view,) = load_scene(path, camera_frame=True).views
     np.testing.assert_array_equal(view.pose, np.eye(4))
 
 
-def test_points_where_the_camera_is_are_no_returns(tmp_path):
+def test_points_at_the_camera_have_no_return(tmp_path):
     points = np.vstack([POINTS, np.zeros((3, 3)), np.full((2, 3), np.nan)])
     np.save(tmp_path / "a.npy", np.hstack([points, np.tile([0.1, 0.2, 0.3], (45, 1))]))
     (view,) = load_scene(tmp_path / "a.npy", camera_frame=True).views
@@ -114,8 +114,8 @@ def test_colours_of_ply_files_reach_the_view_in_scenes_too(tmp_path, kind):
             load_scene(tmp_path / "a.ply", viewpoint=CAMERA)
 
 
-def test_colours_keep_ropes_apart_that_a_single_file_shows(tmp_path):
-    """What is read from a file is what `reconstruct` gets."""
+def test_colours_separate_the_ropes_of_a_single_file(tmp_path):
+    """`reconstruct` gets the colours of the file."""
     made = strand.synthetic.scene("s", seed=1, views=1)
     (given,) = [view.crop(made.bounds) for view in made.views]
     shades = np.tile([0.2, 0.4, 0.9], (len(given.points), 1))
@@ -128,7 +128,7 @@ def test_colours_keep_ropes_apart_that_a_single_file_shows(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["opencv.png", "opencv_16bit.tiff", "opencv_float.tiff"])
-def test_depth_images_that_opencv_wrote(data, name):
+def test_depth_images_from_opencv(data, name):
     scale = None if "float" in name else 1e-4
     (view,) = load_scene(data / "clouds" / name, intrinsics=GRID, depth_scale=scale).views
     assert view.image.depth.shape == (10, 12)
@@ -137,14 +137,14 @@ def test_depth_images_that_opencv_wrote(data, name):
 
 
 @pytest.mark.parametrize("suffix", ["png", "tiff", "tif", "npy"])
-def test_whole_numbers_of_depth_need_their_scale(tmp_path, suffix):
+def test_whole_numbers_of_depth_need_a_scale(tmp_path, suffix):
     save_png(tmp_path / "a.png")
     Image.fromarray(DEPTH).save(tmp_path / "a.tiff")
     shutil.copy(tmp_path / "a.tiff", tmp_path / "a.tif")
     np.save(tmp_path / "a.npy", DEPTH)
     path = tmp_path / f"a.{suffix}"
     with pytest.raises(
-        ValueError, match=r"intrinsics: .* needs its camera's pinhole matrix.*--intrinsics fx"
+        ValueError, match=r"intrinsics: .* needs the camera's pinhole matrix.*--intrinsics fx"
     ):
         load_scene(path, depth_scale=0.001)
     with pytest.raises(ValueError, match=r"depth_scale: .*--depth-scale\), 0\.001 for millimetres"):
@@ -169,7 +169,7 @@ def test_floats_of_depth_are_metres_or_in_units(tmp_path):
         np.testing.assert_allclose(view.image.depth, DEPTH * 0.0005, rtol=1e-6)
 
 
-def test_what_such_a_file_does_not_have_is_refused(clouds):
+def test_unsuitable_arguments_are_refused(clouds):
     save_png(clouds / "d.png")
     camera = {"intrinsics": K, "depth_scale": 0.001}
     for path, given, reason in (
@@ -193,7 +193,7 @@ def test_what_such_a_file_does_not_have_is_refused(clouds):
             load_scene(clouds / "a.ply", **given)
 
 
-def test_scenes_say_these_things_themselves(tmp_path):
+def test_scenes_take_no_facts_about_the_camera(tmp_path):
     save_npz(tmp_path / "a.npz")
     save_png(tmp_path / "a.png")
     write_scene(tmp_path, "a.png")
@@ -208,7 +208,7 @@ def test_scenes_say_these_things_themselves(tmp_path):
                 load_scene(path, **given)
 
 
-def test_what_is_wrong_with_the_numbers_is_said_of_the_file(tmp_path):
+def test_errors_in_numbers_name_the_file(tmp_path):
     np.save(tmp_path / "a.npy", -np.ones((6, 8)))
     with pytest.raises(FileFormatError, match=r"a\.npy: depth"):
         load_scene(tmp_path / "a.npy", intrinsics=K)

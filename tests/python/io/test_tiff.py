@@ -1,4 +1,4 @@
-"""Depth images in TIFF files."""
+"""Tests of depth images in TIFF files."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def read(path, max_bytes=10**6):
 
 @pytest.mark.parametrize("ways", WAYS, ids=str)
 @pytest.mark.parametrize("depth", [DEPTH, METRES], ids=["uint16", "float32"])
-def test_images_that_tifffile_wrote(tmp_path, ways, depth):
+def test_images_from_tifffile(tmp_path, ways, depth):
     tifffile.imwrite(tmp_path / "a.tiff", depth, **ways)
     found = read(tmp_path / "a.tiff")
     np.testing.assert_array_equal(found, depth)
     assert found.dtype == depth.dtype
 
 
-def test_they_are_views_of_scenes(tmp_path):
+def test_tiff_files_in_scenes(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", DEPTH)
     (view,) = load_scene(write_scene(tmp_path, "a.tif")).views
     np.testing.assert_allclose(view.image.depth, DEPTH * 0.001)
@@ -70,7 +70,7 @@ def test_images_of_another_kind(tmp_path, array, ways, reason):
         read(tmp_path / "a.tiff")
 
 
-def test_compressions_that_pillow_writes(tmp_path):
+def test_compressions_of_pillow(tmp_path):
     for name in ("tiff_lzw", "tiff_deflate", "tiff_adobe_deflate", "packbits"):
         Image.fromarray(DEPTH).save(tmp_path / "a.tiff", compression=name)
         np.testing.assert_array_equal(read(tmp_path / "a.tiff"), DEPTH)
@@ -89,8 +89,8 @@ def test_truncated_anywhere(tmp_path, ways):
             read(tmp_path / "a.tiff")
 
 
-def test_sizes_are_asked_before_pixels_are_decoded(tmp_path):
-    """A file of some kilobytes whose image, or whose tiles, take gigabytes."""
+def test_sizes_are_checked_before_pixels_are_decoded(tmp_path):
+    """A file of a few kilobytes declares an image or tiles of gigabytes."""
     tifffile.imwrite(
         tmp_path / "a.tiff", np.zeros((6000, 6000), np.uint16), compression="zlib", rowsperstrip=6000
     )
@@ -103,7 +103,7 @@ def test_sizes_are_asked_before_pixels_are_decoded(tmp_path):
         read(tmp_path / "a.tiff", 10**8)
 
 
-def test_pillow_wrote_it_and_a_later_directory_is_a_loop(tmp_path):
+def test_a_loop_of_directories_is_refused(tmp_path):
     Image.fromarray(DEPTH).save(tmp_path / "a.tiff")
     np.testing.assert_array_equal(read(tmp_path / "a.tiff"), DEPTH)
     data = bytearray((tmp_path / "a.tiff").read_bytes())

@@ -1,4 +1,4 @@
-"""What a view holds, in numbers."""
+"""Tests of summaries of views."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ K = np.array([[10.0, 0.0, 1.5], [0.0, 11.0, 1.0], [0.0, 0.0, 1.0]])
 DEPTH = np.array([[0.0, np.nan, 0.4, 0.5], [0.6, np.inf, 0.0, 0.3], [0.3, 0.3, 0.0, 0.3]])
 
 
-def test_pixels_are_counted_by_what_they_are():
+def test_pixels_are_counted_by_kind():
     seen = summarize_view(strand.View.from_depth(DEPTH, K))
     assert (seen.kind, seen.size, seen.corners, seen.colors) == ("depth image", (4, 3), None, False)
     assert (seen.points, seen.no_return, seen.not_finite) == (7, 3, 2)
@@ -38,6 +38,6 @@ def test_points_have_corners():
 
 
 @pytest.mark.parametrize("view", [strand.View.from_depth(np.zeros((2, 3)), K), strand.View(np.empty((0, 3)))])
-def test_nothing_is_nowhere(view):
+def test_empty_views_have_no_distance(view):
     seen = summarize_view(view)
     assert (seen.points, seen.distance, seen.corners) == (0, None, None)

@@ -1,4 +1,4 @@
-"""Points as text: XYZ and CSV."""
+"""Tests of points in text: XYZ and CSV."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def read(path, text, max_bytes=10**6):
     return read_xyz(path, Budget(max_bytes))
 
 
-def rows(*columns, separator=" "):
+def make_rows(*columns, separator=" "):
     return "".join(separator.join(map(str, row)) + "\n" for row in np.hstack(columns).tolist())
 
 
-def test_clouds_that_open3d_wrote(tmp_path):
+def test_clouds_from_open3d(tmp_path):
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
     cloud.colors = o3d.utility.Vector3dVector(COLORS / 255)
     for suffix in ("xyz", "xyzrgb"):
@@ -37,7 +37,7 @@ def test_clouds_that_open3d_wrote(tmp_path):
             np.testing.assert_allclose(found.colors, COLORS / 255, atol=1e-9)
 
 
-def test_tables_that_numpy_wrote(tmp_path):
+def test_tables_from_numpy(tmp_path):
     np.savetxt(
         tmp_path / "a.csv", np.hstack([COLORS, POINTS]), delimiter=",", header="r,g,b,x,y,z", fmt="%.17g"
     )
@@ -51,7 +51,7 @@ def test_tables_that_numpy_wrote(tmp_path):
 def test_separators_and_names(tmp_path, separator, names):
     mark = names[: names.lower().find("x")].strip('"')
     heading = mark + separator.join(names.removeprefix(mark).split())
-    text = (heading + "\n" if heading else "") + rows(POINTS, separator=separator)
+    text = (heading + "\n" if heading else "") + make_rows(POINTS, separator=separator)
     for given in (text, text.replace("\n", "\r\n"), text.rstrip(), "\ufeff" + text):
         found = read(tmp_path / "a.txt", given)
         np.testing.assert_array_equal(found.points, POINTS)
@@ -70,8 +70,8 @@ def test_columns_in_any_order_with_others_beside_them(tmp_path):
 
 
 def test_colours_are_from_0_to_1_if_none_is_larger(tmp_path):
-    small = read(tmp_path / "a.xyz", rows(POINTS, COLORS / 255))
-    large = read(tmp_path / "a.xyz", rows(POINTS, COLORS))
+    small = read(tmp_path / "a.xyz", make_rows(POINTS, COLORS / 255))
+    large = read(tmp_path / "a.xyz", make_rows(POINTS, COLORS))
     np.testing.assert_array_equal(small.colors, COLORS / 255)
     np.testing.assert_array_equal(large.colors, COLORS / 255)
 
@@ -85,7 +85,7 @@ def test_a_table_of_names_alone_has_no_points(tmp_path):
     assert read(tmp_path / "a.csv", "x,y,z\n").points.shape == (0, 3)
 
 
-def test_no_returns_stay_to_be_counted(tmp_path):
+def test_points_without_a_return_are_kept_for_counting(tmp_path):
     found = read(tmp_path / "a.xyz", "nan nan nan\n1 2 3\n4 inf 6\n")
     np.testing.assert_array_equal(found.points[1], [1, 2, 3])
     assert not np.isfinite(found.points[[0, 2]]).all(axis=1).any()
@@ -116,14 +116,14 @@ def test_no_returns_stay_to_be_counted(tmp_path):
         (b"\x89PNG\r\n\x1a\n" + bytes(40), "point 0", "expected x y z"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(tmp_path, text, place, reason):
+def test_errors_name_the_place(tmp_path, text, place, reason):
     with pytest.raises(FileFormatError) as caught:
         read(tmp_path / "a.xyz", text)
     assert (caught.value.file, caught.value.place) == (str(tmp_path / "a.xyz"), place)
     assert reason in caught.value.reason
 
 
-def test_many_short_lines_take_what_the_budget_says(tmp_path):
+def test_many_short_lines_count_for_the_budget(tmp_path):
     text = "1 2 3\n" * 10_000
     assert len(read(tmp_path / "a.xyz", text, 300_000).points) == 10_000
     with pytest.raises(FileFormatError, match=r"a\.xyz: takes 240000 bytes, but 190000 are left"):

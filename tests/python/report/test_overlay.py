@@ -1,4 +1,4 @@
-"""Chains over depth images: where they lie, and what is hidden."""
+"""Tests of chains drawn over depth images."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ POSE[2, 3] = 0.5
 LINE = np.linspace([-0.1, 0.01, 0.004], [0.1, 0.01, 0.004], 81)
 
 
-def table(tilt=0.0):
-    """A view of a table on which a bright block, 20 mm high, stands over the middle of LINE."""
+def make_table(tilt=0.0):
+    """Return a view of a table with a block, 20 mm high, over the middle of LINE."""
     depth = np.full((120, 160), 0.5) + tilt * np.arange(160)
     depth[:, 70:90] -= 0.02
     return strand.View.from_depth(depth, K, POSE)
 
 
-def drawn(view, chain, max_bytes=100_000, **more):
+def draw(view, chain, max_bytes=100_000, **more):
     model = strand.Model((chain,), view.pose[None], **more)
     (camera,) = make_cameras(model, [view])
     return camera, draw_overlay(camera, model, max_bytes)
 
 
-def paths(svg, kind):
+def find_paths(svg, kind):
     found = re.findall(rf'<path class="{kind}" d="([^"]+)"', svg)
     pieces = [piece for path in found for piece in path[1:].split("M")]
     return [np.array([pair.split(",") for pair in piece.split("L")], dtype=float) for piece in pieces]
 
 
 def test_lines_lie_where_the_camera_sees_the_rope():
-    _, svg = drawn(table(), strand.Chain(LINE, 0.004))
-    first, second = paths(svg, "seen")
-    (covered,) = paths(svg, "hidden")
+    _, svg = draw(make_table(), strand.Chain(LINE, 0.004))
+    first, second = find_paths(svg, "seen")
+    (covered,) = find_paths(svg, "hidden")
     v = 59.5 - 200 * 0.01 / 0.496
     for points in (first, second, covered):
         np.testing.assert_allclose(points[:, 1], v, atol=0.06)
@@ -58,15 +58,15 @@ def test_lines_lie_where_the_camera_sees_the_rope():
 def test_stretches_without_points_are_dashed():
     seen = np.full(81, 3)
     seen[10:20] = 0
-    _, svg = drawn(table(), strand.Chain(LINE, 0.004, points_seen=seen))
-    (dashed,) = paths(svg, "bridged")
+    _, svg = draw(make_table(), strand.Chain(LINE, 0.004, points_seen=seen))
+    (dashed,) = find_paths(svg, "bridged")
     u = 79.5 + 200 * LINE[[10, 20], 0] / 0.496
     np.testing.assert_allclose(dashed[[0, -1], 0], u, atol=0.06)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.0005])
-def test_grey_shows_what_stands_out_of_the_plane(tilt):
-    _, svg = drawn(table(tilt), strand.Chain(LINE, 0.004))
+def test_grey_shows_the_distance_before_the_plane(tilt):
+    _, svg = draw(make_table(tilt), strand.Chain(LINE, 0.004))
     data = re.search(r'href="data:image/jpeg;base64,([^"]+)"', svg).group(1)
     grey = np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))).astype(float)
     left = int(re.search(r'viewBox="(\d+)', svg).group(1))
@@ -74,10 +74,10 @@ def test_grey_shows_what_stands_out_of_the_plane(tilt):
     assert grey[:, : 60 - left].max() < 140
 
 
-def test_images_keep_their_budget():
+def test_images_keep_within_their_limit():
     depth = np.random.default_rng(0).uniform(0.4, 0.6, (700, 900))
     view = strand.View.from_depth(depth, [[900, 0, 450], [0, 900, 350], [0, 0, 1]], POSE)
-    _, svg = drawn(view, strand.Chain(LINE, 0.004), max_bytes=30_000)
+    _, svg = draw(view, strand.Chain(LINE, 0.004), max_bytes=30_000)
     assert len(svg) < 40_000
 
 
@@ -86,14 +86,14 @@ def test_doubts_are_marked_with_their_reason():
         Doubt("end", 0.2, "where it ends", "a < b", LINE[0]),
         Doubt("noise", 0.1, "a", "b"),
     )
-    _, svg = drawn(table(), strand.Chain(LINE, 0.004), doubts=doubts)
+    _, svg = draw(make_table(), strand.Chain(LINE, 0.004), doubts=doubts)
     assert svg.count('class="doubt"') == 1
     assert "a &lt; b" in svg
 
 
 def test_ropes_behind_the_camera_and_outside_are_not_drawn():
     for offset in ([0, 0, 1.0], [5.0, 0, 0]):
-        _, svg = drawn(table(), strand.Chain(LINE + offset, 0.004))
+        _, svg = draw(make_table(), strand.Chain(LINE + offset, 0.004))
         assert "nan" not in svg
         assert "<text" not in svg
 
@@ -108,7 +108,7 @@ def test_views_of_points_are_seen_from_their_viewpoint(turn):
     pose[:3, 3] = viewpoint
     view = strand.View((cloud - viewpoint) @ pose[:3, :3], pose)
     for one in (world, view):
-        camera, svg = drawn(one, strand.Chain(LINE, 0.002))
+        camera, svg = draw(one, strand.Chain(LINE, 0.002))
         assert camera.imagined
         np.testing.assert_allclose(camera.viewpoint, viewpoint)
         pixels, _ = camera.project(LINE)
@@ -117,4 +117,4 @@ def test_views_of_points_are_seen_from_their_viewpoint(turn):
             camera.depth[r - 3 : r + 4, c - 3 : c + 4].max() > 0 for r, c in zip(rows, columns, strict=True)
         ]
         assert np.mean(near) > 0.9
-        assert paths(svg, "seen")
+        assert find_paths(svg, "seen")

@@ -1,4 +1,4 @@
-"""The page about a reconstruction: what is in it, and that a browser draws it without asking for anything."""
+"""Tests of the HTML page: its content, and that a browser draws it without a network."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ def report(paper, paper_model, tmp_path_factory):
     return path
 
 
-def figure_of(path):
+def read_figure(path):
     text = path.read_text("utf-8")
     return json.loads(re.search(r'<script type="application/json" id="figure">(.*?)</script>', text).group(1))
 
 
-def unpacked(entry):
+def unpack(entry):
     values = np.frombuffer(base64.b64decode(entry["bdata"]), dtype=entry["dtype"])
     return values.reshape([int(n) for n in entry["shape"].split(",")]) if "shape" in entry else values
 
 
-def coloured(png, box):
-    """How many pixels in a part of a picture have a colour."""
+def count_coloured(png, box):
+    """Return the number of coloured pixels in a part of a picture."""
     left, top, right, bottom = (int(x) for x in box)
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)[top:bottom, left:right]
     return int((np.ptp(pixels, axis=2) > 60).sum())
 
 
-def settled(browser, before=None):
-    """A picture once the browser shows something else than before."""
+def wait_for_change(browser, before=None):
+    """Return a picture as soon as the browser shows something new."""
     end = time.monotonic() + 30
     while (picture := browser.screenshot()) == before:
         assert time.monotonic() < end, "nothing changed"
@@ -73,7 +73,7 @@ def press(browser, label):
     )
 
 
-def test_a_browser_draws_it_and_asks_for_nothing(browser, report):
+def test_a_browser_draws_the_page_without_requests(browser, report):
     browser.events.clear()
     browser.open(report)
     box = browser.value(
@@ -81,7 +81,7 @@ def test_a_browser_draws_it_and_asks_for_nothing(browser, report):
         "return [b.left, b.top, b.right, b.bottom]})()"
     )
     before = browser.screenshot()
-    assert coloured(before, box) > 1000
+    assert count_coloured(before, box) > 1000
     images = "[...document.querySelectorAll('.views svg image')].map(i => i.getBoundingClientRect().width)"
     assert min(browser.value(images)) > 100
 
@@ -94,18 +94,18 @@ def test_a_browser_draws_it_and_asks_for_nothing(browser, report):
     press(browser, "ropes and cameras")
     press(browser, "standard deviation")
     press(browser, "no points")
-    settled(browser, before)
+    wait_for_change(browser, before)
     assert browser.value(shown) == [True, True]
     assert browser.value(title) == "standard deviation / mm"
     assert browser.value(f"{about}.data.slice(0, 7).map(t => t.visible)") == ["legendonly"] * 7
 
-    # the pictures in the page are all that is not the page
+    # the only resources are pictures inside the page
     asked = [url for url in browser.asked_for() if not url.startswith(("data:image/jpeg", "blob:"))]
     assert asked == [report.as_uri()]
     assert browser.said() == []
 
 
-def test_nothing_in_it_is_code_or_a_link(report):
+def test_the_page_has_no_links_and_no_foreign_code(report):
     text = report.read_text("utf-8")
     assert ATTACK not in text
     assert "<script>alert" not in text
@@ -116,7 +116,7 @@ def test_nothing_in_it_is_code_or_a_link(report):
     assert "default-src 'none'" in text
 
 
-def test_what_a_model_says_is_no_code(browser, paper, paper_model, tmp_path):
+def test_texts_of_a_model_are_escaped(browser, paper, paper_model, tmp_path):
     doubts = (Doubt("join", 0.3, ATTACK, "</script><b>" + ATTACK, paper_model.chains[0].points[9]),)
     warnings = (ModelWarning("branch", ATTACK),)
     model = dataclasses.replace(paper_model, doubts=doubts, warnings=warnings, stages={})
@@ -124,45 +124,45 @@ def test_what_a_model_says_is_no_code(browser, paper, paper_model, tmp_path):
     browser.events.clear()
     browser.open(tmp_path / "a.html")
     assert browser.said() == []
-    assert browser.value("document.querySelectorAll('script').length") == 4  # three of its own, and plotly
+    assert browser.value("document.querySelectorAll('script').length") == 4  # three of the page, and plotly
     assert browser.value("document.querySelectorAll('img').length") == 0
     assert ATTACK in browser.value("document.body.innerText")
-    (doubt,) = [trace for trace in figure_of(tmp_path / "a.html")["data"] if trace["name"] == "doubt"]
+    (doubt,) = [trace for trace in read_figure(tmp_path / "a.html")["data"] if trace["name"] == "doubt"]
     assert "<script" not in doubt["text"][0]
 
 
-def test_it_shows_chains_points_doubts_and_cameras_where_they_are(paper_model, report):
-    figure = figure_of(report)
+def test_chains_points_doubts_and_cameras_are_in_place(paper_model, report):
+    figure = read_figure(report)
     traces = {trace["name"]: trace for trace in figure["data"]}
     (chain,) = paper_model.chains
     drawn = next(t for t in figure["data"] if "customdata" in t)
-    x = unpacked(drawn["x"])
+    x = unpack(drawn["x"])
     assert len(x) == len(chain.points) + 1
     seen = np.isfinite(x[:-1])
     assert seen.sum() > 0.9 * len(chain.points)
     np.testing.assert_allclose(x[:-1][seen], 1e3 * chain.points[seen, 0], rtol=1e-5, atol=1e-3)
-    about = unpacked(drawn["customdata"])[:-1]
+    about = unpack(drawn["customdata"])[:-1]
     np.testing.assert_allclose(about[:, 1], 1e3 * chain.arc_length, rtol=1e-5, atol=1e-3)
     np.testing.assert_allclose(about[:, 2], 1e3 * space_figure.compute_deviations(chain), rtol=1e-5)
     assert f"chain 0: {chain.length * 1e3:.0f} mm" in traces
     clouds = paper_model.stages["registered"]
     for i, cloud in enumerate(clouds):
-        assert len(unpacked(traces[f"view {i}: {len(cloud):,} points"]["y"])) == len(cloud)
+        assert len(unpack(traces[f"view {i}: {len(cloud):,} points"]["y"])) == len(cloud)
     with_place = [d for d in paper_model.doubts if d.place is not None]
     assert len(traces.get("doubts: " + str(len(with_place)), {"text": []})["text"]) == len(with_place)
-    assert len(unpacked(traces["ends: 2"]["z"])) == 2
-    assert len(unpacked(traces["cameras"]["x"])) == 7 * (6 + 4 * 3)
-    (x, y, z) = (unpacked(traces["next view"][axis])[0] for axis in "xyz")
+    assert len(unpack(traces["ends: 2"]["z"])) == 2
+    assert len(unpack(traces["cameras"]["x"])) == 7 * (6 + 4 * 3)
+    (x, y, z) = (unpack(traces["next view"][axis])[0] for axis in "xyz")
     np.testing.assert_allclose([x, y, z], 1e3 * paper_model.next_view(), rtol=1e-5)
     assert figure["layout"]["scene"]["aspectmode"] == "manual"
 
 
 def test_plotly_knows_every_property(report):
-    figure = figure_of(report)
+    figure = read_figure(report)
     assert len(go.Figure(figure).data) == len(figure["data"])
 
 
-def test_its_tables_say_what_the_model_says(paper, paper_model, report):
+def test_tables_match_the_model(paper, paper_model, report):
     text = report.read_text("utf-8")
     (chain,) = paper_model.chains
     assert f"<td>{chain.length * 1e3:.1f}</td>" in text
@@ -179,8 +179,8 @@ def test_its_tables_say_what_the_model_says(paper, paper_model, report):
     assert amounts == sorted(amounts, reverse=True)
 
 
-def large():
-    """More of everything than a page holds."""
+def make_large():
+    """Return a model and views with more of everything than a page shows."""
     rng = np.random.default_rng(0)
     count, side = 20, 500
     intrinsics = np.array([[400.0, 0, side / 2], [0, 400.0, side / 2], [0, 0, 1]])
@@ -198,12 +198,12 @@ def large():
     return strand.Model(chains, poses, {}, warnings, doubts=doubts, joins=joins), views
 
 
-def test_it_is_small_whatever_there_is(tmp_path):
-    model, views = large()
+def test_the_page_is_small_for_any_model(tmp_path):
+    model, views = make_large()
     write_report(model, views, tmp_path / "a.html", title="t" * 10_000)
     assert (tmp_path / "a.html").stat().st_size < LIMIT
-    figure = figure_of(tmp_path / "a.html")
-    points = sum(len(unpacked(t["x"])) for t in figure["data"] if t["name"].startswith("view"))
+    figure = read_figure(tmp_path / "a.html")
+    points = sum(len(unpack(t["x"])) for t in figure["data"] if t["name"].startswith("view"))
     assert 0.9 * space_figure.MAX_POINTS < points <= space_figure.MAX_POINTS
     assert "16 of 20 views are shown. The 50 longest of 220 chains are drawn." in (
         tmp_path / "a.html"
@@ -236,13 +236,13 @@ def test_scenes_far_from_the_origin_keep_their_shape(tmp_path):
     views = [strand.View.from_world(chain.points, far + np.array([0.0, 0.0, 0.5]))]
     model = strand.Model((chain,), views[0].pose[None])
     write_report(model, views, tmp_path / "a.html")
-    figure = figure_of(tmp_path / "a.html")
+    figure = read_figure(tmp_path / "a.html")
     drawn = next(t for t in figure["data"] if "customdata" in t)
-    np.testing.assert_allclose(unpacked(drawn["x"])[:-1], 1e3 * (chain.points[:, 0] - 4000.0), atol=1e-3)
+    np.testing.assert_allclose(unpack(drawn["x"])[:-1], 1e3 * (chain.points[:, 0] - 4000.0), atol=1e-3)
     assert figure["layout"]["scene"]["xaxis"]["title"]["text"] == "(x − 4000 m) / mm"
 
 
-def test_wrong_arguments_name_themselves(paper, paper_model, tmp_path):
+def test_wrong_arguments_are_named(paper, paper_model, tmp_path):
     with pytest.raises(ValueError, match="views: expected the 7 views of the model, got 6"):
         write_report(paper_model, paper.views[:6], tmp_path / "a.html")
     with pytest.raises(TypeError, match="views"):
@@ -263,7 +263,7 @@ def test_names_the_missing_package(paper, paper_model, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_page_that_was_there_stays_if_anything_fails(paper, paper_model, tmp_path, monkeypatch):
+def test_an_existing_page_stays_if_anything_fails(paper, paper_model, tmp_path, monkeypatch):
     (tmp_path / "a.html").write_text("mine")
     monkeypatch.setattr(page, "_tabulate_stages", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):

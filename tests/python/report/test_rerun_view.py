@@ -1,4 +1,4 @@
-"""Recordings for Rerun, whose package is too large for the tests: a stand-in notes what is told to it."""
+"""Tests of recordings for Rerun, with a stand-in for its large package."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def rerun(monkeypatch):
 
 
 @pytest.mark.usefixtures("rerun")
-def test_all_is_told_and_the_file_is_written_whole(paper, paper_model, tmp_path):
+def test_everything_is_logged_and_the_file_is_complete(paper, paper_model, tmp_path):
     write_recording(paper_model, paper.views, tmp_path / "a.rrd", truth=paper.truth)
     told = Recording.last.told
     assert (tmp_path / "a.rrd").read_bytes() == b"RRF" + str(len(told)).encode()
@@ -71,7 +71,7 @@ def test_a_window_is_opened_only_on_request(paper, paper_model):
 
 
 @pytest.mark.usefixtures("rerun")
-def test_a_viewer_that_does_not_start_is_an_error_of_strand(paper, paper_model, monkeypatch):
+def test_a_viewer_that_does_not_start_raises_strand_error(paper, paper_model, monkeypatch):
     def spawn(_):
         raise RuntimeError("no display\nsee the manual")
 

@@ -1,4 +1,4 @@
-"""Figures: from where they are seen."""
+"""Tests of the plan of a figure."""
 
 from __future__ import annotations
 

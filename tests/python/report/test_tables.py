@@ -1,4 +1,4 @@
-"""What a reconstruction did, in numbers and lines of text."""
+"""Tests of counts, accuracies and tables of text."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from strand.report import tables
 from strand.ropes.doubt import Doubt
 
 LINE = np.stack([np.linspace(0.0, 0.2, 41), np.zeros(41), np.zeros(41)], axis=1)
-# no point is where the camera is: that would be no return
+# no point is at the camera, which would be a pixel without a return
 SEEN = strand.View(LINE + np.array([0.0, 0.0, 1.0]))
 RADIUS = 0.004
 
 
-def model_of(*lines, **stages):
+def make_model(*lines, **stages):
     chains = tuple(Chain(line, RADIUS) for line in lines)
     method, branch = ("default", "tubes") if "arcs" in stages else ("published", None)
     timings = dict.fromkeys(tables.STAGE_ARRAYS[branch or method], 0.0015)
@@ -35,7 +35,7 @@ def test_accuracy_of_a_chain_with_a_part_missing():
     assert found.length_error == pytest.approx(-0.25)
 
 
-def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
+def test_accuracy_samples_every_millimetre():
     # one node far from the truth, most nodes on it
     few = np.array([[0.0, 0, 0], [0.1, 0.1, 0], [0.2, 0, 0]])
     uneven = np.vstack([np.linspace(0, 1e-3, 500)[:, None] * few[1] * 10, few[1:]])
@@ -46,7 +46,7 @@ def test_accuracy_takes_every_millimetre_however_the_nodes_lie():
 
 
 @pytest.mark.parametrize("truth", [LINE[:1], LINE[:, :2], LINE * np.nan])
-def test_accuracy_refuses_what_is_no_centreline(truth):
+def test_accuracy_refuses_wrong_centrelines(truth):
     with pytest.raises(ValueError, match="points"):
         tables.measure_accuracy(Chain(LINE, RADIUS), truth)
 
@@ -61,7 +61,7 @@ def test_stages_and_counts():
         "traced": (LINE[:12], LINE[:7]),
         "segments": (LINE[:6], LINE[:5], LINE[:4]),
     }
-    model = model_of(LINE[:9], **stages)
+    model = make_model(LINE[:9], **stages)
     counts = tables.count_stages([SEEN, SEEN], model)
     assert [count.points_out for count in counts] == [50, 46, 46, 46, 40, 19, 15, 9]
     assert [count.points_in for count in counts] == [82, 50, 46, 46, 46, 40, 19, 15]
@@ -78,7 +78,7 @@ def test_stages_and_counts_of_the_default_method():
         "arcs": (LINE[:12], LINE[:7]),
         "fit": object(),
     }
-    model = model_of(LINE[:9], **stages)
+    model = make_model(LINE[:9], **stages)
     assert tables.find_branch(model) == "tubes"
     assert tables.describe_stages([SEEN, SEEN], model).splitlines() == [
         "stage     points in  points out    ms",
@@ -125,11 +125,11 @@ def test_stages_are_needed():
         lambda model: tables.count_stages([], model),
     ):
         with pytest.raises(ValueError, match="model: expected one with its stages"):
-            describe(model_of(LINE))
+            describe(make_model(LINE))
 
 
 def test_accuracy_lines_pair_the_longest_with_the_longest():
-    lines = tables.describe_accuracy(model_of(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
+    lines = tables.describe_accuracy(make_model(LINE, LINE[:11]), [LINE[:11], LINE]).splitlines()
     assert lines == [
         "rope 0: length 200.0 mm, truth 200.0 mm (+0.00%), RMS distance from truth 0.00 mm",
         "rope 1: length 50.0 mm, truth 50.0 mm (+0.00%), RMS distance from truth 0.00 mm",
@@ -152,7 +152,7 @@ def test_tables_line_up():
     ]
 
 
-def test_chains_that_say_how_sure_they_are():
+def test_chains_with_confidence():
     doubts = [Doubt(kind, 0.1, "it", "why") for kind in ("left out", "end", "end", "join", "range")]
     chains = (
         Chain(LINE, RADIUS, confidence=0.5, doubts=doubts),
@@ -167,4 +167,4 @@ def test_chains_that_say_how_sure_they_are():
         "2             10.0      3         4.00    open        0.99",
     ]
     assert tables.describe_confidence(model) == "confidence: 0.49 that all ropes run as said"
-    assert tables.describe_confidence(model_of(LINE)).startswith("confidence: not known")
+    assert tables.describe_confidence(make_model(LINE)).startswith("confidence: not known")

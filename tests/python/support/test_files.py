@@ -62,7 +62,7 @@ def write_half(path, error):
         raise error
 
 
-def test_a_file_written_in_pieces_is_whole_or_not_there(tmp_path):
+def test_a_file_written_in_pieces_is_complete_or_missing(tmp_path):
     path = tmp_path / "a.bin"
     with replace_file(path) as file:
         file.write(b"one")
@@ -113,7 +113,7 @@ def test_json_comes_back(tmp_path):
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_write_json_refuses_what_json_cannot_say(tmp_path, number):
+def test_write_json_refuses_nan_and_infinity(tmp_path, number):
     with pytest.raises(ValueError, match=r"a\.json"):
         write_json(tmp_path / "a.json", {"a": number})
     assert not list(tmp_path.iterdir())
@@ -153,7 +153,7 @@ def test_the_error_says_file_place_and_reason():
     assert (type(again), str(again), again.place) == (FileFormatError, str(error), "depth")
 
 
-def test_the_place_of_a_check_is_what_its_message_begins_with():
+def test_the_place_of_a_check_is_the_argument_in_its_message():
     error = FileFormatError.from_error("a", ValueError("camera.fx: expected a number, got 3: no"))
     assert (error.place, error.reason) == ("camera.fx", "expected a number, got 3: no")
     assert FileFormatError.from_error("a", RecursionError()).reason == "RecursionError"

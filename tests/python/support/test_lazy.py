@@ -22,7 +22,7 @@ class Slow:
         return self.times
 
 
-def test_one_is_not_kept_waiting_by_another():
+def test_one_instance_does_not_wait_for_another():
     never, now = threading.Event(), threading.Event()
     now.set()
     slow, quick = Slow(never), Slow(now)
@@ -40,7 +40,7 @@ def test_one_is_not_kept_waiting_by_another():
         waiting.join()
 
 
-def test_it_is_worked_out_once_and_documented():
+def test_the_value_is_computed_once_and_documented():
     now = threading.Event()
     now.set()
     one = Slow(now)

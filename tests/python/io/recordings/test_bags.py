@@ -1,4 +1,4 @@
-"""Damaged and hostile bags: an answer or the one error, in bounded memory."""
+"""Tests that damaged and hostile bags give an answer or the documented error, in bounded memory."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ KINDS = [
     *((kind, None) for kind in FORMATS),
     *[("ros1", "lz4"), ("ros1", "bz2"), ("mcap", "storage"), ("sqlite3", "message"), ("mcap", "message")],
 ]
-BOMB = 1 << 26  # bytes that a kilobyte becomes
+BOMB = 1 << 26  # bytes that a kilobyte decompresses to
 LIMIT = 1 << 22
 
 
-def made(folder, kind, compression=None, frames=4):
-    """A bag and the file in it that holds the messages."""
+def make_bag(folder, kind, compression=None, frames=4):
+    """Write a bag; return it and its file with the messages."""
     path = write_bag(
         folder / f"{kind}_{compression}", kind, record_film(SCENE, frames, kind == "ros1"), compression
     )
@@ -47,14 +47,14 @@ def read_all(path, **options):
         return len(recording)
 
 
-def no_index(data):
-    """An MCAP file whose footer leads to no index."""
+def drop_index(data):
+    """Return an MCAP file whose footer leads to no index."""
     return data[:-28] + bytes(8) + data[-20:]
 
 
 def test_files_without_an_index_are_read_through(tmp_path):
-    path, file = made(tmp_path, "mcap")
-    file.write_bytes(no_index(file.read_bytes()))
+    path, file = make_bag(tmp_path, "mcap")
+    file.write_bytes(drop_index(file.read_bytes()))
     with Recording(path, world="world") as recording:
         numbers = [frame.number for frame in recording if len(recording) == 4]
         pairs = [(one.stamp, other.stamp) for one, other in zip(recording, recording, strict=True)]
@@ -64,7 +64,7 @@ def test_files_without_an_index_are_read_through(tmp_path):
 
 def test_passes_over_a_recording_do_not_disturb_each_other(tmp_path):
     for kind in FORMATS:
-        path, _ = made(tmp_path, kind)
+        path, _ = make_bag(tmp_path, kind)
         with Recording(path) as recording:
             stamps = [
                 (one.stamp, other.stamp) for one, other in zip(recording, recording.read(1), strict=False)
@@ -74,7 +74,7 @@ def test_passes_over_a_recording_do_not_disturb_each_other(tmp_path):
 
 @pytest.mark.parametrize(("kind", "compression"), KINDS)
 def test_truncated_bags_are_named(tmp_path, kind, compression):
-    path, file = made(tmp_path, kind, compression)
+    path, file = make_bag(tmp_path, kind, compression)
     data = file.read_bytes()
     for part in (0, 1, 7, 30, len(data) // 3, len(data) // 2, len(data) - 1):
         file.write_bytes(data[:part])
@@ -83,8 +83,8 @@ def test_truncated_bags_are_named(tmp_path, kind, compression):
         assert caught.value.file.startswith(str(path))
 
 
-def test_damaged_bags_give_an_answer_or_the_one_error(tmp_path):
-    bags = [made(tmp_path, *kind) for kind in KINDS]
+def test_damaged_bags_give_an_answer_or_the_documented_error(tmp_path):
+    bags = [make_bag(tmp_path, *kind) for kind in KINDS]
     files = [(path, file, file.read_bytes()) for path, file in bags]
     files += [
         (path, path / "metadata.yaml", (path / "metadata.yaml").read_bytes())
@@ -123,7 +123,7 @@ def test_damaged_bags_give_an_answer_or_the_one_error(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a.db3"])
-def test_other_files_are_no_bags(tmp_path, name):
+def test_other_files_are_not_bags(tmp_path, name):
     path = tmp_path / name
     for data in (b"", b"\x89PNG\r\n\x1a\n" + bytes(100), b"#ROSBAG V1.2\n", os.urandom(5000), b"a" * 5000):
         path.write_bytes(data)
@@ -132,7 +132,7 @@ def test_other_files_are_no_bags(tmp_path, name):
         assert caught.value.file == str(path)
 
 
-def test_what_is_missing_or_no_file(tmp_path):
+def test_missing_files_and_folders(tmp_path):
     with pytest.raises(FileNotFoundError):
         Recording(tmp_path / "no.bag")
     with pytest.raises(FileNotFoundError, match=r"metadata\.yaml"):
@@ -143,7 +143,7 @@ def test_what_is_missing_or_no_file(tmp_path):
     os.mkfifo(tmp_path / "pipe.bag")
     with pytest.raises(FileFormatError, match="expected a regular file"):
         Recording(tmp_path / "pipe.bag")
-    path, file = made(tmp_path, "sqlite3")
+    path, file = make_bag(tmp_path, "sqlite3")
     file.unlink()
     os.mkfifo(file)
     with pytest.raises(FileFormatError, match="expected a regular file"):
@@ -154,7 +154,7 @@ def test_what_is_missing_or_no_file(tmp_path):
     assert [is_recording(tmp_path / name) for name in ("a.bag", "a.txt", ".")] == [True, False, False]
 
 
-def test_bags_that_are_compressed_as_a_whole_are_refused(tmp_path):
+def test_compressed_files_are_refused(tmp_path):
     path = write_bag(tmp_path / "bag", "sqlite3", record_film(SCENE, 2), "file")
     with pytest.raises(
         FileFormatError, match=r"\.zstd: the file is compressed as a whole; decompress it first"
@@ -162,8 +162,8 @@ def test_bags_that_are_compressed_as_a_whole_are_refused(tmp_path):
         Recording(path)
 
 
-def test_a_closed_recording_says_so(tmp_path):
-    path, _ = made(tmp_path, "ros1")
+def test_a_closed_recording_raises_an_error(tmp_path):
+    path, _ = make_bag(tmp_path, "ros1")
     recording = Recording(path)
     recording.close()
     recording.close()
@@ -182,8 +182,8 @@ def test_chunks_of_mcap_that_become_too_large_are_refused(tmp_path):
             storage_mcap.DECOMPRESSORS[compression](bomb, 1000)
         with pytest.raises(ValueError, match="truncated"):
             storage_mcap.DECOMPRESSORS[compression](bomb[:-5], 2 * BOMB)
-    path, file = made(tmp_path, "mcap", "storage")
-    # the first chunk says how large it is: in its header, and in the index
+    path, file = make_bag(tmp_path, "mcap", "storage")
+    # the first chunk declares its size in its header and in the index
     data = file.read_bytes()
     start = 8 + 9 + int.from_bytes(data[9:17], "little")
     assert data[start] == 6
@@ -196,7 +196,7 @@ def test_chunks_of_mcap_that_become_too_large_are_refused(tmp_path):
 
 @pytest.mark.parametrize("compression", ["lz4", "bz2"])
 def test_chunks_of_rosbags_that_become_too_large_are_refused(tmp_path, compression):
-    path, file = made(tmp_path, "ros1", compression)
+    path, file = make_bag(tmp_path, "ros1", compression)
     bomb = {"lz4": lz4.frame.compress, "bz2": bz2.compress}[compression](bytes(1 << 21))
     bag = Bag(path, 1 << 20)
     ((_, chunk),) = bag._reader.chunks.items()
@@ -221,10 +221,10 @@ def test_messages_that_become_too_large_are_refused(tmp_path):
 
 
 def test_an_index_that_leads_in_circles_is_refused(tmp_path):
-    path, file = made(tmp_path, "ros1", frames=40)
+    path, file = make_bag(tmp_path, "ros1", frames=40)
     data = file.read_bytes()
     at = struct.unpack_from("<Q", data, data.index(b"index_pos=") + 10)[0]
-    while at < len(data):  # the last record is the only chunk's
+    while at < len(data):  # the last record belongs to the only chunk
         last, at = at, at + 4 + struct.unpack_from("<L", data, at)[0]
         at += 4 + struct.unpack_from("<L", data, at)[0]
     count = 4_000
@@ -235,7 +235,7 @@ def test_an_index_that_leads_in_circles_is_refused(tmp_path):
 
 
 def test_definitions_of_types_in_a_bag_are_not_used(tmp_path):
-    path, file = made(tmp_path, "ros1")
+    path, file = make_bag(tmp_path, "ros1")
     data = file.read_bytes()
     definition = b"uint32 height"
     assert definition in data
@@ -243,18 +243,18 @@ def test_definitions_of_types_in_a_bag_are_not_used(tmp_path):
     assert read_all(path) == 4
 
 
-def test_rosbags_is_asked_for_where_it_is_missing(tmp_path, monkeypatch):
-    path, _ = made(tmp_path, "ros1")
+def test_a_missing_rosbags_is_named(tmp_path, monkeypatch):
+    path, _ = make_bag(tmp_path, "ros1")
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
     with pytest.raises(ImportError, match=r'rosbags is needed here: pip install "[\w.-]+\[recordings\]"'):
         Recording(path)
 
 
 def test_times_beyond_any_clock_are_refused(tmp_path):
-    path, file = made(tmp_path, "mcap")
+    path, file = make_bag(tmp_path, "mcap")
     data = file.read_bytes()
     stamp = struct.pack("<Q", START)
     assert stamp in data
-    file.write_bytes(no_index(data.replace(stamp, struct.pack("<Q", 2**63 - 5))))
+    file.write_bytes(drop_index(data.replace(stamp, struct.pack("<Q", 2**63 - 5))))
     with pytest.raises(FileFormatError):
         read_all(path)

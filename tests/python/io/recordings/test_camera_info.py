@@ -1,4 +1,4 @@
-"""Pinholes from CameraInfo, and the topics where bags have them."""
+"""Tests of calibrations from CameraInfo, and of the topics that have them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_k_of_images_and_p_of_rectified_ones(ros1):
     assert read(info).size is None
 
 
-def test_distortion_is_refused_but_of_rectified_images():
+def test_distortion_is_refused_except_for_rectified_images():
     info = Messages().info(K, (120, 160), 0, d=[0.1, 0.0])
     with pytest.raises(ValueError, match=r"CameraInfo.D: expected no distortion, got \[0.1, 0.0\]; rectify"):
         read(info)
@@ -62,11 +62,11 @@ def test_other_matrices_are_refused(k, reason):
         ("/device_0/sensor_0/Depth_0/image/data", "/device_0/sensor_0/Depth_0/info/camera_info", False),
     ],
 )
-def test_where_the_camera_info_is(topic, info, rectified):
+def test_topics_of_the_camera_info(topic, info, rectified):
     assert name_info_topic(topic) == info
     assert is_rectified(topic) is rectified
 
 
-def test_where_realsense_says_its_unit():
+def test_topic_of_the_unit_of_realsense():
     topic = "/device_0/sensor_0/Depth_0/image/data"
     assert name_units_topic(topic) == "/device_0/sensor_0/option/Depth Units/value"

@@ -1,4 +1,4 @@
-"""Depth images of messages, in every encoding, and with faults."""
+"""Tests of depth images in messages, in every encoding and with faults."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_rows_may_be_padded(cut):
         ({"data": np.empty(0, np.uint8)}, "do not fit in 0 bytes"),
     ],
 )
-def test_images_that_do_not_fit_together_are_refused(changes, reason):
+def test_images_of_inconsistent_sizes_are_refused(changes, reason):
     with pytest.raises(ValueError, match=reason):
         decode_image(MADE.image(DEPTH, 0, **changes))
 
@@ -64,7 +64,7 @@ def test_compressed_depth_of_whole_numbers():
 
 
 def test_compressed_depth_of_floats_is_quantised():
-    # as compressed_depth_image_transport does with depth_max 10 m and depth_quantization 100
+    # numbers of compressed_depth_image_transport with depth_max 10 m and depth_quantization 100
     a, most = 100.0 * 101.0, 10.0
     b = 1.0 - a / most
     metres = np.random.default_rng(1).uniform(0.3, 9.0, size=(6, 8))
@@ -88,7 +88,7 @@ def test_compressed_depth_of_floats_is_quantised():
         ("16UC1; compressedDepth", bytes(200), "truncated, or not a PNG"),
     ],
 )
-def test_what_is_no_compressed_depth_is_refused(kind, data, reason):
+def test_other_compressed_images_are_refused(kind, data, reason):
     message = SimpleNamespace(format=kind, data=data)
     with pytest.raises(ValueError, match=reason):
         decode_compressed_image(message)

@@ -1,4 +1,4 @@
-"""Frames of recordings: the views that the same images give directly."""
+"""Tests of the frames of recordings against views of the same images."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ DEPTHS = convert_to_millimeters(SCENE)
 K = SCENE.intrinsics
 
 
-def direct(poses=SCENE.poses):
+def make_views(poses=SCENE.poses):
     return [
         strand.View.from_depth(depth, K, pose, depth_scale=0.001)
         for depth, pose in zip(DEPTHS, poses, strict=True)
     ]
 
 
-def same(views, others, atol=0.0):
+def assert_same(views, others, atol=0.0):
     assert len(views) == len(others)
     for view, other in zip(views, others, strict=True):
         np.testing.assert_array_equal(view.points, other.points)
@@ -57,16 +57,16 @@ def test_cameras_of_a_scene_give_the_views_of_the_scene(tmp_path, kind, compress
         assert (len(recording), recording.stamps.tolist()) == (1, [START])
         assert (frame.number, frame.stamp, frame.time) == (0, START, START / 1e9)
         assert all(file.exists() for file in recording.files)
-    same(frame.views, direct(), atol=1e-12)
+    assert_same(frame.views, make_views(), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_scene_comes_back_from_a_recording(tmp_path, kind):
+def test_a_scene_is_read_back_from_a_recording(tmp_path, kind):
     path = write_bag(tmp_path / "bag", kind, record_cameras(SCENE, kind == "ros1"))
     known = {"radius": SCENE.radius, "bounds": SCENE.bounds, "ropes": 1}
     with Recording(path, ["/camera_*"], world="world") as recording:
         model = strand.reconstruct(next(iter(recording)).views, **known)
-    want = strand.reconstruct(direct(), **known)
+    want = strand.reconstruct(make_views(), **known)
     np.testing.assert_allclose(model.chains[0].points, want.chains[0].points, rtol=0, atol=1e-9)
 
 
@@ -84,8 +84,8 @@ def test_one_camera_is_read_frame_by_frame(tmp_path, kind):
         assert [frame.number for frame in recording.read(2, 4)] == [2, 3]
         assert list(recording.read(7)) == []
         assert not recording.stamps.flags.writeable
-    same([frame.views[0] for frame in frames[:3]], direct(np.tile(np.eye(4), (3, 1, 1))))
-    same(frames[5].views, [frames[2].views[0]])
+    assert_same([frame.views[0] for frame in frames[:3]], make_views(np.tile(np.eye(4), (3, 1, 1))))
+    assert_same(frames[5].views, [frames[2].views[0]])
 
 
 def test_a_moving_camera_is_placed_by_tf(tmp_path):
@@ -93,11 +93,11 @@ def test_a_moving_camera_is_placed_by_tf(tmp_path):
     with Recording(path, world="world") as recording:
         frames = list(recording)
         assert [frame.number for frame in recording.read(1, None, 2)] == [1, 3]
-        same(next(recording.read(2)).views, frames[2].views)
-    same([frame.views[0] for frame in frames[:3]], direct(), atol=1e-12)
+        assert_same(next(recording.read(2)).views, frames[2].views)
+    assert_same([frame.views[0] for frame in frames[:3]], make_views(), atol=1e-12)
 
 
-def test_frames_without_a_pose_are_left_out(tmp_path):
+def test_frames_without_a_pose_are_dropped(tmp_path):
     made = Messages()
     entries = [entry for entry in record_film(SCENE, 6) if entry[0] != "/tf"]
     entries += [
@@ -131,7 +131,7 @@ def test_poses_may_be_given(tmp_path):
     path = write_bag(tmp_path / "bag", "mcap", record_cameras(SCENE))
     with Recording(path, ["/camera_*"], poses=SCENE.poses) as recording:
         (frame,) = recording
-    same(frame.views, direct())
+    assert_same(frame.views, make_views())
     with pytest.raises(ValueError, match=r"poses: expected one for each of 3 topics, got 2"):
         Recording(path, ["/camera_*"], poses=SCENE.poses[:2])
     with pytest.raises(ValueError, match=r"poses\[1\]: expected a rigid motion"):
@@ -140,8 +140,8 @@ def test_poses_may_be_given(tmp_path):
         Recording(path, ["/camera_*"], poses=SCENE.poses, world="world")
 
 
-def two_cameras(offset, second_every=1, frames=6):
-    """Two cameras; the second sees `offset` later, and is written in a burst at the end."""
+def record_two_cameras(offset, second_every=1, frames=6):
+    """Return messages of two cameras; the second is `offset` later, and written in a burst at the end."""
     made = Messages()
     size = DEPTHS[0].shape
     yield "/a/camera_info", START, made.info(K, size, START)
@@ -154,8 +154,8 @@ def two_cameras(offset, second_every=1, frames=6):
 
 
 @pytest.mark.parametrize("kind", ["sqlite3", "mcap"])
-def test_views_of_one_time_are_together_wherever_they_are_in_the_file(tmp_path, kind):
-    path = write_bag(tmp_path / "bag", kind, two_cameras(5_000_000))
+def test_views_of_one_time_make_a_frame_wherever_they_are_in_the_file(tmp_path, kind):
+    path = write_bag(tmp_path / "bag", kind, record_two_cameras(5_000_000))
     poses = [np.eye(4)] * 2
     with Recording(path, ["/a/depth", "/b/depth"], poses=poses, tolerance=0.006) as recording:
         frames = list(recording)
@@ -171,7 +171,7 @@ def test_views_of_one_time_are_together_wherever_they_are_in_the_file(tmp_path, 
 
 
 def test_a_slower_camera_makes_fewer_frames_or_is_used_twice(tmp_path):
-    path = write_bag(tmp_path / "bag", "mcap", two_cameras(0, second_every=2))
+    path = write_bag(tmp_path / "bag", "mcap", record_two_cameras(0, second_every=2))
     poses = [np.eye(4)] * 2
     with Recording(path, ["/a/depth", "/b/depth"], poses=poses, tolerance=0.01) as recording:
         assert recording.stamps.tolist() == [START + i * PERIOD for i in (0, 2, 4)]
@@ -183,7 +183,7 @@ def test_a_slower_camera_makes_fewer_frames_or_is_used_twice(tmp_path):
 
 
 def test_views_far_apart_in_the_file_are_held_within_a_limit(tmp_path):
-    path = write_bag(tmp_path / "bag", "sqlite3", two_cameras(0, frames=12))
+    path = write_bag(tmp_path / "bag", "sqlite3", record_two_cameras(0, frames=12))
     limit = 6 * DEPTHS[0].nbytes
     with (
         Recording(path, ["/a/*", "/b/*"], poses=[np.eye(4)] * 2, max_bytes=limit) as recording,
@@ -207,7 +207,7 @@ def test_several_topics_need_a_choice_and_poses(tmp_path):
         Recording(path, ["/camera_1*"], world="map")
 
 
-def test_a_recording_without_depth_says_what_it_has(tmp_path):
+def test_a_recording_without_depth_lists_its_topics(tmp_path):
     made = Messages()
     color = made.image(DEPTHS[0], START, encoding="rgb8")
     path = write_bag(tmp_path / "bag", "mcap", [("/color", START, color)])
@@ -226,7 +226,7 @@ def test_images_need_a_camera_info_beside_them(tmp_path):
     ):
         Recording(path)
     with Recording(path, intrinsics=K) as recording:
-        same(next(iter(recording)).views, direct([np.eye(4)] * 3)[:1])
+        assert_same(next(iter(recording)).views, make_views([np.eye(4)] * 3)[:1])
 
 
 def test_a_camera_info_of_another_image_is_refused(tmp_path):
@@ -241,7 +241,7 @@ def test_a_camera_info_of_another_image_is_refused(tmp_path):
         next(iter(recording))
 
 
-def test_lenses_that_distort_are_refused_unless_that_is_ignored(tmp_path):
+def test_distortion_is_refused_unless_ignored(tmp_path):
     made = Messages()
     info = made.info(K, DEPTHS[0].shape, START, d=[0.1, -0.05, 0, 0, 0])
     entries = [("/camera_info", START, info), ("/depth", START, made.image(DEPTHS[0], START))]
@@ -249,11 +249,11 @@ def test_lenses_that_distort_are_refused_unless_that_is_ignored(tmp_path):
     with pytest.raises(FileFormatError, match=r"/camera_info: CameraInfo.D: expected no distortion"):
         Recording(path)
     with Recording(path, ignore_distortion=True) as recording:
-        same(next(iter(recording)).views, direct([np.eye(4)] * 3)[:1])
+        assert_same(next(iter(recording)).views, make_views([np.eye(4)] * 3)[:1])
 
 
 @pytest.mark.parametrize("unit", [0.001, 0.00025, None])
-def test_recordings_of_realsense_say_their_unit(tmp_path, unit):
+def test_unit_of_realsense_recordings(tmp_path, unit):
     made = Messages(ros1=True)
     stream = "/device_0/sensor_0/Depth_0"
     image = made.image(DEPTHS[0], START, "0", encoding="mono16")
@@ -281,7 +281,7 @@ def test_recordings_of_realsense_say_their_unit(tmp_path, unit):
 
 def test_points_and_compressed_depth_are_read_too(tmp_path):
     made = Messages()
-    view = direct()[0]
+    view = make_views()[0]
     cloud = strand.msgs.make_point_cloud2(view.points, "camera", START)
     fields = [made.make("sensor_msgs/msg/PointField", **field) for field in cloud["fields"]]
     message = made.make(
@@ -307,7 +307,7 @@ def test_points_and_compressed_depth_are_read_too(tmp_path):
     path = write_bag(tmp_path / "png", "mcap", entries)
     with Recording(path) as recording:
         assert recording.topics == (topic,)
-        same(next(iter(recording)).views, direct([np.eye(4)] * 3)[:1])
+        assert_same(next(iter(recording)).views, make_views([np.eye(4)] * 3)[:1])
 
 
 def test_frames_of_older_messages_without_a_stamp_have_the_time_of_recording(tmp_path):

@@ -1,4 +1,4 @@
-"""What recordings hold."""
+"""Tests of the contents of recordings."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_only_the_first_messages_are_read(tmp_path, monkeypatch):
     assert read.count("/tf") == 100
 
 
-def test_cameras_that_are_asked_for(tmp_path):
+def test_selected_cameras(tmp_path):
     path = write_bag(tmp_path / "rope", "mcap", record_cameras(SCENE))
     held = read_recording_contents(path, None, MOST)
     assert [camera.topic for camera in held.cameras] == [f"/camera_{k}/depth/image_raw" for k in range(2)]
@@ -66,7 +66,7 @@ def test_cameras_that_are_asked_for(tmp_path):
         read_recording_contents(path, ["/no"], MOST)
 
 
-def test_what_strand_cannot_read_is_said(tmp_path):
+def test_unreadable_topics_have_a_reason(tmp_path):
     made = Messages()
     depth = np.ones(SIZE[::-1], np.uint16)
     entries = [
@@ -95,7 +95,7 @@ def test_a_recording_without_depth_or_messages(tmp_path):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_damaged_files_are_described_or_the_one_error(tmp_path, kind):
+def test_damaged_files_are_described_or_the_documented_error(tmp_path, kind):
     path = write_bag(tmp_path / "rope", kind, record_film(SCENE, 2, kind == "ros1"))
     file = path if path.is_file() else next(one for one in path.iterdir() if one.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()

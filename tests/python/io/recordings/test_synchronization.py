@@ -1,4 +1,4 @@
-"""Messages that belong together in time, compared with a search through all of them."""
+"""Tests of matching messages in time, against a search through all of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from strand.io.recordings.synchronization import match_messages
 TIMES = st.lists(st.integers(0, 60), min_size=1, max_size=12)
 
 
-def searched(times, tolerance):
+def search(times, tolerance):
     rows = []
     for i, time in enumerate(times[0]):
         row = [i]
@@ -25,16 +25,16 @@ def searched(times, tolerance):
 
 
 @given(st.lists(TIMES, min_size=1, max_size=3), st.integers(0, 20))
-def test_the_nearest_are_together(times, tolerance):
+def test_the_nearest_messages_match(times, tolerance):
     found = match_messages([np.array(one) for one in times], tolerance)
     assert found.shape == (len(found), len(times))
-    want = searched(times, tolerance)
+    want = search(times, tolerance)
     assert [row[0] for row in found.tolist()] == [row[0] for row in want]
     for row, other in zip(found.tolist(), want, strict=True):
         assert [times[k][n] for k, n in enumerate(row)] == [times[k][n] for k, n in enumerate(other)]
 
 
-def test_of_two_as_near_the_earlier():
+def test_the_earlier_of_two_equally_near_messages_matches():
     assert match_messages([np.array([10]), np.array([15, 5])], 5).tolist() == [[0, 1]]
 
 

@@ -1,4 +1,4 @@
-"""Trees of transforms: chains of frames, moving ones, and what is not known."""
+"""Tests of trees of static and moving transforms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ B = pose_from_angles(-1.0, 0.4, 0.2, [-0.4, 0.0, 0.9])
 C = pose_from_angles(2.0, 0.1, -0.7, [0.0, 0.5, 0.0])
 
 
-def tree(*messages, beyond=0, static=True, max_bytes=1 << 20):
+def make_tree(*messages, beyond=0, static=True, max_bytes=1 << 20):
     made = Transforms(beyond, max_bytes)
     for message in messages:
         made.add(message, static)
@@ -26,7 +26,7 @@ def tree(*messages, beyond=0, static=True, max_bytes=1 << 20):
 
 
 def test_frames_are_followed_up_and_down():
-    found = tree(MADE.tf([("map", "base", A), ("base", "arm", B), ("base", "/camera", C)], 0))
+    found = make_tree(MADE.tf([("map", "base", A), ("base", "arm", B), ("base", "/camera", C)], 0))
     for world, frame, want in (
         ("map", "camera", A @ C),
         ("camera", "map", np.linalg.inv(A @ C)),
@@ -39,11 +39,13 @@ def test_frames_are_followed_up_and_down():
 
 
 @given(part=st.floats(0, 1), turns=st.lists(st.floats(-3, 3), min_size=6, max_size=6))
-def test_between_two_transforms_the_way_is_straight_and_the_turn_even(part, turns):
+def test_interpolation_is_linear_in_place_and_angle(part, turns):
     one, other = (pose_from_angles(*turns[i : i + 3], [i, 2.0 - i, 0.5]) for i in (0, 3))
-    assume(np.linalg.norm(one[:3, :3] - other[:3, :3]) < 2.8)  # after half a turn both ways are as short
+    assume(
+        np.linalg.norm(one[:3, :3] - other[:3, :3]) < 2.8
+    )  # after half a turn, both directions are equally short
     span = 10**9
-    found = tree(
+    found = make_tree(
         MADE.tf([("w", "c", one)], 10 * span), MADE.tf([("w", "c", other)], 11 * span), static=False
     ).find_pose("w", "c", 10 * span + round(part * span))
     np.testing.assert_allclose(found[:3, 3], (1 - part) * one[:3, 3] + part * other[:3, 3], atol=1e-8)
@@ -53,7 +55,7 @@ def test_between_two_transforms_the_way_is_straight_and_the_turn_even(part, turn
 
 def test_moving_transforms_are_known_at_their_times_only():
     at = [MADE.tf([("w", "c", pose)], time) for pose, time in ((A, 3000), (B, 1000), (C, 2000))]
-    found = tree(*at, static=False, beyond=100)
+    found = make_tree(*at, static=False, beyond=100)
     for time, want in ((1000, B), (2000, C), (3000, A), (901, B), (3099, A)):
         np.testing.assert_allclose(found.find_pose("w", "c", time), want, rtol=0, atol=1e-12)
     assert found.find_pose("w", "c", 899) is None
@@ -62,45 +64,45 @@ def test_moving_transforms_are_known_at_their_times_only():
 
 
 def test_the_last_static_transform_holds():
-    found = tree(MADE.tf([("w", "c", A)], 0), MADE.tf([("w", "c", B)], 1))
+    found = make_tree(MADE.tf([("w", "c", A)], 0), MADE.tf([("w", "c", B)], 1))
     np.testing.assert_allclose(found.find_pose("w", "c", 0), B, rtol=0, atol=1e-12)
 
 
-def test_what_tf_does_not_know_is_said():
-    found = tree(MADE.tf([("map", "base", A), ("sky", "moon", B)], 0))
+def test_unknown_frames_are_named():
+    found = make_tree(MADE.tf([("map", "base", A), ("sky", "moon", B)], 0))
     with pytest.raises(ValueError, match="no frame 'camera' in TF; there are base, map, moon, sky"):
         found.find_pose("map", "camera", 0)
     with pytest.raises(ValueError, match="TF does not connect 'moon' and 'map'"):
         found.find_pose("map", "moon", 0)
     with pytest.raises(ValueError, match="no frame 'map' in TF; there are none"):
-        tree().find_pose("map", "camera", 0)
+        make_tree().find_pose("map", "camera", 0)
     with pytest.raises(ValueError, match=r"c019, \.\.\.$"):
-        tree(many(500)).find_pose("w", "x", 0)
+        make_tree(make_many(500)).find_pose("w", "x", 0)
 
 
-def many(count):
+def make_many(count):
     return MADE.tf([("w", f"c{i:03}", A) for i in range(count)], 0)
 
 
 def test_circles_and_second_parents_are_refused():
-    found = tree(MADE.tf([("a", "b", A), ("b", "c", B), ("c", "a", C)], 0))
+    found = make_tree(MADE.tf([("a", "b", A), ("b", "c", B), ("c", "a", C)], 0))
     with pytest.raises(ValueError, match="TF has a circle through 'a'"):
         found.find_pose("a", "c", 0)
     with pytest.raises(ValueError, match="frame 'b': expected one parent, got 'a' and 'c'"):
-        tree(MADE.tf([("a", "b", A), ("c", "b", B)], 0))
+        make_tree(MADE.tf([("a", "b", A), ("c", "b", B)], 0))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
-def test_what_is_no_motion_is_refused(bad):
+def test_invalid_motions_are_refused(bad):
     for field, axes in (("translation", "xyz"), ("rotation", "xyzw")):
         for axis in axes:
             message = MADE.tf([("a", "b", A)], 0)
             setattr(getattr(message.transforms[0].transform, field), axis, bad)
             with pytest.raises(ValueError, match="frame 'b': expected a translation in metres and a unit q"):
-                tree(message)
+                make_tree(message)
 
 
-def test_there_may_be_so_many():
+def test_memory_is_limited():
     with pytest.raises(ValueError, match="the transforms take more than max_bytes"):
-        tree(many(17), max_bytes=1024)
-    tree(many(16), max_bytes=1024)
+        make_tree(make_many(17), max_bytes=1024)
+    make_tree(make_many(16), max_bytes=1024)
