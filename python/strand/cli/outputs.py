@@ -8,8 +8,8 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from strand.export.files import check_suffix
-from strand.support.files import require_writable
+from strand.ropes.model import SUFFIXES
+from strand.support.files import check_suffix, require_writable
 
 
 def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
@@ -32,7 +32,7 @@ def check_outputs(options: argparse.Namespace, inputs: Sequence[Path]) -> None:
     if options.figures is not None:
         require_folder(options.figures)
     if options.out is not None and options.every is None:
-        check_suffix(options.out)
+        check_suffix(options.out, SUFFIXES)
     if options.tube is not None:
         check_suffix(options.tube, ("ply",))
     if options.every is not None:

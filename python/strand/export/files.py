@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from itertools import accumulate
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,19 +12,9 @@ from numpy.typing import NDArray
 from strand.geometry.line import Line
 from strand.support.checks import Array
 
-FORMATS = ("json", "csv", "ply")
 COLUMNS = ("chain", "node", "s", "x", "y", "z", "radius", "closed", "points_seen")
 
 _PLACE = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
-
-
-def check_suffix(path: str | os.PathLike[str], accepted: tuple[str, ...] = FORMATS) -> str:
-    """Return the suffix of a file's name without the dot, one of the accepted ones."""
-    suffix = Path(path).suffix.lower()[1:]
-    if suffix not in accepted:
-        ends = " or ".join(f".{one}" for one in accepted)
-        raise ValueError(f"{os.fspath(path)}: expected a name that ends with {ends}")
-    return suffix
 
 
 def format_csv(chains: Sequence[Line]) -> bytes:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from strand._core import TubeQueries
 from strand.config import METHODS
 from strand.export.capsules import Capsules, make_capsules
-from strand.export.files import check_suffix, format_csv, format_mesh, format_polylines
+from strand.export.files import format_csv, format_mesh, format_polylines
 from strand.export.mjcf import make_mjcf
 from strand.export.spheres import Spheres, make_spheres
 from strand.export.urdf import make_urdf
@@ -37,7 +37,7 @@ from strand.support.checks import (
     check_small_array,
     freeze_array,
 )
-from strand.support.files import convert_to_json, write_bytes, write_json
+from strand.support.files import check_suffix, convert_to_json, write_bytes, write_json
 from strand.support.lazy import lazy_property
 from strand.views.sensor import Sensor
 
@@ -45,6 +45,8 @@ FORMAT = "strand model"
 """The `format` of JSON files of `Model.save`."""
 VERSION = 2
 """Their `version`."""
+SUFFIXES = ("json", "csv", "ply")
+"""Kinds of files that `Model.save` writes."""
 
 _MAX_CHAINS_SHOWN = 3  # in the repr of a model
 _MAX_DOUBTS_SHOWN = 5  # in a notebook
@@ -450,7 +452,7 @@ class Model:
         OSError
             If the file cannot be written; of the other `save_` methods too.
         """
-        kind = check_suffix(path)
+        kind = check_suffix(path, SUFFIXES)
         if kind != "json":
             write_bytes(path, format_csv(self.chains) if kind == "csv" else format_polylines(self.chains))
             return

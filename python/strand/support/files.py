@@ -129,6 +129,15 @@ def require_writable(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def check_suffix(path: str | os.PathLike[str], accepted: tuple[str, ...]) -> str:
+    """Return the suffix of a file's name without the dot, one of the accepted ones."""
+    suffix = Path(path).suffix.lower()[1:]
+    if suffix not in accepted:
+        ends = " or ".join(f".{one}" for one in accepted)
+        raise ValueError(f"{os.fspath(path)}: expected a name that ends with {ends}")
+    return suffix
+
+
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     """Write a file atomically, as `replace_file` does."""
     with replace_file(path) as file:
