@@ -19,7 +19,7 @@ import strand
 from strand.support.checks import Array
 from strand.synthetic import SyntheticScene, render_depth
 from strand.synthetic.fields import dilate, draw_field
-from strand.views.pose import rotation_about
+from strand.views.pose import make_rotation
 
 FOREIGN = 500  # added to a scene's seed: the scene that a foreign view is of
 
@@ -119,7 +119,7 @@ def _draw_half(given: Given, rng: np.random.Generator) -> set[int]:
 def _turn(pose: Array, axis: Array, angle: float, own: bool) -> Array:
     """Turn a pose about the camera's centre, or about the world's origin."""
     motion = np.eye(4)
-    motion[:3, :3] = rotation_about(axis, angle)
+    motion[:3, :3] = make_rotation(axis, angle)
     if own:
         motion[:3, 3] = pose[:3, 3] - motion[:3, :3] @ pose[:3, 3]
     return np.asarray(motion @ pose)

@@ -16,7 +16,7 @@ import numpy as np
 
 from strand.support.checks import check_choice
 from strand.support.files import FileFormatError, read_toml
-from strand.views.sensor import Sensor, preset
+from strand.views.sensor import Sensor, find_preset
 
 METHODS = ("default", "published")
 """Values of `Config.method`."""
@@ -401,7 +401,7 @@ class Config:
     def __post_init__(self) -> None:
         check_choice("Config.method", self.method, METHODS)
         if self.sensor is not None and not isinstance(self.sensor, Sensor):
-            object.__setattr__(self, "sensor", preset(self.sensor))
+            object.__setattr__(self, "sensor", find_preset(self.sensor))
         for name, section in _SECTIONS.items():
             if not isinstance(getattr(self, name), section):
                 raise TypeError(f"Config.{name}: expected a {section.__name__}, got {getattr(self, name)!r}")

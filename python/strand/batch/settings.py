@@ -30,7 +30,7 @@ from strand.support.checks import (
 )
 from strand.support.files import convert_to_json
 from strand.support.lazy import lazy_property
-from strand.views.box import Bounds, extraction_range
+from strand.views.box import Bounds, make_box
 
 DIGITS = 16
 """Number of hexadecimal digits of a digest in tables and file names."""
@@ -97,7 +97,7 @@ class Settings:
         # equal settings get the same form, and so the same digest
         checked: dict[str, Any] = {
             "radius": _check_lengths("radius", self.radius),
-            "bounds": None if self.bounds is None else extraction_range(self.bounds),
+            "bounds": None if self.bounds is None else make_box(self.bounds),
             "length": _check_lengths("length", self.length),
             "deadline": None if self.deadline is None else check_positive("deadline", self.deadline),
             "every": check_integer("every", self.every, 1),

@@ -11,7 +11,7 @@ import strand
 from strand import config
 from strand.cli.progress import show_progress
 from strand.io.scenes import Scene
-from strand.views.box import Bounds, extraction_range
+from strand.views.box import Bounds, make_box
 
 
 def reconstruct_scene(options: argparse.Namespace, scene: Scene, keep_stages: bool) -> strand.Model:
@@ -45,7 +45,7 @@ def describe_arguments(options: argparse.Namespace, scene: Scene) -> dict[str, s
         "configuration": "defaults" if options.config is None else f"{options.config}",
     }
     if bounds is not None:
-        given["extraction range"] = f"{extraction_range(bounds)}"
+        given["extraction range"] = f"{make_box(bounds)}"
     return given
 
 

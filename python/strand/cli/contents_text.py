@@ -19,7 +19,7 @@ from strand.io.recordings.recording_contents import CameraContents, RecordingCon
 from strand.io.view_summary import ViewSummary
 from strand.report import tables
 from strand.ropes.model import VERSION, Model
-from strand.views.box import metres
+from strand.views.box import format_point
 
 _LABEL_COLUMNS = 12  # columns of the labels
 _DEFAULT_COLUMNS = 80  # columns of an output whose width is not known
@@ -152,7 +152,7 @@ def _describe_single(file: SingleContents) -> list[Row]:
     rows += _describe_points([view], "units" if file.whole else "m")
     if view.kind == "points":
         rows.append(Row("colours", "yes" if view.colors else "none"))
-        viewpoint = "not given" if file.viewpoint is None else f"{metres(file.viewpoint)} m"
+        viewpoint = "not given" if file.viewpoint is None else f"{format_point(file.viewpoint)} m"
         rows.append(Row("viewpoint", viewpoint))
     return rows
 
@@ -233,7 +233,7 @@ def _describe_points(views: Sequence[ViewSummary], unit: str = "m") -> list[Row]
     corners = [view.corners for view in views if view.corners is not None]
     if len(views) == len(corners) == 1:
         # the camera is maybe not at the origin, so distances from there would say nothing
-        rows.append(Row("corners", f"{metres(corners[0][0])} to {metres(corners[0][1])} m"))
+        rows.append(Row("corners", f"{format_point(corners[0][0])} to {format_point(corners[0][1])} m"))
     elif distances:
         nearest, farthest = min(near for near, _ in distances), max(far for _, far in distances)
         rows.append(Row("distance", f"{nearest:.4g} to {farthest:.4g} {unit}"))

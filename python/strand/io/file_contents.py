@@ -22,7 +22,7 @@ from strand.io.view_summary import ViewSummary, summarize_view
 from strand.ropes.model import Model
 from strand.support.checks import Array, check_integer
 from strand.support.files import JSON_BYTES, FileFormatError
-from strand.views.box import Box, extraction_range
+from strand.views.box import Box, make_box
 from strand.views.view import View, cropped
 
 _MAX_ENTRIES = 10_000  # entries of a folder that are counted
@@ -97,7 +97,7 @@ def read_contents(
     if path.is_dir() and not (path / "scene.toml").exists():
         raise FileNotFoundError(errno.ENOENT, f"No such file; {_count_files(path)}", str(path / "scene.toml"))
     scene = load_scene(path, max_bytes=max_bytes, outside=outside)
-    bounds = None if scene.bounds is None else extraction_range(scene.bounds)
+    bounds = None if scene.bounds is None else make_box(scene.bounds)
     inside = None
     if bounds is not None:
         inside = sum(len(view.points) for view in cropped(scene.views, bounds))

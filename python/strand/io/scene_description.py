@@ -13,7 +13,7 @@ import numpy as np
 
 from strand.support.checks import Array, check_number, check_rigid_motion
 from strand.support.files import describe_value
-from strand.views.box import Bounds, Box, extraction_range
+from strand.views.box import Bounds, Box, make_box
 from strand.views.pose import pose_from_angles, turntable_pose
 
 POWER_OF_TEN = {"mm": -3, "cm": -2, "m": 0, None: 0}  # of each unit in metres
@@ -132,7 +132,7 @@ def _parse_camera(table: Any) -> tuple[Array, float | None]:
 def _parse_bounds(table: Any) -> Bounds:
     pose = ("pose", "angles_deg", "origin")
     _check_keys("extract", table, accepted=("low", "high", *pose), required=("low", "high"))
-    box = extraction_range(
+    box = make_box(
         (_parse_numbers("extract.low", table["low"]), _parse_numbers("extract.high", table["high"]))
     )
     return (

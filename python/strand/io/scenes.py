@@ -21,7 +21,7 @@ from strand.io.single_view import KnownCamera, read_single_view
 from strand.io.view_files import SUFFIXES, read_mask, read_view_file, require_one_each
 from strand.support.checks import Array, check_finite_array, check_integer, check_sequence
 from strand.support.files import TOML_BYTES, FileFormatError, read_toml
-from strand.views.box import Bounds, extraction_range
+from strand.views.box import Bounds, make_box
 from strand.views.view import View
 
 _TRUTH = re.compile(r"truth_[0-9]{1,9}")
@@ -248,7 +248,7 @@ def _make_scene(name: str, arrays: dict[str, NDArray[Any]]) -> Scene:
     )
     bounds = None
     if "box" in arrays:
-        box = extraction_range(tuple(check_finite_array("box", arrays["box"], (2, 3))))
+        box = make_box(tuple(check_finite_array("box", arrays["box"], (2, 3))))
         bounds = box.low, box.high
     radius = _parse_scalar("radius", arrays["radius"]) if "radius" in arrays else None
     truths = sorted((key for key in arrays if _TRUTH.fullmatch(key)), key=lambda key: int(key[6:]))

@@ -34,7 +34,7 @@ def drop_outliers(views: Sequence[View], radius: float, config: Filter, widen: b
         _have_neighbors(view, own, reach, radius, config, widen) if len(own) else None
         for view, own in zip(views, counts, strict=True)
     ]
-    return [view if some is None else view.only(some) for view, some in zip(views, kept, strict=True)]
+    return [view if some is None else view.select(some) for view, some in zip(views, kept, strict=True)]
 
 
 def _have_neighbors(

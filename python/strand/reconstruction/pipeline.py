@@ -17,7 +17,7 @@ from strand.reconstruction.radius import Radii
 from strand.reconstruction.stages import Found, Observed, Run
 from strand.ropes.model import Model
 from strand.support.checks import check_bool, check_positive
-from strand.views.box import Bounds, extraction_range
+from strand.views.box import Bounds, make_box
 from strand.views.extract import extract_views
 from strand.views.view import View
 
@@ -140,7 +140,7 @@ def _check(
         raise ValueError(
             "radius: the published method needs the ropes' one radius, metres (--radius on the command line)"
         )
-    box = None if bounds is None else extraction_range(bounds)
+    box = None if bounds is None else make_box(bounds)
     prior = Prior.from_caller(ropes, length, box, config.known)
     return Hints(radii, box, prior, config, () if previous is None else previous.chains)
 

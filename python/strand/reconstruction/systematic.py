@@ -20,7 +20,7 @@ from strand.ropes.chain import Chain
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
 from strand.views.box import Box
-from strand.views.pose import rotation_vector
+from strand.views.pose import to_rotation_vector
 from strand.views.view import View
 
 _POSE_FREEDOM = 4  # unknowns of a pose that its error may have moved
@@ -67,7 +67,7 @@ def _doubt_poses(views: Sequence[View], found: Found, prior: Poses) -> Iterator[
     reported = np.array([views[number].pose for number in others])
     motions = np.array([found.poses[number] for number in others]) @ np.linalg.inv(reported)
     shifts = motions[:, :3, :3] @ middle + motions[:, :3, 3] - middle
-    turns = np.array([rotation_vector(motion[:3, :3]) for motion in motions])
+    turns = np.array([to_rotation_vector(motion[:3, :3]) for motion in motions])
     rotated, shifted = ((of**2).sum(axis=1) for of in (turns, shifts))
     squares = rotated / prior.rotation_sd**2 + shifted / prior.translation_sd**2
     rare = max(

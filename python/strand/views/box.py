@@ -1,4 +1,4 @@
-"""The extraction range: a box that holds the ropes, along the world's axes or turned."""
+"""The extraction range: a box around the ropes, along the world's axes or turned."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ from strand.support.checks import Array, check_float_array, check_rigid_motion, 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box in the world, such as the part of a table where the ropes lie: an extraction range.
+    """An extraction range: a box in the world, such as the part of a table where the ropes lie.
 
     Attributes
     ----------
     low, high : (3,) array_like
         Its low and high corner in its own frame, metres. Infinities leave a side open.
     pose : (4, 4) array_like, optional
-        Own frame to world; the world frame itself if not given. A box of sizes (3,) around a centre (3,)
-        with its edges along the columns of a rotation R is `Box(-sizes / 2, sizes / 2, pose)` with R and the
-        centre in `pose`.
+        Own frame to world; by default the world frame itself. For a box with its centre and its axes in
+        `pose`, give `Box(-sizes / 2, sizes / 2, pose)`.
 
     Raises
     ------
@@ -29,6 +28,13 @@ class Box:
         If the corners or the pose are not numbers.
     ValueError
         If a low corner is not below its high one, or the pose is no rigid motion.
+
+    Examples
+    --------
+    >>> import strand
+    >>> box = strand.Box([-0.2, -0.2, 0.0], [0.2, 0.2, 0.1])
+    >>> box.holds([[0.1, 0.0, 0.05], [0.3, 0.0, 0.05]]).tolist()
+    [True, False]
     """
 
     low: Array
@@ -43,28 +49,28 @@ class Box:
             object.__setattr__(self, "pose", freeze_array(check_rigid_motion("pose", self.pose)))
 
     def __str__(self) -> str:
-        text = f"{metres(self.low)} to {metres(self.high)} m"
+        text = f"{format_point(self.low)} to {format_point(self.high)} m"
         if self.pose is None:
             return text
-        return f"{text} in its own frame, whose origin is at {metres(self.pose[:3, 3])} m"
+        return f"{text} in its own frame, whose origin is at {format_point(self.pose[:3, 3])} m"
 
     def holds(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Whether points (..., 3) of the world frame are inside, or a margin or less out of it; metres."""
-        x = self.coordinates(points)
+        """Tell which points (..., 3) of the world frame are inside, or at most a margin outside; metres."""
+        x = self.express(points)
         return np.asarray(((x >= self.low - margin) & (x <= self.high + margin)).all(axis=-1))
 
-    def coordinates(self, points: Array) -> Array:
-        """(..., 3) Points of the world frame, metres, in the box's own frame."""
+    def express(self, points: Array) -> Array:
+        """(..., 3) Return points of the world frame, metres, in the box's own frame."""
         if self.pose is None:
             return points
         return np.asarray((points - self.pose[:3, 3]) @ self.pose[:3, :3])
 
-    def directions(self, vectors: Array) -> Array:
-        """(..., 3) Directions of the world frame in the box's own frame."""
+    def express_directions(self, vectors: Array) -> Array:
+        """(..., 3) Return directions of the world frame in the box's own frame."""
         return vectors if self.pose is None else np.asarray(vectors @ self.pose[:3, :3])
 
-    def from_camera(self, pose: Array) -> Array:
-        """(4, 4) Camera frame to the box's own frame, for a camera-to-world pose."""
+    def express_pose(self, pose: Array) -> Array:
+        """(4, 4) Return a camera-to-world pose as one from the camera to the box's own frame."""
         if self.pose is None:
             return pose
         back = self.pose[:3, :3].T
@@ -74,11 +80,11 @@ class Box:
         return found
 
     def grown(self, margin: float) -> Box:
-        """Return a box that is larger by a margin on each side, metres."""
+        """Return the box, larger by a margin on each side, metres."""
         return replace(self, low=self.low - margin, high=self.high + margin)
 
-    def hull(self) -> tuple[Array, Array]:
-        """Return the corners of the least box along the world's axes that holds this one, metres."""
+    def find_hull(self) -> tuple[Array, Array]:
+        """Return the corners of the smallest box along the world's axes around this one, metres."""
         if self.pose is None:
             return self.low, self.high
         turn = self.pose[:3, :3]
@@ -92,8 +98,8 @@ class Box:
 Bounds = Box | tuple[ArrayLike, ArrayLike]
 
 
-def extraction_range(value: Bounds) -> Box:
-    """Return `bounds` as a box: itself, or the low and the high corner of one along the world's axes, metres.
+def make_box(value: Bounds) -> Box:
+    """Return `bounds` as a box. A pair is the low and the high corner along the world's axes, metres.
 
     Raises
     ------
@@ -121,6 +127,6 @@ def _corners(of: str, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     return first, last
 
 
-def metres(point: Array) -> str:
-    """Return a place as messages about ranges show it, in the unit that it has."""
+def format_point(point: Array) -> str:
+    """Return a point as text for messages, in its own unit."""
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"

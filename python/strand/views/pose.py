@@ -1,6 +1,6 @@
 """Poses of cameras: rigid motions from the camera frame to the world frame (eq. 1-9).
 
-Equations are those of *Shape Modeling of A String And Recognition Using Distance Sensor*.
+The equations are from *Shape Modeling of A String And Recognition Using Distance Sensor*.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from strand.support.checks import Array, check_number, check_rigid_motion, check
 
 
 def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
-    """Rotation matrix R_x R_y R_z of three angles (eq. 4-9).
+    """Return the rotation matrix R_x R_y R_z of three angles (eq. 4-9).
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def rotation_xyz(rx: float, ry: float, rz: float) -> Array:
 
 
 def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Array:
-    """Camera-to-world pose from three angles and the camera's position (eq. 1-9).
+    """Return the camera-to-world pose of three angles and the camera's position (eq. 1-9).
 
     w = w_0 + [e_x e_y e_z] c with e_* = R_x R_y R_z applied to the unit axes.
 
@@ -65,6 +65,14 @@ def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Arra
         If an angle is not a number, or `origin` does not hold real numbers.
     ValueError
         If a number is not finite or `origin` is not of shape (3,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import strand
+    >>> pose = strand.pose_from_angles(np.pi, 0.0, 0.0, [0.0, 0.0, 0.5])  # half a metre up, looking down
+    >>> pose[2].round(6).tolist()
+    [0.0, 0.0, -1.0, 0.5]
     """
     pose = np.eye(4)
     pose[:3, :3] = rotation_xyz(rx, ry, rz)
@@ -75,13 +83,13 @@ def pose_from_angles(rx: float, ry: float, rz: float, origin: ArrayLike) -> Arra
 def turntable_pose(
     camera: ArrayLike,
     angle: float,
-    centre: ArrayLike = (0.0, 0.0, 0.0),
+    center: ArrayLike = (0.0, 0.0, 0.0),
     axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Array:
-    """Camera-to-plate pose when a plate under a fixed camera is turned.
+    """Return the camera-to-plate pose when a plate turns under a fixed camera.
 
-    The world frame turns with the plate, so turning the plate by `angle` moves the camera by
-    `-angle` about the same axis.
+    The world frame turns with the plate. So turning the plate by `angle` moves the camera by `-angle` about
+    the same axis.
 
     Parameters
     ----------
@@ -89,10 +97,10 @@ def turntable_pose(
         Camera-to-world pose with the plate at angle 0.
     angle : float
         The plate's angle, radians, right-handed about `axis`.
-    centre : (3,) array_like
+    center : (3,) array_like
         A point of the turning axis, metres, world frame.
     axis : (3,) array_like
-        The axis' direction, world frame, any length.
+        The direction of the axis, world frame, of any length.
 
     Returns
     -------
@@ -103,34 +111,34 @@ def turntable_pose(
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If `camera` is not a rigid motion, `axis` has no length or one beyond 1e150, or a number is not
+        If `camera` is not a rigid motion, `axis` has no length or one above 1e150, or a number is not
         finite.
     """
     camera = check_rigid_motion("camera", camera)
-    centre, axis = check_small_array("centre", centre, (3,)), check_small_array("axis", axis, (3,))
+    center, axis = check_small_array("center", center, (3,)), check_small_array("axis", axis, (3,))
     if not 1e-150 < np.abs(axis).max() < 1e150:  # else its length is 0 or infinite
         raise ValueError(f"axis: expected a direction, got {axis}")
     length = float(np.linalg.norm(axis))
     turn = np.eye(4)
-    turn[:3, :3] = rotation_about(axis / length, -check_number("angle", angle))
-    turn[:3, 3] = centre - turn[:3, :3] @ centre
+    turn[:3, :3] = make_rotation(axis / length, -check_number("angle", angle))
+    turn[:3, 3] = center - turn[:3, :3] @ center
     return np.asarray(turn @ camera)
 
 
-def rotation_about(axis: Array, angle: float) -> Array:
-    """(3, 3) Rotation about a (3,) unit axis, radians, right-handed: Rodrigues' formula."""
+def make_rotation(axis: Array, angle: float) -> Array:
+    """(3, 3) Return the right-handed rotation about a (3,) unit axis, radians, by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
 
 
-def rotation_vector(rotation: Array) -> Array:
-    """(3,) Unit axis of a (3, 3) rotation times its angle, radians; the inverse of `rotation_about`."""
+def to_rotation_vector(rotation: Array) -> Array:
+    """(3,) Return the unit axis of a (3, 3) rotation times its angle, radians."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
     axis = np.array([zy - yz, xz - zx, yx - xy])
     sine = 0.5 * math.hypot(*axis)
     angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
-    # a half turn's axis is not told by the differences; corrections are smaller
+    # the differences do not give the axis of a half turn; corrections are smaller
     return 0.5 * axis * (angle / sine if sine > 0.0 else 1.0)
 
 

@@ -1,4 +1,4 @@
-"""A depth camera's errors: how large they are, how far they reach from pixel to pixel, and presets."""
+"""A depth camera's errors: their size, their correlation between pixels, and presets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strand.support.checks import check_nonnegative, check_number, check_positiv
 
 @dataclass(frozen=True)
 class DepthError:
-    """What a sensor's errors are at one depth.
+    """A sensor's errors at one depth.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class DepthError:
     correlation : float
         As `Sensor.correlation`, pixels.
     step : float
-        Distance between depths that the sensor can tell apart, metres.
+        Smallest difference of depths that the sensor resolves, metres.
     bias : float
         As `Sensor.bias`, metres.
     lateral : float
@@ -39,42 +39,48 @@ class DepthError:
 class Sensor:
     """The errors of a depth camera's images.
 
-    The standard deviation along the viewing ray is that of independent parts: `sd`, which grows with the
-    depth z by `slope`, and `disparity` of a stereo pair, which makes z^2 / (f b) of it (f the focal length in
-    pixels, b the baseline).
+    The standard deviation along the viewing ray has two independent parts: `sd + slope z` at depth z, and
+    `disparity z^2 / (f b)` of a stereo pair with the focal length f in pixels and the baseline b.
 
     Parameters
     ----------
     sd : float
-        Standard deviation along the ray at no distance, metres.
+        Standard deviation along the ray at zero depth, metres.
     slope : float
-        How much it grows for each metre of depth, metres.
+        Its growth per metre of depth, metres.
     disparity : float
         Standard deviation of the disparity, pixels of the depth image; needs `baseline`.
     baseline : float
-        Distance of a stereo pair's cameras, metres; 0 for other sensors.
+        Distance between a stereo pair's cameras, metres; 0 for other sensors.
     correlation : float
-        How far errors reach from pixel to pixel: as if independent errors had been smoothed with a Gaussian
-        of this standard deviation, pixels. Errors d pixels apart then have a correlation of
-        exp(-d^2 / (4 correlation^2)). A window of w pixels over which a matcher averages is about w / 3.5.
+        Range of the correlation between pixels: independent errors smoothed with a Gaussian of this standard
+        deviation, pixels. Errors d pixels apart then have a correlation of exp(-d^2 / (4 correlation^2)). For
+        a matcher that averages over a window of w pixels it is about w / 3.5.
     step : float
-        Distance between depths that the sensor can tell apart, metres.
+        Smallest difference of depths that the sensor resolves, metres.
     disparity_step : float
-        The same for a stereo pair's disparity, pixels; needs `baseline`.
+        The same for the disparity of a stereo pair, pixels; needs `baseline`.
     bias : float
-        How much too far away a rope's middle is seen, metres: a matcher mixes the depth of what is behind a
-        thin rope into all of its width. Below 0 for too near. Used for ropes that are read from images.
+        Distance by which a rope's middle appears too far away, metres; negative for too near. A matcher mixes
+        the depth of the background into that of a thin rope. Only readings of images use it.
     lateral : float
-        Standard deviation of the place of a mask's edge, pixels; measured if it is 0. Used where
-        `bias` is: for ropes that are read from images.
+        Standard deviation of the position of a mask's edge, pixels; strand measures it if it is 0. Only
+        readings of images use it.
 
     Raises
     ------
     TypeError
         If a value is not a number.
     ValueError
-        If a value is not finite, one but the bias is negative, none of `sd`, `slope` and `disparity` is above
-        0, or a disparity comes without a baseline.
+        If a value is not finite, one other than the bias is negative, none of `sd`, `slope` and `disparity`
+        is above 0, or a disparity comes without a baseline.
+
+    Examples
+    --------
+    >>> import strand
+    >>> sensor = strand.Sensor(disparity=0.08, baseline=0.05)
+    >>> round(sensor.at(depth=0.5, focal=600.0).sd, 6)
+    0.000667
     """
 
     sd: float = 0.0
@@ -93,12 +99,10 @@ class Sensor:
             value = check(f"Sensor.{entry.name}", getattr(self, entry.name))
             object.__setattr__(self, entry.name, value)
         if not (self.sd or self.slope or self.disparity):
-            raise ValueError(
-                "Sensor: expected sd, slope or disparity above 0: a sensor without errors is none"
-            )
+            raise ValueError("Sensor: expected sd, slope or disparity above 0")
         for name in ("disparity", "disparity_step"):
             if getattr(self, name) and not self.baseline:
-                raise ValueError(f"Sensor.{name}: expected a baseline above 0 along with it")
+                raise ValueError(f"Sensor.{name}: expected a baseline above 0 with it")
 
     def at(self, depth: float, focal: float) -> DepthError:
         """Return the errors at a depth.
@@ -122,7 +126,7 @@ class Sensor:
             If one is not finite and above 0.
         """
         z, f = check_positive("depth", depth), check_positive("focal", focal)
-        # metres of depth for a pixel of disparity
+        # metres of depth per pixel of disparity
         stretch = z * z / (f * self.baseline) if self.baseline else 0.0
         return DepthError(
             sd=math.hypot(self.sd + self.slope * z, self.disparity * stretch),
@@ -133,7 +137,7 @@ class Sensor:
         )
 
 
-# docs/sensors.md has the source of each number, and says which are derived
+# docs/sensors.md has the source of each number
 _D400 = Sensor(disparity=0.08, baseline=0.05, disparity_step=1.0 / 32.0, correlation=2.0)
 _PASSIVE = Sensor(disparity=0.25, baseline=0.12, correlation=2.0)
 _TIME_OF_FLIGHT = Sensor(slope=0.0044, step=0.001, correlation=0.5)
@@ -152,13 +156,13 @@ PRESETS = {
     "azure kinect": _TIME_OF_FLIGHT,
     "femto bolt": _TIME_OF_FLIGHT,
 }
-"""Cameras that people own, by name."""
+"""The sensors of common cameras, by name."""
 
 
-def preset(name: str) -> Sensor:
+def find_preset(name: str) -> Sensor:
     """Return the sensor of a camera by its name.
 
-    Capitals, spaces, hyphens and underscores do not count, nor do "RealSense" and the makers' names.
+    Capitals, spaces, hyphens, underscores, "RealSense" and makers' names make no difference.
 
     Parameters
     ----------
@@ -168,22 +172,22 @@ def preset(name: str) -> Sensor:
     Raises
     ------
     TypeError
-        If it is not text.
+        If the name is not text.
     ValueError
         If there is no such camera.
     """
     if not isinstance(name, str):
         raise TypeError(f"Config.sensor: expected a Sensor or a camera's name, got {name!r}")
-    wanted = _short(name)
+    wanted = _shorten_name(name)
     for known, sensor in PRESETS.items():
-        if _short(known) == wanted:
+        if _shorten_name(known) == wanted:
             return sensor
-    near = difflib.get_close_matches(wanted, map(_short, PRESETS), 1)
-    hint = "" if not near else f" (did you mean {next(k for k in PRESETS if _short(k) == near[0])!r}?)"
+    near = difflib.get_close_matches(wanted, map(_shorten_name, PRESETS), 1)
+    hint = "" if not near else f" (did you mean {next(k for k in PRESETS if _shorten_name(k) == near[0])!r}?)"
     raise ValueError(f"Config.sensor: no camera is called {name!r}{hint}; known are {', '.join(PRESETS)}")
 
 
-def _short(name: str) -> str:
+def _shorten_name(name: str) -> str:
     short = "".join(letter for letter in name.lower() if letter.isalnum())
     for word in ("intel", "realsense", "stereolabs", "microsoft", "orbbec"):
         short = short.removeprefix(word)

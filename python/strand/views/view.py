@@ -1,4 +1,4 @@
-"""A view: what one camera saw, and where it stood (eq. 1)."""
+"""A view: what one camera saw, and its pose (eq. 1)."""
 
 from __future__ import annotations
 
@@ -25,28 +25,27 @@ from strand.support.checks import (
     round_to_millimeters,
     to_array,
 )
-from strand.views.box import Bounds, Box, extraction_range
+from strand.views.box import Bounds, Box, make_box
 from strand.views.depth_image import DepthImage
 from strand.views.pinhole import Pinhole
 from strand.views.pose import moved
 
 
 class View:
-    """What one camera saw: points in its frame, and where it stood. Its arrays are read-only.
+    """The points that one camera saw, in its frame, and its pose. The arrays are read-only.
 
     Parameters
     ----------
     points : (N, 3) array_like of float
-        Points in the camera frame (x right, y down, z forward), metres. (0, 0, 0) is where the camera is, so
-        it is no return, as a depth of 0 is none: organised clouds hold it for such pixels. These points are
-        left out.
+        Points in the camera frame (x right, y down, z forward), metres. Points at (0, 0, 0) are dropped:
+        organised clouds have them where a pixel has no return.
     pose : (4, 4) array_like, optional
-        Camera-to-world rigid motion; the identity if not given.
+        Camera-to-world rigid motion; the identity by default.
     dropped : int
-        How many pixels or points were left out because they were not finite.
+        The number of pixels or points that the caller dropped because they were not finite.
     colors : (N, 3) array_like, optional
-        The points' colours, red, green and blue from 0 to 1, or uint8: segments that differ in colour are
-        not joined. Views with and without may be mixed.
+        The points' colours: red, green and blue from 0 to 1, or uint8. Segments with different colours are
+        not joined. Views with and without colours may be mixed.
 
     Raises
     ------
@@ -55,6 +54,14 @@ class View:
     ValueError
         If `points` is not (N, 3) or not finite, `pose` is not a rigid motion, or `colors` are not one for
         each point, from 0 to 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import strand
+    >>> depth = np.full((3, 4), 0.5)
+    >>> strand.View.from_depth(depth, intrinsics=[[600, 0, 1.5], [0, 600, 1], [0, 0, 1]])
+    View(depth image of 4 x 3 pixels, camera at [0.0, 0.0, 0.0] m)
     """
 
     __slots__ = ("_colors", "_dropped", "_image", "_points", "_pose")
@@ -66,7 +73,7 @@ class View:
         dropped: int = 0,
         colors: ArrayLike | None = None,
     ) -> None:
-        # what the caller does with its arrays later must not change the view
+        # later changes of the caller's arrays must not change the view
         cloud = check_finite_array("points", points, ("N", 3))
         returned: NDArray[np.bool_] = np.any(cloud, axis=1)
         everywhere = bool(returned.all())
@@ -74,7 +81,7 @@ class View:
             cloud = cloud[returned]
         self._points: Array | None = freeze_array(cloud, points)
         self._image: DepthImage | None = None
-        self._pose = _own_pose(pose)
+        self._pose = _check_pose(pose)
         self._dropped = check_integer("dropped", dropped)
         self._colors: Array | None = None
         if colors is not None:
@@ -94,29 +101,28 @@ class View:
         depth_scale: float | None = None,
         mask: ArrayLike | None = None,
     ) -> View:
-        """Un-project a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
+        """Return a view of a depth image: x = (u - cx) z / fx, y = (v - cy) z / fy.
 
-        The image is copied. Its points are made when they are first asked for; `crop` and `reconstruct` make
-        only those in the extraction range.
+        strand copies the image and un-projects it when the points are first needed. `crop` and `reconstruct`
+        un-project only the points in the extraction range.
 
         Parameters
         ----------
         depth : (H, W) array_like
-            Depth along the camera's z axis: floats in metres, or, with `depth_scale`, whole numbers or floats
-            in its units. 0, NaN and infinities are pixels without a return. An integer pixel is a pixel
-            centre.
+            Depth along the camera's z axis: floats in metres, or whole numbers or floats in units of
+            `depth_scale`. 0, NaN and infinities mean no return. An integer pixel is a pixel centre.
         intrinsics : (3, 3) array_like
             The pinhole matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels.
         pose : (4, 4) array_like, optional
-            Camera-to-world rigid motion; the identity if not given.
+            Camera-to-world rigid motion; the identity by default.
         colors : (H, W, 3) array_like, optional
-            The colour image that belongs to it pixel by pixel: red, green and blue from 0 to 1, or uint8.
+            The colour of each pixel: red, green and blue from 0 to 1, or uint8.
         depth_scale : float, optional
-            Metres for each unit of `depth`, 0.001 for millimetres; needed if `depth` holds whole numbers.
+            Metres for each unit of `depth`, such as 0.001 for millimetres. Whole numbers need it.
         mask : (H, W) array_like of bool or int, optional
-            The ropes' pixels: True, or labels, where 0 is no rope and every other number a rope or a piece of
-            one. The view's points are those inside. What is outside is no rope, but was seen: it says which
-            space is free. Pixels inside need no depth.
+            The ropes' pixels: True, or labels, where 0 is no rope and every other number is a rope or a piece
+            of one. Pixels inside need no depth. The view's points are those inside the mask; depths outside
+            still show which space is free.
 
         Returns
         -------
@@ -129,11 +135,11 @@ class View:
             If an array does not hold numbers of its kind, or `depth` holds whole numbers and there is no
             `depth_scale`.
         ValueError
-            If a shape is wrong, a depth is negative or so great that its point is not finite, the intrinsics
+            If a shape is wrong, a depth is negative or so large that its point is not finite, the intrinsics
             are not a pinhole's, `depth_scale` is not positive, a colour is not from 0 to 1, or a label is
             negative.
         """
-        image = _in_metres(depth, depth_scale)
+        image = _convert_to_meters(depth, depth_scale)
         camera = Pinhole.from_matrix(check_intrinsics("intrinsics", intrinsics))
         (fx, fy), (cx, cy) = camera
         height, width = image.shape
@@ -142,21 +148,21 @@ class View:
         farthest = 0.5 * np.finfo(float).max / aside * min(fx, fy, 1.0)
         copied, dropped = _core.copy_depth(image, farthest)
         labels = None if mask is None else check_mask("mask", mask, (height, width))
-        taken = DepthImage(copied, camera, _own_pose(pose), labels)
+        taken = DepthImage(copied, camera, _check_pose(pose), labels)
         seen = None
         if colors is not None:
             depths = taken.rope_depth
             seen = check_colors("colors", colors, (height, width, 3))[depths > 0]
-        return cls._of(None, taken, taken.pose, dropped, seen)
+        return cls._build(None, taken, taken.pose, dropped, seen)
 
     @classmethod
     def from_world(cls, points: ArrayLike, viewpoint: ArrayLike, colors: ArrayLike | None = None) -> View:
-        """Make a view of points that are already in the world frame.
+        """Return a view of points that are already in the world frame.
 
         Parameters
         ----------
         points : (N, 3) array_like of float
-            Points in the world frame, metres. Those at `viewpoint` are no returns, and left out.
+            Points in the world frame, metres. Points at `viewpoint` are dropped.
         viewpoint : (3,) array_like
             The camera's centre in the world frame, metres.
         colors : (N, 3) array_like, optional
@@ -179,10 +185,10 @@ class View:
         return cls(check_finite_array("points", points, ("N", 3)) - pose[:3, 3], pose, 0, colors)
 
     @classmethod
-    def _of(
+    def _build(
         cls, points: Array | None, image: DepthImage | None, pose: Array, dropped: int, colors: Array | None
     ) -> View:
-        """Make a view of what has been checked and is no one else's: points, or the image that holds them."""
+        """Return a view of checked arrays that nobody else changes: points, or the image that holds them."""
         view = cls.__new__(cls)
         for array in (points, pose, colors):
             if array is not None:
@@ -208,29 +214,29 @@ class View:
 
     @property
     def dropped(self) -> int:
-        """How many pixels or points were left out because they were not finite."""
+        """The number of pixels or points that were dropped because they were not finite."""
         return self._dropped
 
     @property
     def colors(self) -> Array | None:
-        """(N, 3) The points' colours, from 0 to 1; None if they are not known."""
+        """(N, 3) The points' colours, from 0 to 1; None if unknown."""
         return self._colors
 
     @property
     def image(self) -> DepthImage | None:
-        """The depth image that the view was made of; None if it was made of points."""
+        """The depth image, of a view that was made of one; else None."""
         return self._image
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
-        """(H, W) Which pixels of the depth image are rope; None if that is not known."""
+        """(H, W) The ropes' pixels in the depth image; None without a mask or an image."""
         return None if self._image is None or self._image.labels is None else self._image.mask
 
     @property
     def measured(self) -> Array | DepthImage:
-        """All that was seen, outside of the mask too: points, or the depth image.
+        """All that the camera measured, outside the mask too: points or the depth image.
 
-        The image, if there is a mask or as long as nobody has asked for its points; else the points.
+        It is the image if there is a mask, or while its points have not been needed.
         """
         image = self._image
         if image is not None and (self._points is None or image.labels is not None):
@@ -255,47 +261,39 @@ class View:
             return f"View(depth image of {width} x {height} pixels{masked}, camera at {where} m)"
         return f"View({len(self.points)} points, camera at {where} m)"
 
-    def only(self, chosen: NDArray[np.bool_]) -> View:
-        """Return the view with some of its points.
-
-        Parameters
-        ----------
-        chosen : (N,) ndarray of bool
-            Which points to keep.
+    def select(self, chosen: NDArray[np.bool_]) -> View:
+        """Return the view with some of its points: those where `chosen`, (N,) bool, is True.
 
         Raises
         ------
         ValueError
-            If it is of another shape or kind.
+            If `chosen` has another shape or type.
         """
         if np.shape(chosen) != (len(self.points),) or np.asarray(chosen).dtype != np.bool_:
             raise ValueError(f"chosen: expected one bool for each of {len(self.points)} points")
-        return self._part(self.points[chosen], None if self._colors is None else self._colors[chosen])
+        colors = None if self._colors is None else self._colors[chosen]
+        return self._replace_points(self.points[chosen], colors)
 
     def moved(self, motion: Array) -> View:
-        """Return the view, its points shared, after a (4, 4) rigid motion of the world frame.
+        """Return the view after a (4, 4) rigid motion of the world frame. It shares its points.
 
         Raises
         ------
         TypeError
             If the motion does not hold real numbers.
         ValueError
-            If it is no rigid motion.
+            If it is not a rigid motion.
         """
         return placed(self, check_rigid_motion("motion", motion) @ self._pose)
 
     def crop(self, bounds: Bounds) -> View:
-        """Keep the points inside the extraction range, and inside the mask if there is one.
+        """Return the view with only the points inside the extraction range, and inside the mask if any.
 
         Parameters
         ----------
         bounds : pair of (3,) array_like, or Box
             Low and high corner of a box along the axes of the world frame, metres, or a `strand.Box`, which
-            may be turned; points on its faces are kept.
-
-        Returns
-        -------
-        View
+            may be turned. Points on its faces are kept.
 
         Raises
         ------
@@ -304,19 +302,19 @@ class View:
         ValueError
             If a low corner is not below its high one.
         """
-        return cropped([self], extraction_range(bounds))[0]
+        return cropped([self], make_box(bounds))[0]
 
-    def _part(self, points: Array, colors: Array | None) -> View:
-        """Return the view with some of its points, its own arrays."""
-        return self._of(points, None, self._pose, self._dropped, colors)
+    def _replace_points(self, points: Array, colors: Array | None) -> View:
+        """Return the view with other points, and without an image."""
+        return self._build(points, None, self._pose, self._dropped, colors)
 
 
-def _own_pose(pose: ArrayLike | None) -> Array:
+def _check_pose(pose: ArrayLike | None) -> Array:
     return freeze_array(np.eye(4) if pose is None else check_rigid_motion("pose", pose))
 
 
-def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
-    """(H, W) Depths in metres."""
+def _convert_to_meters(depth: ArrayLike, depth_scale: float | None) -> Array:
+    """(H, W) Return depths in metres."""
     image = to_array("depth", depth)
     if depth_scale is not None:
         scale = check_positive("depth_scale", depth_scale)
@@ -332,15 +330,15 @@ def _in_metres(depth: ArrayLike, depth_scale: float | None) -> Array:
     elif image.dtype.kind in "iu":
         raise TypeError(
             f"depth: expected floating point numbers in metres, got dtype {image.dtype}; "
-            "depth_scale= says how many metres a unit is, such as 0.001 for millimetres"
+            "depth_scale= gives the metres of a unit, such as 0.001 for millimetres"
         )
     return check_float_array("depth", image, ("H", "W"))
 
 
 def cropped(views: Sequence[View], bounds: Box) -> tuple[View, ...]:
-    """Keep the points of views inside a checked extraction range, as `View.crop` does."""
-    motions = [bounds.from_camera(view.pose) for view in views]
-    # of a depth image, only the points inside are un-projected
+    """Return views with only the points inside a checked extraction range, as `View.crop` does."""
+    motions = [bounds.express_pose(view.pose) for view in views]
+    # of depth images, only the points inside are un-projected
     images = {
         k: view.measured
         for k, view in enumerate(views)
@@ -353,47 +351,47 @@ def cropped(views: Sequence[View], bounds: Box) -> tuple[View, ...]:
         bounds.low,
         bounds.high,
     )
-    points = dict(zip(images, found, strict=True))
-    return tuple(
-        view._part(points[k], None)
-        if k in points
-        else view._part(*_core.crop_points(view.points, motions[k], bounds.low, bounds.high, view.colors))
-        for k, view in enumerate(views)
-    )
+    inside: dict[int, tuple[Array, Array | None]] = {
+        k: (points, None) for k, points in zip(images, found, strict=True)
+    }
+    for k, view in enumerate(views):
+        if k not in inside:
+            inside[k] = _core.crop_points(view.points, motions[k], bounds.low, bounds.high, view.colors)
+    return tuple(view._replace_points(*inside[k]) for k, view in enumerate(views))
 
 
 def masked(view: View, image: DepthImage) -> View:
     """Return a view with only the points that the mask of its image, or of one made of its points, shows."""
     if view.image is not None:
         colors = None if view.colors is None else view.colors[image.mask[image.depth > 0]]
-        return View._of(None, image, view.pose, view.dropped, colors)
+        return View._build(None, image, view.pose, view.dropped, colors)
     columns, rows = np.rint(image.project(view.world_points)).astype(np.int64).T
     height, width = image.mask.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     inside[inside] = image.mask[rows[inside], columns[inside]]
-    return view.only(inside)
+    return view.select(inside)
 
 
 def placed(view: View, pose: Array) -> View:
-    """Return a view as if it had come with another pose, (4, 4), camera to world."""
+    """Return a view with another pose, (4, 4), camera to world."""
     image = None if view.image is None else replace(view.image, pose=pose)
-    return View._of(view._points, image, pose, view.dropped, view.colors)
+    return View._build(view._points, image, pose, view.dropped, view.colors)
 
 
 def pictured(view: View, image: DepthImage) -> View:
-    """Return a view of a depth image as if it had been made of another one, without colours."""
-    return View._of(None, image, view.pose, view.dropped, None)
+    """Return a view with another depth image, without colours."""
+    return View._build(None, image, view.pose, view.dropped, None)
 
 
 def check_views(views: Sequence[View]) -> tuple[View, ...]:
-    """Return views as a tuple.
+    """Return views as a tuple after checking them.
 
     Raises
     ------
     TypeError
-        If it is not a sequence of View.
+        If they are not a sequence of View.
     ValueError
-        If it is empty.
+        If there are none.
     """
     if isinstance(views, View):
         raise TypeError("views: expected a sequence of View, got a single View")

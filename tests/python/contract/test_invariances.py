@@ -10,7 +10,7 @@ import pytest
 import strand
 from lib.measure import measure_chains
 from strand import View
-from strand.views.pose import rotation_about
+from strand.views.pose import make_rotation
 
 # how far nodes may be from where they were, in radii, and how much the confidence may differ: points that are
 # moved are rounded otherwise, and searches that end at a tolerance end a little earlier or later, which moves
@@ -95,7 +95,7 @@ def test_the_world_frame_does_not_matter(case, seed):
     rng = np.random.default_rng(seed)
     motion = np.eye(4)
     # bounds stay a box along the axes only after quarter turns
-    motion[:3, :3] = rotation_about(np.eye(3)[seed], 0.5 * np.pi).round()
+    motion[:3, :3] = make_rotation(np.eye(3)[seed], 0.5 * np.pi).round()
     motion[:3, 3] = rng.uniform(-3.0, 3.0, 3)
     corners = np.array(case.scene.bounds) @ motion[:3, :3].T + motion[:3, 3]
     views = [view.moved(motion) for view in case.views]

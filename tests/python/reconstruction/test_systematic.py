@@ -19,7 +19,7 @@ from strand.reconstruction.stages import Found, Observed
 from strand.reconstruction.systematic import doubt_shared_errors, measure_depth_behind
 from strand.ropes.chain import Chain
 from strand.synthetic import render_depth
-from strand.views.pose import rotation_about
+from strand.views.pose import make_rotation
 
 KINDS = {"pose", "range", "view", "residuals", "radius"}
 
@@ -89,7 +89,7 @@ def test_corrections_count_over_their_prior(scene, by):
     prior = Config().poses
     middle = found.chains[0].points.mean(axis=0)
     motion = np.eye(4)
-    motion[:3, :3] = rotation_about(np.array([0.0, 0.0, 1.0]), by * prior.rotation_sd)
+    motion[:3, :3] = make_rotation(np.array([0.0, 0.0, 1.0]), by * prior.rotation_sd)
     motion[:3, 3] = middle - motion[:3, :3] @ middle + by * prior.translation_sd * np.array([1.0, 1.0, 1.0])
     moved = replace(found, poses=[motion @ found.poses[0], found.poses[1], motion @ found.poses[2]])
     amount = amounts(doubt_shared_errors(observed, moved, Config())).get("pose", 0.0)

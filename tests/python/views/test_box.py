@@ -9,7 +9,7 @@ import open3d
 import pytest
 
 import strand
-from strand.views.box import extraction_range
+from strand.views.box import make_box
 
 MOTION = strand.pose_from_angles(0.3, -0.7, 1.1, [0.4, -0.2, 0.9])
 LOW, HIGH = np.array([-0.1, -0.3, 0.0]), np.array([0.2, 0.1, 0.25])
@@ -30,11 +30,11 @@ def test_it_holds_what_open3d_says():
 def test_its_hull_is_that_of_its_corners():
     corners = np.array(list(itertools.product(*zip(LOW, HIGH, strict=True))))
     world = corners @ MOTION[:3, :3].T + MOTION[:3, 3]
-    np.testing.assert_allclose(TURNED.hull(), [world.min(axis=0), world.max(axis=0)])
+    np.testing.assert_allclose(TURNED.find_hull(), [world.min(axis=0), world.max(axis=0)])
     assert TURNED.grown(0.01).holds(world).all()
     assert not TURNED.grown(-0.01).holds(world).any()
     quarter = strand.Box([0, 0, -np.inf], [1, 2, np.inf], strand.pose_from_angles(0, 0, np.pi / 2, [0, 0, 5]))
-    np.testing.assert_allclose(quarter.hull(), [[-2, 0, -np.inf], [0, 1, np.inf]], atol=1e-12)
+    np.testing.assert_allclose(quarter.find_hull(), [[-2, 0, -np.inf], [0, 1, np.inf]], atol=1e-12)
 
 
 def test_a_moved_scene_in_a_moved_box_gives_the_moved_rope():
@@ -61,7 +61,7 @@ def test_an_end_that_leaves_a_turned_box_is_named():
     cut = [warning for warning in model.warnings if warning.kind == "cut end"]
     assert cut
     for warning in cut:
-        assert half.coordinates(warning.place)[0] == pytest.approx(middle, abs=3.0 * scene.radius)
+        assert half.express(warning.place)[0] == pytest.approx(middle, abs=3.0 * scene.radius)
 
 
 def test_that_nothing_lies_in_it_says_where_it_is():
@@ -82,7 +82,7 @@ def test_a_scene_file_may_turn_it(tmp_path):
     np.testing.assert_array_equal(
         bounds.pose, strand.pose_from_angles(0, 0, np.radians(30.0), [0.1, 0.0, 0.0])
     )
-    assert extraction_range(bounds) is bounds
+    assert make_box(bounds) is bounds
     half = (tmp_path / "scene.toml").read_text().replace("origin = [0.1, 0, 0]", "")
     (tmp_path / "scene.toml").write_text(half)
     with pytest.raises(strand.FileFormatError, match=r"extract: expected either pose"):

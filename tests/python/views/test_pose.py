@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strand
-from strand.views.pose import rotation_about, rotation_vector
+from strand.views.pose import make_rotation, to_rotation_vector
 
 
 def random_pose(seed: int) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_what_is_no_pose_is_refused_by_name(make, message):
 
 
 def test_a_rotation_vector_gives_back_its_rotation():
-    np.testing.assert_array_equal(rotation_vector(np.eye(3)), np.zeros(3))
+    np.testing.assert_array_equal(to_rotation_vector(np.eye(3)), np.zeros(3))
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     for angle in (1e-9, 0.3, 3.0):
-        np.testing.assert_allclose(rotation_vector(rotation_about(axis, angle)), angle * axis, rtol=1e-6)
+        np.testing.assert_allclose(to_rotation_vector(make_rotation(axis, angle)), angle * axis, rtol=1e-6)

@@ -10,7 +10,7 @@ import pytest
 
 import strand
 from strand import Sensor, config
-from strand.views.sensor import PRESETS, preset
+from strand.views.sensor import PRESETS, find_preset
 
 
 def test_errors_of_stereo_grow_with_the_square_of_the_depth():
@@ -60,7 +60,7 @@ def test_wrong_places_are_refused():
 
 @pytest.mark.parametrize("name", ["d435", "D435", "RealSense D435", "intel_realsense-d435"])
 def test_a_camera_goes_by_its_usual_names(name):
-    assert preset(name) is PRESETS["d435"]
+    assert find_preset(name) is PRESETS["d435"]
     assert strand.Config(sensor=name).sensor == PRESETS["d435"]
 
 

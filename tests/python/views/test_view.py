@@ -89,7 +89,12 @@ def test_broken_pixels_are_counted_whatever_the_unit():
 @pytest.mark.parametrize(
     ("depth", "scale", "error", "message"),
     [
-        (np.ones((3, 4), np.uint16), None, TypeError, "depth: .*metres, got dtype uint16; depth_scale= says"),
+        (
+            np.ones((3, 4), np.uint16),
+            None,
+            TypeError,
+            "depth: .*metres, got dtype uint16; depth_scale= gives",
+        ),
         (np.ones((3, 4), int).tolist(), None, TypeError, "depth: .* 0.001 for millimetres"),
         (np.ones((3, 4), bool), 0.001, TypeError, "depth: expected numbers, got dtype bool"),
         (np.full((3, 4), -1), 0.001, ValueError, "depth: expected depths >= 0"),
@@ -147,7 +152,7 @@ def test_parts_and_moved_views_keep_what_belongs_to_the_points():
     points, colors = rng.normal(size=(20, 3)), rng.uniform(size=(20, 3))
     view = View(points, random_pose(9), dropped=3, colors=colors)
     chosen = rng.random(20) < 0.5
-    some = view.only(chosen)
+    some = view.select(chosen)
     np.testing.assert_array_equal(some.points, points[chosen])
     np.testing.assert_array_equal(some.colors, colors[chosen])
     np.testing.assert_array_equal(some.pose, view.pose)
@@ -293,8 +298,8 @@ def test_wrong_colours_are_refused(colors, error, message):
 def test_points_are_chosen_by_one_bool_each(wrong):
     view = View(np.ones((3, 3)))
     with pytest.raises(ValueError, match="chosen: expected one bool for each of 3 points"):
-        view.only(wrong)
-    assert len(view.only(np.array([True, False, True])).points) == 2
+        view.select(wrong)
+    assert len(view.select(np.array([True, False, True])).points) == 2
 
 
 def test_only_a_rigid_motion_moves_a_view():
@@ -344,7 +349,7 @@ def test_the_points_of_a_masked_view_are_those_inside_and_all_else_was_seen():
     moved = fresh.moved(random_pose(13))
     np.testing.assert_array_equal(moved.mask, mask)
     np.testing.assert_array_equal(moved.points, inside.points)
-    some = fresh.only(np.arange(len(fresh.points)) % 2 == 0)
+    some = fresh.select(np.arange(len(fresh.points)) % 2 == 0)
     np.testing.assert_array_equal(some.points, inside.points[::2])
 
 

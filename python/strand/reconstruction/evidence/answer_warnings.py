@@ -45,9 +45,9 @@ def _warn_about_cut_ends(chains: Sequence[Chain], bounds: Box) -> Iterator[Model
     """Yield warnings about ends that run out of the extraction range."""
     for number, chain in enumerate(chains):
         for node, outward in ((chain.points[0], -chain.tangents[0]), (chain.points[-1], chain.tangents[-1])):
-            ahead = bounds.coordinates(node + _AHEAD * chain.radius * outward)
+            ahead = bounds.express(node + _AHEAD * chain.radius * outward)
             # a rope along a face, as near the table, does not leave the range there
-            across = bounds.directions(outward)
+            across = bounds.express_directions(outward)
             out = ((ahead < bounds.low) & (across < -_MIN_COSINE)) | (
                 (ahead > bounds.high) & (across > _MIN_COSINE)
             )

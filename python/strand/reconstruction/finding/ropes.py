@@ -15,7 +15,7 @@ from strand.reconstruction.images.above_table import segment_above_table
 from strand.reconstruction.images.table_plane import Plane
 from strand.reconstruction.radius import Radii
 from strand.support.checks import Array
-from strand.views.box import Bounds, Box, extraction_range
+from strand.views.box import Bounds, Box, make_box
 from strand.views.depth_image import DepthImage
 from strand.views.extract import Extract, extract_views
 from strand.views.view import View, masked
@@ -102,7 +102,7 @@ def find_ropes(
     >>> found = strand.find_ropes(scene.views)
     >>> model = strand.reconstruct(found.views, found.radius)
     """
-    extract = extract_views(views, None if bounds is None else extraction_range(bounds))
+    extract = extract_views(views, None if bounds is None else make_box(bounds))
     return segment_views(extract, None if radius is None else Radii.from_caller(radius).values)
 
 

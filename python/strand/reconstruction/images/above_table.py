@@ -70,7 +70,7 @@ def add_masks(observed: Observed) -> Observed:
         return observed
     ropes = np.vstack([view.world_points for view, own in zip(observed.views, given, strict=True) if own])
     bounds = observed.bounds
-    low, high = np.percentile(ropes if bounds is None else bounds.coordinates(ropes), (1, 99), axis=0)
+    low, high = np.percentile(ropes if bounds is None else bounds.express(ropes), (1, 99), axis=0)
     near = Box(low - _AROUND * radius, high + _AROUND * radius)
     if bounds is not None:
         near = Box(np.maximum(near.low, bounds.low), np.minimum(near.high, bounds.high), bounds.pose)

@@ -12,7 +12,7 @@ from strand.geometry.curve import Curve
 from strand.geometry.polyline import interpolate
 from strand.ropes.chain import Chain
 from strand.support.checks import Array
-from strand.views.pose import rotation_about
+from strand.views.pose import make_rotation
 
 _NODES_AT_ONCE = 512  # nodes that are compared with all others in one step: memory stays small
 _END_SD = 0.5  # radii: standard deviation of a rope's end in a mask
@@ -76,7 +76,7 @@ def correct_poses(poses: Sequence[Array], corrections: Array) -> list[Array]:
         motion = np.eye(4)
         angle = float(np.linalg.norm(turn))
         if angle > 0.0:
-            motion[:3, :3] = rotation_about(np.array(turn) / angle, angle)
+            motion[:3, :3] = make_rotation(np.array(turn) / angle, angle)
         motion[:3, 3] = x, y, z
         found.append(pose @ np.linalg.inv(motion))
     return found

@@ -23,7 +23,7 @@ from strand.reconstruction.mistakes.undo import IN_MILLIMETERS, MISTAKES
 from strand.reconstruction.radius import Radii, find_thinnest, guess_radius
 from strand.ropes.doubt import Doubt
 from strand.support.checks import Array
-from strand.views.box import Box, metres
+from strand.views.box import Box, format_point
 from strand.views.extract import Extract
 from strand.views.pose import moved
 from strand.views.view import View
@@ -137,9 +137,10 @@ def _explain_emptiness(extract: Extract, mistake: str | None) -> str | None:
     if bounds is None or not any(map(len, clouds)):
         return None
     placed = np.concatenate([view.world_points for view in views])
+    low, high = format_point(placed.min(axis=0)), format_point(placed.max(axis=0))
     return (
-        f"the points lie between {metres(placed.min(axis=0))} and {metres(placed.max(axis=0))} m, "
-        f"the range is {bounds}; {mistake or _find_likely_mistake(views, clouds, bounds)}"
+        f"the points lie between {low} and {high} m, the range is {bounds}; "
+        f"{mistake or _find_likely_mistake(views, clouds, bounds)}"
     )
 
 

@@ -50,7 +50,7 @@ class Clouds:
     @property
     def hull(self) -> tuple[Array, Array] | None:
         """Low and high corner of the extraction range's box along the world's axes, metres."""
-        return None if self.bounds is None else self.bounds.hull()
+        return None if self.bounds is None else self.bounds.find_hull()
 
     def thin(self, step: int) -> Clouds:
         """Return every `step`-th point of each view."""

@@ -159,5 +159,5 @@ def _answer(
 
 def _thin(observed: Observed, step: int) -> Observed:
     """Return the same with every `step`-th point of each view, as `Clouds.thin` keeps them."""
-    views = tuple(view.only(np.arange(len(view.points)) % step == 0) for view in observed.views)
+    views = tuple(view.select(np.arange(len(view.points)) % step == 0) for view in observed.views)
     return replace(observed, views=views)

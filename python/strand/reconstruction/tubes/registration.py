@@ -14,7 +14,7 @@ from strand.reconstruction.tubes.arcs import fit_arcs, trace_arcs
 from strand.reconstruction.tubes.clouds import Clouds
 from strand.reconstruction.tubes.fitting import ROUGH_TOLERANCE, fit_curves, make_splines
 from strand.support.checks import Array, check_radius, check_rigid_motion
-from strand.views.box import Bounds, extraction_range
+from strand.views.box import Bounds, make_box
 from strand.views.view import View, check_views
 
 _REFERENCE_NODES = 8  # arcs of the reference view with fewer are dropped, if longer ones remain
@@ -99,7 +99,7 @@ def register_views(
         raise TypeError(f"config: expected a Config, got {config!r}")
     if bounds is not None:
         views = [view.crop(bounds) for view in views]
-    clouds = Clouds.from_views(views, None if bounds is None else extraction_range(bounds))
+    clouds = Clouds.from_views(views, None if bounds is None else make_box(bounds))
     radii = Radii.from_caller(radius, config.known)
     few = clouds.thin_for_tracing(radius)
     motions = register_roughly(few, radii.values, config)

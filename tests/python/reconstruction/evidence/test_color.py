@@ -72,7 +72,7 @@ def test_colours_say_which_ends_go_together_across_a_gap():
     scene = strand.synthetic.scene(chains=truth, seed=2, views=3)
 
     def seen(views):
-        return [view.only(np.abs(view.world_points[:, 1]) > half) for view in views]
+        return [view.select(np.abs(view.world_points[:, 1]) > half) for view in views]
 
     plain = [view.crop(scene.bounds) for view in scene.views]
     for views, crosses in (
